@@ -1,0 +1,38 @@
+"""One bead of plastic: a rectangle with half-circles at its sides.
+
+Width `w` and height `h` in mm. The cross-section is (w - h)·h + π·(h/2)², which equals spacing·h when neighbouring
+beads lie `w - h·(1 - π/4)` apart: then they touch without a gap and without overlap in volume.
+Source: the rounded-rectangle model that PrusaSlicer's "flow math" page documents; derived anew here.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["cross_section", "filament_per_mm", "spacing", "width_for_spacing"]
+
+Float = NDArray[np.float64]
+_ROUNDING = 1 - pi / 4  # share of the height that the round sides take away from the spacing
+
+
+def spacing(width: Float | float, height: Float | float) -> Float:
+    """Distance between the centres of neighbouring beads, mm; same shape as the arguments broadcast to."""
+    return np.asarray(width - np.asarray(height) * _ROUNDING, dtype=np.float64)
+
+
+def width_for_spacing(spacing: Float | float, height: Float | float) -> Float:
+    """Width whose spacing is `spacing`, mm: the inverse of `spacing`."""
+    return np.asarray(spacing + np.asarray(height) * _ROUNDING, dtype=np.float64)
+
+
+def cross_section(width: Float | float, height: Float | float) -> Float:
+    """Cross-section of a bead, mm². Needs width >= height; the profile's bounds see to that."""
+    return spacing(width, height) * height
+
+
+def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: float) -> Float:
+    """Filament to feed for each mm of path, mm/mm."""
+    return np.asarray(cross_section(width, height) / (pi * filament_diameter**2 / 4), dtype=np.float64)

@@ -1,0 +1,230 @@
+"""Toolpaths -> Program: how much filament, how fast, how cool.
+
+Everything that depends on layer height takes each layer's own: the cross-section of the bead, the speed that the
+material's flow limit allows, the height at which the fan has ramped up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Toolpaths
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.whole import durations
+from printer_slicer.profile import Material, Profile
+
+__all__ = ["extrude", "move_seconds"]
+
+_APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
+_ROUNDS = 4  # of slowing down: with acceleration, half the speed is not quite twice the time
+_FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
+
+
+def extrude(paths: Toolpaths, profile: Profile) -> Program:
+    """The moves that print `paths` in order, with retractions, fan and temperatures.
+
+    Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
+    """
+    rows = _rows(paths, profile)
+    program = Program(
+        paths.plan,
+        origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + _APPROACH]),
+        xyz=_positions(paths, rows, profile),
+        filament=_filament(paths, rows, profile),
+        speed=_speeds(paths, rows, profile),
+        layer=np.append(paths.layer[rows.path], paths.layer[-1:]),
+        role=np.append(np.where(rows.kind == _BEAD, paths.role[rows.path], Role.TRAVEL), Role.TRAVEL),
+        width=np.append(np.where(rows.kind == _BEAD, paths.width[rows.path], 0.0), 0.0),
+    )
+    program = _slowed(program, profile)
+    events = _heat(program, profile.material) + _fans(program, profile)
+    return replace(program, events=tuple(sorted(events, key=lambda event: event.index)))
+
+
+def move_seconds(program: Program, profile: Profile) -> Float:
+    """(K,) how long each move takes on this printer, with unlimited look-ahead."""
+    steps = np.column_stack([program.xyz - program.start, program.filament])
+    return durations(steps, program.speed, limits_of(profile.printer))
+
+
+_RETRACT, _LIFT, _TRAVEL, _DROP, _DERETRACT, _BEAD = range(6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """The moves before they have numbers; one more, the last retraction, follows them.
+
+    Attributes:
+        path: (K,) the path each move belongs to or leads to.
+        kind: (K,) one of the kinds above.
+        point: (K,) index into the paths' points where the move ends; for the kinds that do not travel, where it is.
+        begin: (M, 2) first point of each path.
+        leave: (M, 2) where the nozzle is before each path.
+        hop: (M,) lift over the layer during the travel to each path.
+    """
+
+    path: Int
+    kind: Int
+    point: Int
+    begin: Float
+    leave: Float
+    hop: Float
+
+
+def _rows(paths: Toolpaths, profile: Profile) -> _Rows:
+    """Which moves there are: for each path some of the five that lead to it, then its beads."""
+    printer = profile.printer
+    size = np.diff(paths.start)
+    begin = paths.xy[paths.start[:-1]]
+    end = np.where(paths.closed[:, None], begin, paths.xy[paths.start[1:] - 1])
+    leave = np.concatenate([np.zeros((1, 2)), end[:-1]])
+    distance = np.hypot(*(begin - leave).T)
+    first = np.arange(paths.n_paths) == 0
+    retract = (distance > printer.retract_before_travel) & ~first & (printer.retract_length > 0)
+    new_layer = np.diff(paths.layer, prepend=-1) > 0
+    hop = np.where(first, _APPROACH, np.where(retract, printer.z_hop, 0.0))
+    there = {
+        _RETRACT: retract,
+        _LIFT: (new_layer | (hop > 0)) & ~first,
+        _TRAVEL: (distance > 0) | first,
+        _DROP: hop > 0,
+        _DERETRACT: retract,
+    }
+    n_lead = np.stack([there[kind] for kind in range(_BEAD)], axis=1)
+    n_beads = np.where(paths.closed, size, size - 1)
+    path = np.repeat(np.arange(paths.n_paths), n_lead.sum(axis=1) + n_beads)
+    kind = np.full(len(path), _BEAD)
+    start = np.cumsum(n_lead.sum(axis=1) + n_beads) - n_lead.sum(axis=1) - n_beads
+    lead = start[:, None] + np.cumsum(n_lead, axis=1) - 1
+    for one in range(_BEAD):
+        kind[lead[there[one], one]] = one
+    return _Rows(path, kind, _points(paths, path, kind), begin, leave, hop)
+
+
+def _points(paths: Toolpaths, path: Int, kind: Int) -> Int:
+    """(K,) the point at which each bead ends; the path's first point for the moves that lead to it."""
+    is_bead = kind == _BEAD
+    running = np.cumsum(is_bead)
+    first = np.searchsorted(path, np.arange(paths.n_paths))
+    before = np.where(first > 0, running[np.maximum(first - 1, 0)], 0)
+    nth = np.where(is_bead, running - before[path], 0)
+    size = np.diff(paths.start)
+    return np.asarray(paths.start[:-1][path] + nth % np.maximum(size[path], 1), np.int64)
+
+
+def _positions(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
+    """(K + 1, 3) where each move ends."""
+    z = paths.plan.top[paths.layer]
+    xyz = np.zeros((len(rows.path) + 1, 3))
+    xyz[:-1, :2] = paths.xy[rows.point]
+    stays = rows.kind <= _LIFT
+    xyz[:-1, :2][stays] = rows.leave[rows.path[stays]]
+    lifted = (rows.kind == _LIFT) | (rows.kind == _TRAVEL)
+    xyz[:-1, 2] = z[rows.path] + np.where(lifted, rows.hop[rows.path], 0.0)
+    pulling = rows.kind == _RETRACT  # still on the layer of the path before
+    xyz[:-1, 2][pulling] = z[rows.path[pulling] - 1]
+    # Before the first path the nozzle is at the place and height to which the start G-code brought it.
+    return _with_last(xyz)
+
+
+def _with_last(xyz: Float) -> Float:
+    """The last move is a retraction on the spot."""
+    if len(xyz) > 1:
+        xyz[-1] = xyz[-2]
+    return xyz
+
+
+def _filament(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
+    """(K + 1,) filament fed by each move, mm."""
+    printer, material = profile.printer, profile.material
+    fed = np.zeros(len(rows.path) + 1)
+    is_bead = rows.kind == _BEAD
+    end, path = paths.xy[rows.point[is_bead]], rows.path[is_bead]
+    starts = np.flatnonzero(np.diff(path, prepend=-1) > 0)
+    begin = np.concatenate([np.zeros((1, 2)), end[:-1]])[: len(end)]
+    begin[starts] = rows.begin[path[starts]]
+    per_mm = bead.filament_per_mm(paths.width, paths.plan.height[paths.layer], material.filament_diameter)
+    fed[:-1][is_bead] = np.hypot(*(end - begin).T) * (per_mm * material.flow_ratio)[path]
+    fed[:-1][rows.kind == _RETRACT] = -printer.retract_length
+    fed[:-1][rows.kind == _DERETRACT] = printer.retract_length
+    fed[-1] = -printer.retract_length
+    return fed
+
+
+def _speeds(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
+    """(K + 1,) speed of each move, mm/s."""
+    printer, speeds, material = profile.printer, profile.quality.speeds, profile.material
+    of_role = np.zeros(len(Role))
+    of_role[[Role.SKIRT, Role.BRIM]] = speeds.first_layer
+    of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
+    of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
+    of_role[Role.BRIDGE] = speeds.bridge
+    of_role[[Role.BOTTOM_SKIN, Role.SOLID]] = speeds.solid
+    of_role[Role.TOP_SKIN] = speeds.top_skin
+    of_role[Role.SPARSE] = speeds.sparse
+    wanted = of_role[paths.role]
+    wanted = np.where(paths.layer == 0, np.minimum(wanted, speeds.first_layer), wanted)
+    cross_section = bead.cross_section(paths.width, paths.plan.height[paths.layer]) * material.flow_ratio
+    wanted = np.minimum(wanted, material.max_flow / cross_section)
+    z_speed = min(speeds.travel, printer.max_speed_z)
+    lead = np.array([printer.retract_speed, z_speed, speeds.travel, z_speed, printer.deretract_speed, 0.0])
+    speed = np.where(rows.kind == _BEAD, wanted[rows.path], lead[rows.kind])
+    return np.append(speed, printer.retract_speed)
+
+
+def _slowed(program: Program, profile: Profile) -> Program:
+    """The program with beads slowed down on layers that are too quick to cool."""
+    material, n_layers = profile.material, program.plan.n_layers
+    is_bead = program.role != Role.TRAVEL
+    speed = program.speed
+    for _ in range(_ROUNDS if material.min_layer_time else 0):
+        seconds = move_seconds(replace(program, speed=speed), profile)
+        total = np.bincount(program.layer, weights=seconds, minlength=n_layers)
+        laying = np.bincount(program.layer, weights=seconds * is_bead, minlength=n_layers)
+        room = material.min_layer_time - (total - laying)
+        short = (total < material.min_layer_time - 1e-3) & (laying > 0)
+        if not short.any():
+            break
+        factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[program.layer]
+        # What is slower already, a first layer say, is not made faster by the lower bound.
+        floor = np.minimum(program.speed, material.min_speed)
+        speed = np.where(is_bead & (factor < 1), np.maximum(speed * factor, floor), speed)
+    return replace(program, speed=speed)
+
+
+def _heat(program: Program, material: Material) -> list[Event]:
+    """From the second layer on the temperatures of the rest of the part."""
+    above = np.flatnonzero(program.layer > 0)
+    if len(above) == 0:
+        return []
+    nozzle = material.nozzle_temperature if material.nozzle_temperature != material.first_layer_nozzle_temperature else None
+    bed = material.bed_temperature if material.bed_temperature != material.first_layer_bed_temperature else None
+    return [Heat(int(above[0]), nozzle, bed)] if nozzle is not None or bed is not None else []
+
+
+def _fans(program: Program, profile: Profile) -> list[Event]:
+    """Fan changes: more on quick layers, ramped up over mm of height, full on bridges."""
+    material, plan = profile.material, program.plan
+    seconds = np.bincount(program.layer, weights=move_seconds(program, profile), minlength=plan.n_layers)
+    span = max(material.fan_layer_time - material.min_layer_time, 1e-9)
+    hurry = np.clip((material.fan_layer_time - seconds) / span, 0, 1)
+    strongest = max(material.fan_ratio, material.fan_ratio_max)
+    wanted = material.fan_ratio + hurry * (strongest - material.fan_ratio)
+    ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
+    ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
+    ratio = (wanted * ramp)[program.layer]
+    bridge = _until_next_bead(program.role, program.role == Role.BRIDGE) & (ramp[program.layer] > 0)
+    ratio = np.where(bridge, np.maximum(ratio, material.fan_ratio_bridge), ratio)
+    steps = np.round(ratio / _FAN_STEP).astype(np.int64)
+    change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
+    return [Fan(int(i), float(np.clip(steps[i] * _FAN_STEP, 0, 1))) for i in change]
+
+
+def _until_next_bead(role: Int, wanted: Bool) -> Bool:
+    """(K,) the value of the bead that each move leads to."""
+    is_bead = role != Role.TRAVEL
+    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
+    return np.asarray((following < len(role)) & wanted[np.minimum(following, len(role) - 1)])

@@ -1,0 +1,31 @@
+"""Program -> text. One dialect a file; this table is the whole list."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.klipper import KLIPPER
+from printer_slicer.gcode.marlin import MARLIN
+from printer_slicer.gcode.writer import write_program
+from printer_slicer.model import Program
+from printer_slicer.profile import Profile
+
+__all__ = ["FLAVOURS", "Dialect", "write_gcode"]
+
+FLAVOURS: Final[Mapping[str, Dialect]] = {"marlin": MARLIN, "klipper": KLIPPER}
+
+
+def write_gcode(program: Program, profile: Profile, seconds: float | None = None) -> bytes:
+    """The text of a program in the printer's dialect, settings included as comments.
+
+    Args:
+        program: the moves.
+        profile: what they were made with; its start and end G-code are filled in.
+        seconds: modelled time of the moves, for the header; left out if not known.
+
+    Raises:
+        ProfileError: a placeholder in the start or end G-code that does not exist.
+    """
+    return write_program(program, profile, FLAVOURS[profile.printer.flavour], seconds)

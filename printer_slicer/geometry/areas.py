@@ -1,0 +1,201 @@
+"""The ragged arrays that hold the areas and the lines of a whole stack of layers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Areas", "Bool", "Float", "Int", "Lines", "consecutive", "frozen_array", "per_layer"]
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+
+
+def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDArray:  # type: ignore[type-arg]
+    """A read-only contiguous array of `dtype`; `shape` is checked, -1 means any length.
+
+    An array that is already read-only, contiguous and of that type is used as it is; a writable one is
+    viewed, so the caller who built it should not write to it any more.
+    """
+    array: NDArray = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[type-arg]
+    fits = array.ndim == len(shape) and all(
+        want in (-1, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"expected shape {shape}, got {array.shape}")
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def per_layer(value: float | Float, n_layers: int) -> Float:
+    """(n_layers,) the value of each layer; a single number holds for all of them.
+
+    Raises:
+        ValueError: an array of another length, or a value that is not a number.
+    """
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape not in ((), (n_layers,)):
+        raise ValueError(f"expected one value or one per layer ({n_layers}), got shape {array.shape}")
+    if np.isnan(array).any():
+        raise ValueError("a value of a layer is not a number")
+    return np.asarray(np.broadcast_to(array, (n_layers,)))
+
+
+def consecutive(first: Int, count: Int) -> Int:
+    """`first[i], first[i] + 1, ...` (`count[i]` numbers) for every i, one after the other."""
+    before = np.cumsum(count) - count
+    return np.asarray(np.arange(int(count.sum())) + np.repeat(first - before, count))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Areas:
+    """The areas of all layers: closed rings, solids to the left (counter-clockwise), holes to the right.
+
+    Attributes:
+        xy: (N, 2) mm, the points of all rings one after the other; the last point of a ring is not its first.
+        ring_start: (R + 1,) ring `i` is `xy[ring_start[i]:ring_start[i + 1]]`.
+        ring_layer: (R,) ascending layer index of each ring.
+        n_layers: number of layers of the stack, also counting empty ones.
+    """
+
+    xy: Float
+    ring_start: Int
+    ring_layer: Int
+    n_layers: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "xy", frozen_array(self.xy, np.float64, (-1, 2)))
+        object.__setattr__(self, "ring_start", frozen_array(self.ring_start, np.int64, (-1,)))
+        object.__setattr__(self, "ring_layer", frozen_array(self.ring_layer, np.int64, (-1,)))
+        if len(self.ring_start) != len(self.ring_layer) + 1:
+            raise ValueError("ring_start needs one entry more than ring_layer")
+        if len(self.ring_layer) and not 0 <= self.ring_layer[0] <= self.ring_layer[-1] < self.n_layers:
+            raise ValueError(f"ring_layer leaves the {self.n_layers} layers")
+
+    @classmethod
+    def empty(cls, n_layers: int) -> Areas:
+        """A stack without any ring."""
+        return cls(np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros(0, np.int64), n_layers)
+
+    @classmethod
+    def from_rings(cls, rings: list[list[Float]]) -> Areas:
+        """A stack from one list of (n, 2) rings per layer; rings under three points are dropped."""
+        kept = [(layer, ring) for layer, many in enumerate(rings) for ring in many if len(ring) >= 3]
+        sizes = np.array([0, *(len(ring) for _, ring in kept)], dtype=np.int64)
+        xy = np.concatenate([ring for _, ring in kept]) if kept else np.zeros((0, 2))
+        return cls(xy, np.cumsum(sizes), np.array([layer for layer, _ in kept], dtype=np.int64), len(rings))
+
+    @property
+    def n_rings(self) -> int:
+        """Number of rings in the whole stack."""
+        return len(self.ring_layer)
+
+    @property
+    def layer_start(self) -> Int:
+        """(n_layers + 1,) the rings of layer `k` are `layer_start[k]:layer_start[k + 1]`."""
+        return np.searchsorted(self.ring_layer, np.arange(self.n_layers + 1)).astype(np.int64)
+
+    @property
+    def following(self) -> Int:
+        """(N,) index of the next point around the ring, for each point."""
+        following = np.arange(1, len(self.xy) + 1)
+        following[self.ring_start[1:] - 1] = self.ring_start[:-1]
+        return following
+
+    def ring(self, index: int) -> Float:
+        """(n, 2) the points of one ring."""
+        return self.xy[self.ring_start[index] : self.ring_start[index + 1]]
+
+    def rings(self, layer: int) -> Iterator[Float]:
+        """The rings of one layer, each (n, 2)."""
+        first, last = np.searchsorted(self.ring_layer, [layer, layer + 1])
+        return (self.ring(i) for i in range(first, last))
+
+    def ring_area(self) -> Float:
+        """(R,) signed area of each ring, mm²: positive for solids, negative for holes."""
+        if self.n_rings == 0:
+            return np.zeros(0)
+        start, sizes = self.ring_start[:-1], np.diff(self.ring_start)
+        # Relative to each ring's first point: far from the origin the shoelace sum would lose digits.
+        x, y = (column - np.repeat(column[start], sizes) for column in np.ascontiguousarray(self.xy.T))
+        following = self.following
+        return np.add.reduceat(x * y[following] - y * x[following], start) / 2
+
+    def area(self) -> Float:
+        """(n_layers,) area of each layer, mm²."""
+        weights = self.ring_area()
+        return np.bincount(self.ring_layer, weights, minlength=self.n_layers).astype(np.float64)
+
+    def ring_length(self) -> Float:
+        """(R,) length of each ring, mm."""
+        if self.n_rings == 0:
+            return np.zeros(0)
+        x, y = np.ascontiguousarray(self.xy.T)
+        following = self.following
+        return np.add.reduceat(np.hypot(x[following] - x, y[following] - y), self.ring_start[:-1])
+
+    def select(self, keep: Bool) -> Areas:
+        """Only the rings for which `keep` (R,) is true."""
+        return self.take(np.flatnonzero(keep))
+
+    def take(self, rings: Int) -> Areas:
+        """The rings with the given indices; their layers must ascend."""
+        sizes = np.diff(self.ring_start)[rings]
+        start = np.concatenate([[0], np.cumsum(sizes)])
+        points = consecutive(self.ring_start[rings], sizes)
+        return Areas(self.xy[points], start, self.ring_layer[rings], self.n_layers)
+
+    def merge(self, other: Areas) -> Areas:
+        """The rings of both stacks side by side; nothing is cut or joined where they overlap.
+
+        Raises:
+            ValueError: the stacks have different numbers of layers.
+        """
+        if self.n_layers != other.n_layers:
+            raise ValueError(f"stacks of {self.n_layers} and {other.n_layers} layers")
+        if not (self.n_rings and other.n_rings):
+            return self if self.n_rings else other
+        layer = np.concatenate([self.ring_layer, other.ring_layer])
+        order = np.argsort(layer, kind="stable")
+        first = np.concatenate([self.ring_start[:-1], other.ring_start[:-1] + len(self.xy)])[order]
+        sizes = np.concatenate([np.diff(self.ring_start), np.diff(other.ring_start)])[order]
+        points = np.concatenate([self.xy, other.xy])[consecutive(first, sizes)]
+        return Areas(points, np.concatenate([[0], np.cumsum(sizes)]), layer[order], self.n_layers)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Straight lines of all layers, as a hatch gives them.
+
+    Attributes:
+        ends: (S, 2, 2) mm, both ends of each line.
+        layer: (S,) ascending layer index.
+        row: (S,) which line of the hatch it lies on; ascending within a layer.
+        u: (S, 2) mm, where both ends lie along the row; the first is the smaller, ascending within a row.
+    """
+
+    ends: Float
+    layer: Int
+    row: Int
+    u: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ends", frozen_array(self.ends, np.float64, (-1, 2, 2)))
+        n_lines = len(self.ends)
+        object.__setattr__(self, "layer", frozen_array(self.layer, np.int64, (n_lines,)))
+        object.__setattr__(self, "row", frozen_array(self.row, np.int64, (n_lines,)))
+        object.__setattr__(self, "u", frozen_array(self.u, np.float64, (n_lines, 2)))
+
+    @property
+    def n_lines(self) -> int:
+        """Number of lines in the whole stack."""
+        return len(self.layer)
+
+    def length(self) -> Float:
+        """(S,) length of each line, mm."""
+        return self.u[:, 1] - self.u[:, 0]

@@ -1,0 +1,266 @@
+"""What can be done with the areas of a whole stack, and which engine does it.
+
+All functions but `normalize` and `simplify` expect clean areas, and all but `simplify` give them: simple
+rings that may touch but not cross, solids counter-clockwise, holes clockwise. Results are rounded to 0.01 µm.
+The engine is chosen when it is first needed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.errors import UsageError
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, per_layer
+from printer_slicer.geometry.polygons import Join, Operation, Polygons
+from printer_slicer.geometry.windows import intersect_windows
+
+__all__ = [
+    "difference",
+    "engine_named",
+    "intersection",
+    "normalize",
+    "offset",
+    "offset_open",
+    "simplify",
+    "union",
+    "using_engine",
+    "window_intersection",
+]
+
+VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
+
+# Ten steps of the 0.01 µm grid. Grown back by a little more, an opened outline passes clear outside the
+# outline it came from, so that their intersection keeps the points of the original instead of crossing it at
+# every rounding.
+CLEARANCE: Final = 1e-4
+
+
+def _clipper() -> Polygons:
+    from printer_slicer.geometry import clipper  # noqa: PLC0415 - each run loads one engine
+
+    return clipper
+
+
+def _planar() -> Polygons:
+    from printer_slicer.geometry import planar  # noqa: PLC0415 - each run loads one engine
+
+    return planar
+
+
+ENGINES: Final[Mapping[str, Callable[[], Polygons]]] = {"clipper": _clipper, "planar": _planar}
+
+_override: ContextVar[str | None] = ContextVar("engine", default=None)
+
+
+def engine_named(name: str) -> Polygons:
+    """The engine of that name.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if name not in ENGINES:
+        raise UsageError(
+            f"unknown geometry engine {name!r} in {VARIABLE}",
+            remedy=f"use one of: {', '.join(ENGINES)}",
+        )
+    return ENGINES[name]()
+
+
+@contextmanager
+def using_engine(name: str) -> Iterator[None]:
+    """Let the engine of that name do the work inside the `with` block, in this thread.
+
+    Raises:
+        UsageError: there is none.
+    """
+    engine_named(name)
+    token = _override.set(name)
+    try:
+        yield
+    finally:
+        _override.reset(token)
+
+
+@cache
+def _default_engine() -> Polygons:
+    return engine_named(os.environ.get(VARIABLE) or "clipper")
+
+
+def _engine() -> Polygons:
+    name = _override.get()
+    return _default_engine() if name is None else engine_named(name)
+
+
+def normalize(areas: Areas) -> Areas:
+    """Clean areas that cover what the rings wind around more often to the left than to the right.
+
+    Overlapping or self-crossing shells merge; a ring that runs clockwise on its own covers nothing.
+    """
+    engine = _engine()
+    return engine.store(engine.load_any(areas))
+
+
+def union(a: Areas, b: Areas) -> Areas:
+    """What is in `a` or in `b`, layer by layer.
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    worked, meets = _combined("union", a, b)
+    return worked.merge(_on_layers(a, ~meets)).merge(_on_layers(b, ~meets))
+
+
+def difference(a: Areas, b: Areas) -> Areas:
+    """What is in `a` but not in `b`, layer by layer.
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    worked, meets = _combined("difference", a, b)
+    return worked.merge(_on_layers(a, ~meets))
+
+
+def intersection(a: Areas, b: Areas) -> Areas:
+    """What is in `a` and in `b`, layer by layer.
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    return _combined("intersection", a, b)[0]
+
+
+def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Areas:
+    """The areas grown (or shrunk, if negative) by `distance` on all sides.
+
+    Args:
+        areas: clean areas.
+        distance: mm, one for all layers or one per layer.
+        join: how the gap at a corner is closed. "miter" prolongs both sides to a point as long as the point
+            is at most twice the distance from the corner (corners of 60° and more); sharper corners are cut
+            off square at the distance. "round" follows a circle to 0.005 mm.
+
+    Raises:
+        ValueError: `distance` has another length or is not finite.
+    """
+    engine = _engine()
+    return engine.store(engine.offset(engine.load(areas), _distances(distance, areas.n_layers), join))
+
+
+def offset_open(areas: Areas, distance: float | Float) -> Areas:
+    """The areas without what is narrower than twice `distance`: shrunk, then grown again.
+
+    The result lies within the original: what the pointed joins add beyond it is cut away. Corners of 60° and
+    more that survive keep their points; sharper ones are cut off square.
+
+    Args:
+        areas: clean areas.
+        distance: mm, not negative; one for all layers or one per layer.
+
+    Raises:
+        ValueError: `distance` has another length, is negative or not finite.
+    """
+    by = _distances(distance, areas.n_layers)
+    if (by < 0).any():
+        raise ValueError("an opening needs distances of 0 or more")
+    engine = _engine()
+    layers = engine.load(areas)
+    opened = engine.offset(engine.offset(layers, -by, "miter"), by + CLEARANCE, "miter")
+    return engine.store(engine.combine("intersection", layers, opened))
+
+
+def simplify(areas: Areas, tolerance: float) -> Areas:
+    """The rings with fewer points, none farther than `tolerance` from where it was (Douglas-Peucker).
+
+    Tolerance 0 removes only repeated points and those on the straight line between their neighbours. Rings
+    that collapse or turn over are dropped. Rings may touch or cross afterwards: `normalize` cleans them. Each
+    ring begins at its leftmost point (lowest of several), which is a corner, so no point is kept only because
+    a ring began there.
+
+    Args:
+        areas: any closed rings.
+        tolerance: mm, not negative.
+
+    Raises:
+        ValueError: a negative tolerance.
+
+    Source: Douglas & Peucker, Algorithms for the reduction of the number of points required to represent a
+    digitized line or its caricature, 1973.
+    """
+    from printer_slicer.geometry import planar  # noqa: PLC0415 - only loaded when something is simplified
+
+    if not tolerance >= 0:
+        raise ValueError(f"tolerance must be 0 or more, got {tolerance}")
+    return planar.simplify(areas, tolerance)
+
+
+def window_intersection(areas: Areas, first: Int, last: Int) -> Areas:
+    """For each layer k, what the layers `first[k]` to `last[k] - 1` have in common.
+
+    A window that reaches outside the stack has no area: there is only air.
+
+    Args:
+        areas: clean areas.
+        first: (n_layers,) first layer of each window.
+        last: (n_layers,) one after its last layer.
+
+    Raises:
+        ValueError: other shapes, or an empty window: nothing bounds the intersection of no layers.
+    """
+    n = areas.n_layers
+    if first.shape != (n,) or last.shape != (n,):
+        raise ValueError(f"expected one window per layer ({n}), got {first.shape} and {last.shape}")
+    if (last <= first).any():
+        layer = int(np.flatnonzero(last <= first)[0])
+        raise ValueError(f"the window of layer {layer} is empty: {first[layer]} to {last[layer]}")
+    engine = _engine()
+    inside = np.flatnonzero((first >= 0) & (last <= n))
+    made = intersect_windows(
+        engine.load(areas), first[inside], last[inside], lambda a, b: engine.combine("intersection", a, b)
+    )
+    layers = engine.load(Areas.empty(n))
+    for k, value in zip(inside.tolist(), made, strict=True):
+        layers[k] = value
+    return engine.store(layers)
+
+
+def _distances(distance: float | Float, n_layers: int) -> Float:
+    by = per_layer(distance, n_layers)
+    if not np.isfinite(by).all():
+        raise ValueError("offset distances must be finite")
+    return by
+
+
+def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
+    """The result on the layers where the boxes around `a` and `b` meet, and (n_layers,) which those are."""
+    if a.n_layers != b.n_layers:
+        raise ValueError(f"stacks of {a.n_layers} and {b.n_layers} layers")
+    (low_a, high_a), (low_b, high_b) = _boxes(a), _boxes(b)
+    meets = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
+    if not meets.any():
+        return Areas.empty(a.n_layers), meets
+    engine = _engine()
+    layers_a, layers_b = engine.load(_on_layers(a, meets)), engine.load(_on_layers(b, meets))
+    return engine.store(engine.combine(operation, layers_a, layers_b)), meets
+
+
+def _on_layers(areas: Areas, layers: Bool) -> Areas:
+    keep = layers[areas.ring_layer]
+    return areas if keep.all() else areas.select(keep)
+
+
+def _boxes(areas: Areas) -> tuple[Float, Float]:
+    """(n_layers, 2) lowest and highest corner around each layer; infinite, inside out, where it is empty."""
+    low = np.full((areas.n_layers, 2), np.inf)
+    high = -low
+    used, first_ring = np.unique(areas.ring_layer, return_index=True)
+    if len(used):
+        low[used] = np.minimum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
+        high[used] = np.maximum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
+    return low, high

@@ -1,0 +1,42 @@
+"""Points in rings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int
+
+__all__ = ["rings_around"]
+
+
+def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
+    """For each point (P, 2) on its `layer` (P,) ascending the smallest ring that contains it, -1 where none does.
+
+    Args:
+        outlines: rings that do not cross; the direction does not matter.
+        points: mm.
+        layer: the layer each point lies on.
+    """
+    found = np.full(len(points), -1, np.int64)
+    size = np.abs(outlines.ring_area())
+    rings_of, points_of = outlines.layer_start, np.searchsorted(layer, np.arange(outlines.n_layers + 1))
+    for k in np.unique(layer).tolist():
+        first, last = int(points_of[k]), int(points_of[k + 1])
+        here = points[first:last]
+        # Smaller rings last, so that they overwrite the larger ones around them.
+        for ring in sorted(range(int(rings_of[k]), int(rings_of[k + 1])), key=lambda i: -size[i]):
+            found[first:last][_inside(outlines.ring(ring), here)] = ring
+    return found
+
+
+def _inside(ring: Float, points: Float) -> Bool:
+    """(P,) whether a ray to the right crosses the ring an odd number of times; only points in its box are tried."""
+    inside = ((points >= ring.min(axis=0)) & (points <= ring.max(axis=0))).all(axis=1)
+    x, y = points[inside, 0][:, None], points[inside, 1][:, None]
+    ax, ay = ring[:, 0][None], ring[:, 1][None]
+    bx, by = np.roll(ring[:, 0], -1)[None], np.roll(ring[:, 1], -1)[None]
+    crosses = (ay <= y) != (by <= y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        right = ax + (y - ay) / (by - ay) * (bx - ax) > x
+    inside[inside] = (crosses & right).sum(axis=1) % 2 == 1
+    return inside

@@ -1,0 +1,244 @@
+"""The twin engine: shapely in floating point. Also simplifies rings for both engines.
+
+A layer is one shapely geometry: a polygon or several, possibly empty. The lists of layers hold them one by
+one; the work is done on arrays of them in single calls.
+"""
+
+# mypy: allow-untyped-calls
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int
+from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
+
+__all__ = ["combine", "load", "load_any", "offset", "simplify", "store"]
+
+Shapes = NDArray[np.object_]
+
+OPERATIONS: Final = {
+    "union": shapely.union,
+    "difference": shapely.difference,
+    "intersection": shapely.intersection,
+}
+
+# Two directions whose cross product is below this (a small angle, radians) are one: coordinates of 300 mm are
+# known to 6e-14 mm, so the direction of a side of some tenths of a mm is known to about this much.
+STRAIGHT: Final = 1e-12
+
+
+def load(areas: Areas) -> list[Any]:
+    """One geometry per layer; clean rings may touch, so they need the same care as any others."""
+    return load_any(areas)
+
+
+def load_any(areas: Areas) -> list[Any]:
+    """One geometry per layer that covers what its rings wind around more often to the left than to the right.
+
+    The rings are cut where they meet; of the faces between the cuts those with a positive winding number are
+    kept.
+    """
+    lines = _grouped(_linear_rings(areas), areas.ring_layer, areas.n_layers)
+    cut = shapely.union_all(lines[:, None], axis=1, grid_size=1 / STEPS_PER_MM)
+    faces, face_layer = shapely.get_parts(shapely.polygonize(cut[:, None], axis=1), return_index=True)
+    keep = _winding(areas, shapely.get_coordinates(shapely.point_on_surface(faces)), face_layer) > 0
+    return list(shapely.union_all(_grouped(faces[keep], face_layer[keep], areas.n_layers)[:, None], axis=1))
+
+
+def store(layers: list[Any]) -> Areas:
+    """The rings of all layers as one stack: outer rings to the left, holes to the right, on the grid."""
+    polygons, layer = shapely.get_parts(_array(layers), return_index=True)
+    solid = shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON
+    rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons[solid]), return_index=True)
+    areas = _areas(rings, layer[solid][polygon], len(layers))
+    grid = np.rint(areas.xy * STEPS_PER_MM) / STEPS_PER_MM
+    return _without_straight(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers))
+
+
+def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
+    """Union, difference or intersection of two lists of layers, entry by entry."""
+    return list(_polygonal(OPERATIONS[operation](_array(a), _array(b))))
+
+
+def offset(layers: list[Any], distance: Float, join: Join) -> list[Any]:
+    """Each layer with its outlines moved outward by its distance, mm."""
+    shapes = _array(layers)
+    if join == "round":
+        return list(shapely.buffer(shapes, distance, quad_segs=_quarter_steps(distance)))
+    result = shapely.buffer(shapes, distance, join_style="mitre", mitre_limit=MITER_LIMIT)
+    kites, sharp = _corner_kites(store(layers), distance)
+    # GEOS cuts sharp corners off at the limit. Where there are any, all are cut at the distance first, and
+    # the points of the others put back.
+    square = shapely.buffer(shapes[sharp], distance[sharp], join_style="mitre", mitre_limit=1.0)
+    grown, shrunk = shapely.union(square, kites[sharp]), shapely.difference(square, kites[sharp])
+    result[sharp] = np.where(distance[sharp] > 0, grown, shrunk)
+    return list(result)
+
+
+def simplify(areas: Areas, tolerance: float) -> Areas:
+    """The rings with fewer points, at most `tolerance` mm from where they were; see `engine.simplify`."""
+    turned = _from_leftmost(areas)
+    if tolerance == 0:
+        return _without_straight(turned)
+    rings = shapely.simplify(_linear_rings(turned), tolerance, preserve_topology=False)
+    simple = _areas(rings, turned.ring_layer, turned.n_layers)
+    sizes = np.diff(simple.ring_start)
+    kept = sizes >= 3
+    # Compared with the ring it came from: one that turned over would make a solid of a hole.
+    before, simple = turned.select(kept).ring_area(), simple.select(kept)
+    return simple.select(simple.ring_area() * before > 0)
+
+
+def _array(layers: list[Any]) -> Shapes:
+    shapes: Shapes = np.full(len(layers), None, dtype=np.object_)
+    shapes[:] = layers
+    return shapes
+
+
+def _linear_rings(areas: Areas) -> Shapes:
+    index = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
+    return np.asarray(shapely.linearrings(areas.xy, indices=index), dtype=np.object_)
+
+
+def _grouped(shapes: Shapes, layer: Int, n_layers: int) -> Shapes:
+    """(n_layers,) one collection per layer of the shapes that belong to it; `layer` ascends."""
+    groups: Shapes = np.full(n_layers, shapely.from_wkt("GEOMETRYCOLLECTION EMPTY"), dtype=np.object_)
+    if len(shapes):
+        shapely.geometrycollections(shapes, indices=layer, out=groups)
+    return groups
+
+
+def _polygonal(shapes: Shapes) -> Shapes:
+    """The shapes without the lines and points in which areas touched."""
+    kind = shapely.get_type_id(shapes)
+    mixed = (kind != shapely.GeometryType.POLYGON) & (kind != shapely.GeometryType.MULTIPOLYGON)
+    parts, index = shapely.get_parts(shapes[mixed], return_index=True)
+    solid = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    shapes[mixed] = shapely.union_all(_grouped(parts[solid], index[solid], int(mixed.sum()))[:, None], axis=1)
+    return shapes
+
+
+def _areas(rings: Shapes, layer: Int, n_layers: int) -> Areas:
+    """A stack from closed shapely rings, one per entry of `layer`; some may have less than three points."""
+    xy, index = shapely.get_coordinates(rings, return_index=True)
+    closing = np.append(index[1:] != index[:-1], True)[: len(index)]
+    sizes = np.bincount(index[~closing], minlength=len(rings))
+    return Areas(xy[~closing], np.append(0, np.cumsum(sizes)), layer, n_layers)
+
+
+def _winding(areas: Areas, points: Float, point_layer: Int) -> Int:
+    """(P,) how often the rings of its layer run around each point counter-clockwise."""
+    winding = np.zeros(len(points), dtype=np.int64)
+    ends = areas.xy[areas.following]
+    bounds = areas.ring_start[areas.layer_start]
+    first, last = np.searchsorted(point_layer, [np.arange(areas.n_layers), np.arange(1, areas.n_layers + 1)])
+    for k in np.unique(point_layer).tolist():
+        here = slice(bounds[k], bounds[k + 1])
+        winding[first[k] : last[k]] = _winding_of(areas.xy[here], ends[here], points[first[k] : last[k]])
+    return winding
+
+
+def _winding_of(starts: Float, ends: Float, points: Float) -> Int:
+    """(P,) edges that cross the ray to the right of each point upward, less those that cross it downward.
+
+    Source: Hormann & Agathos, The point in polygon problem for arbitrary polygons, 2001.
+    """
+    x, y = points[:, :1], points[:, 1:]
+    (ax, ay), (bx, by) = starts.T, ends.T
+    above_a, above_b = ay > y, by > y
+    left = (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0
+    upward, downward = ~above_a & above_b & left, above_a & ~above_b & ~left
+    return np.asarray(upward.sum(axis=1) - downward.sum(axis=1), dtype=np.int64)
+
+
+def _quarter_steps(distance: Float) -> int:
+    """Chords per quarter circle that keep the largest circle to the tolerance."""
+    radius = float(np.abs(distance).max(initial=0.0))
+    if radius <= ROUND_TOLERANCE:
+        return 2
+    return max(2, int(np.ceil(np.pi / 4 / np.arccos(1 - ROUND_TOLERANCE / radius))))
+
+
+def _corner_kites(areas: Areas, distance: Float) -> tuple[Shapes, Bool]:
+    """(n_layers,) kites that prolonged sides add to corners within the limit; who has corners beyond it.
+
+    Growing opens a gap at corners that stick out, shrinking at those that stick in.
+    """
+    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    along = areas.xy[areas.following] - areas.xy
+    along /= np.hypot(*along.T)[:, None]
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    before, after = outward[_previous(areas)], outward
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    cosine = (before * after).sum(axis=1)
+    gap = turn * distance[layer] > 0
+    # The point is 1 / cos(turn / 2) distances away.
+    within = MITER_LIMIT**2 * (1 + cosine) >= 2
+    sharp = np.bincount(layer[gap & ~within], minlength=areas.n_layers) > 0
+    chosen = gap & within & sharp[layer]
+    corner, by, before, after = areas.xy[chosen], distance[layer[chosen], None], before[chosen], after[chosen]
+    point = corner + by * (before + after) / (1 + cosine[chosen, None])
+    kites = shapely.polygons(np.stack([corner, corner + by * before, point, corner + by * after], axis=1))
+    return shapely.union_all(_grouped(kites, layer[chosen], areas.n_layers)[:, None], axis=1), sharp
+
+
+def _from_leftmost(areas: Areas) -> Areas:
+    """The same rings, each beginning at its leftmost point, the lowest if there are several."""
+    if not areas.n_rings:
+        return areas
+    start, sizes = areas.ring_start[:-1], np.diff(areas.ring_start)
+    x, y = areas.xy.T
+    leftmost = x == np.repeat(np.minimum.reduceat(x, start), sizes)
+    height = np.where(leftmost, y, np.inf)
+    lowest = np.flatnonzero(height == np.repeat(np.minimum.reduceat(height, start), sizes))
+    ring = np.searchsorted(areas.ring_start, lowest, side="right") - 1
+    begin = np.zeros_like(start)
+    begin[ring[::-1]] = lowest[::-1] - start[ring[::-1]]
+    place = np.arange(len(x)) - np.repeat(start - begin, sizes)
+    size = np.repeat(sizes, sizes)
+    place -= np.where(place >= size, size, 0)
+    return Areas(
+        areas.xy[np.repeat(start, sizes) + place], areas.ring_start, areas.ring_layer, areas.n_layers
+    )
+
+
+def _without_straight(areas: Areas) -> Areas:
+    """The rings without repeated points and points on the straight line between their neighbours."""
+    while True:
+        keep = _corners(areas)
+        if keep.all():
+            return areas.select(areas.ring_area() != 0)
+        areas = _only_points(areas, keep)
+
+
+def _corners(areas: Areas) -> Bool:
+    """(N,) whether a point differs from the one before; once all do, whether the outline turns there."""
+    following, previous = areas.following, _previous(areas)
+    x, y = np.ascontiguousarray(areas.xy.T)
+    ahead_x, ahead_y = x[following] - x, y[following] - y
+    length = ahead_x**2 + ahead_y**2
+    if not length.all():
+        return np.asarray(length[previous] > 0)
+    cross = ahead_x[previous] * ahead_y - ahead_y[previous] * ahead_x
+    return np.asarray(cross**2 > STRAIGHT**2 * length * length[previous])
+
+
+def _previous(areas: Areas) -> Int:
+    """(N,) index of the point before each point around the ring."""
+    previous = np.arange(-1, len(areas.xy) - 1)
+    previous[areas.ring_start[:-1]] = areas.ring_start[1:] - 1
+    return previous
+
+
+def _only_points(areas: Areas, keep: Bool) -> Areas:
+    """The stack with only the points for which `keep` is true, and only rings of three of them or more."""
+    count = np.add.reduceat(keep, areas.ring_start[:-1], dtype=np.int64)
+    whole = count >= 3
+    keep = keep & np.repeat(whole, np.diff(areas.ring_start))
+    start = np.append(0, np.cumsum(count[whole]))
+    return Areas(areas.xy[keep], start, areas.ring_layer[whole], areas.n_layers)

@@ -1,0 +1,46 @@
+"""What every engine does with the areas of a stack, and the numbers they have to agree on."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal, Protocol
+
+from printer_slicer.geometry.areas import Areas, Float
+
+__all__ = ["MITER_LIMIT", "ROUND_TOLERANCE", "STEPS_PER_MM", "Join", "Layer", "Operation", "Polygons"]
+
+Join = Literal["miter", "round"]
+Operation = Literal["union", "difference", "intersection"]
+Layer = Any
+"""The area of one layer in an engine's own form."""
+
+STEPS_PER_MM: Final = 100_000
+"""The grid to which areas are rounded: 0.01 µm, and still 10^13 mm wide in 64 bits."""
+
+MITER_LIMIT: Final = 2.0
+"""Corners with a point farther away than this many distances (sharper than 60°) are cut off square."""
+
+ROUND_TOLERANCE: Final = 0.005
+"""How far the chords of a round join may be from the circle, mm."""
+
+
+class Polygons(Protocol):
+    """What an engine does.
+
+    It keeps the layers in its own form from `load` to `store`, so that one step can follow another without
+    rounding and converting in between.
+    """
+
+    def load(self, areas: Areas) -> list[Layer]:
+        """One value per layer, from clean areas."""
+
+    def load_any(self, areas: Areas) -> list[Layer]:
+        """One value per layer, from any rings: what they wind around more often left than right."""
+
+    def store(self, layers: list[Layer]) -> Areas:
+        """Clean areas from one value per layer."""
+
+    def combine(self, operation: Operation, a: list[Layer], b: list[Layer]) -> list[Layer]:
+        """Union, difference or intersection, entry by entry."""
+
+    def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
+        """Each entry with its outlines moved outward by its distance, mm."""

@@ -1,0 +1,56 @@
+"""Regions -> Toolpaths. One pattern a file; this table is the whole list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.geometry import offset
+from printer_slicer.infill.grid import grid_lines
+from printer_slicer.infill.rectilinear import rectilinear_lines
+from printer_slicer.model import Areas, Float, Int, Regions, Role, Toolpaths
+from printer_slicer.profile import Profile
+
+__all__ = ["PATTERNS", "Pattern", "infill_paths"]
+
+# (area, spacing (L,) mm, angle (L,) radians) -> points (N, 2), size (M,) and layer (M,) of the polylines
+Pattern = Callable[[Areas, Float, Float], tuple[Float, Int, Int]]
+PATTERNS: Final[Mapping[str, Pattern]] = {"rectilinear": rectilinear_lines, "grid": grid_lines}
+
+
+def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
+    """Lines that fill every region: solid ones bead by bead, sparse ones to `quality.infill_density`."""
+    quality, plan = profile.quality, regions.plan
+    width = profile.extrusion_width
+    gap = bead.spacing(width, plan.height)
+    angle = np.deg2rad(quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
+    density = quality.infill_density
+    jobs: list[tuple[Role, Areas, Pattern, Float]] = [
+        (Role.BRIDGE, regions.bridge, rectilinear_lines, gap),
+        (Role.BOTTOM_SKIN, regions.bottom_skin, rectilinear_lines, gap),
+        (Role.SOLID, regions.solid, rectilinear_lines, gap),
+        (Role.TOP_SKIN, regions.top_skin, rectilinear_lines, gap),
+    ]
+    if density > 0:
+        jobs.append((Role.SPARSE, regions.sparse, PATTERNS[quality.infill], gap / density))
+    parts = []
+    overlap = quality.infill_overlap * width if quality.perimeters else 0.0
+    for role, region, pattern, spacing in jobs:
+        # The centre lines stay half a bead inside; the turns at their ends fill the half bead that is left.
+        xy, size, layer = pattern(offset(region, overlap - gap / 2), spacing, angle)
+        n_paths = len(layer)
+        parts.append(
+            Toolpaths.gathered(
+                plan,
+                xy=xy,
+                size=size,
+                layer=layer,
+                role=np.full(n_paths, role),
+                width=np.full(n_paths, width),
+                closed=False,
+            )
+        )
+    return Toolpaths.joined(plan, parts)

@@ -1,0 +1,236 @@
+"""One move by itself: the limits of the machine, the speed of a corner, the time of a ramp.
+
+The door to this file is `motion.rules`. Corner speeds are a property of the firmware, see `Limits.corner`.
+They are found as squares, because under constant acceleration v² changes by 2·a·d over a distance d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, inf, sqrt
+from typing import Final, Literal, NamedTuple
+
+__all__ = ["Axes", "Block", "Limits", "corner_speed", "corner_square", "make_block", "ramp_time"]
+
+Axes = tuple[float, float, float, float]
+"""One number for each of x, y, z, e."""
+
+SLOWEST: Final = 0.05
+"""mm/s; a slower feed rate, or none at all, is raised to this, or the machine would never arrive."""
+
+SHORTEST: Final = 1e-6
+"""mm; less than a step of any machine, so it is floating-point dust and no motion."""
+
+STRAIGHT: Final = 0.999999
+"""Cosine of the turn above which junction deviation sees no corner (0.08°)."""
+
+SMALL_LENGTH: Final = 1.0
+SMALL_TURN: Final = 0.7071067811865476
+"""Blocks shorter than 1 mm that turn by less than 45° (cosine above this) are taken for pieces of a curve."""
+
+SQUARE: Final = sqrt(2) - 1
+"""What makes the deviation formula give the square corner velocity at 90°."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the machine may do.
+
+    Attributes:
+        max_speed: x, y, z, e, mm/s.
+        max_acceleration: x, y, z, e, mm/s².
+        acceleration: moves that print: the extruder turns together with x, y or z, mm/s².
+        travel_acceleration: moves without the extruder, mm/s².
+        retract_acceleration: moves of the extruder alone, mm/s².
+        corner: how the firmware finds the speed of a corner: Marlin's junction deviation, the older jerk per
+            axis, or Klipper's square corner velocity.
+        junction_deviation: mm, for "junction_deviation".
+        jerk: x, y, z, e, mm/s: largest jump in speed of each axis, for "jerk". With "square_corner" only that
+            of e counts (Klipper's `instantaneous_corner_velocity`), and 0 means that there is no such limit.
+        square_corner_velocity: mm/s, for "square_corner".
+        minimum_cruise_ratio: share of a ramp up and down that must be cruise, 0 to below 1 (Klipper).
+        planner_blocks: how many moves the firmware looks ahead.
+    """
+
+    max_speed: Axes
+    max_acceleration: Axes
+    acceleration: float
+    travel_acceleration: float
+    retract_acceleration: float
+    corner: Literal["junction_deviation", "jerk", "square_corner"]
+    junction_deviation: float
+    jerk: Axes
+    square_corner_velocity: float
+    minimum_cruise_ratio: float = 0.0
+    planner_blocks: int = 16
+
+
+class Block(NamedTuple):
+    """A straight move within the limits of every axis.
+
+    Attributes:
+        length: mm of x, y, z together; of e when only e moves.
+        unit: travel of x, y, z, e per mm of length.
+        speed: cruise speed, mm/s along the length.
+        acceleration: mm/s² along the length.
+        share: the part of the wanted acceleration that the axes allow, above 0 to 1.
+    """
+
+    length: float
+    unit: Axes
+    speed: float
+    acceleration: float
+    share: float = 1.0
+
+
+def make_block(limits: Limits, delta: Axes, speed: float) -> Block | None:
+    """Block that moves by `delta`, or None when nothing moves.
+
+    Args:
+        limits: of the machine, in force when the move is read.
+        delta: x, y, z, e, mm.
+        speed: wanted, mm/s along x, y, z; along e when only e moves. An axis that would be too fast or
+            accelerate too hard slows the whole move down in proportion.
+    """
+    x, y, z, e = delta
+    length = sqrt(x * x + y * y + z * z)
+    if length >= SHORTEST:
+        unit = (x / length, y / length, z / length, e / length)
+        wanted = limits.acceleration if e else limits.travel_acceleration
+    else:
+        length = abs(e)
+        if length < SHORTEST:
+            return None
+        unit = (0.0, 0.0, 0.0, 1.0 if e > 0.0 else -1.0)
+        wanted = limits.retract_acceleration
+    if not speed > SLOWEST:
+        speed = SLOWEST
+    acceleration = wanted
+    for part, top_speed, top_acceleration in zip(
+        unit, limits.max_speed, limits.max_acceleration, strict=True
+    ):
+        if part:
+            size = abs(part)
+            if size * speed > top_speed:
+                speed = top_speed / size
+            if size * acceleration > top_acceleration:
+                acceleration = top_acceleration / size
+    return Block(length, unit, speed, acceleration, acceleration / wanted)
+
+
+def corner_speed(limits: Limits, before: Block, after: Block) -> float:
+    """Highest speed at which one block may turn into the next, mm/s; never above either cruise speed.
+
+    Moves of the extruder alone: with "junction_deviation" and "jerk" the formula simply counts e as one more
+    axis, as Marlin does; with "square_corner" the machine stops before and after them, as Klipper does.
+    """
+    return sqrt(corner_square(limits, before, after))
+
+
+def corner_square(limits: Limits, before: Block, after: Block) -> float:
+    """Square of `corner_speed`, (mm/s)²."""
+    slower = before.speed if before.speed < after.speed else after.speed
+    if limits.corner == "junction_deviation":
+        return min(_deviation_square(limits, before, after), slower * slower)
+    if limits.corner == "square_corner":
+        return _square_corner_square(limits, before, after, slower)
+    slower = _jerk_speed(limits.jerk, before.unit, after.unit, slower)
+    return slower * slower
+
+
+def _deviation_square(limits: Limits, before: Block, after: Block) -> float:
+    """Squared corner speed by junction deviation.
+
+    The corner is replaced by an arc that leaves it by the deviation δ and is run through at the acceleration
+    a: v² = a·δ·sin(θ/2) / (1 - sin(θ/2)), θ the angle between the two lines (180° = straight on). Directions
+    are unit vectors in x, y, z and e; a is what the axes allow along the bisector. Short pieces of a curve
+    turn so little that the arc would be larger than they are; there the radius is length / turn instead.
+
+    Source: S. K. Jeon, "Improving Grbl: Cornering Algorithm", 2011; Marlin's options JUNCTION_DEVIATION_MM
+    and JD_HANDLE_SMALL_SEGMENTS (on by default).
+    """
+    bx, by, bz, be = before.unit
+    ax, ay, az, ae = after.unit
+    # The unit is 1 mm long in x, y, z, or in e alone: here e belongs to the length too.
+    b_size = sqrt(bx * bx + by * by + bz * bz + be * be)
+    a_size = sqrt(ax * ax + ay * ay + az * az + ae * ae)
+    bx, by, bz, be = bx / b_size, by / b_size, bz / b_size, be / b_size
+    ax, ay, az, ae = ax / a_size, ay / a_size, az / a_size, ae / a_size
+    cosine = ax * bx + ay * by + az * bz + ae * be
+    if cosine > STRAIGHT:
+        return inf
+    size = sqrt(2.0 - 2.0 * cosine)
+    acceleration = after.acceleration
+    for difference, top in zip((ax - bx, ay - by, az - bz, ae - be), limits.max_acceleration, strict=True):
+        part = abs(difference) / size
+        if part * acceleration > top:
+            acceleration = top / part
+    half_sine = sqrt(max(0.0, 0.5 * (1.0 + cosine)))
+    square = acceleration * limits.junction_deviation * half_sine / (1.0 - half_sine)
+    if after.length < SMALL_LENGTH and cosine > SMALL_TURN:
+        square = min(square, acceleration * after.length / acos(cosine))
+    return square
+
+
+def _jerk_speed(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
+    """Corner speed by jerk, at most `speed`: no axis may jump by more than its limit.
+
+    An axis that turns back stops in between, so the larger of its two jumps counts and not their sum.
+
+    Source: Marlin's option CLASSIC_JERK.
+    """
+    for b, a, limit in zip(before, after, jerk, strict=True):
+        jump = abs(a - b) if a * b > 0.0 else max(abs(a), abs(b))
+        if jump * speed > limit:
+            speed = limit / jump
+    return speed
+
+
+def _square_corner_square(limits: Limits, before: Block, after: Block, slower: float) -> float:
+    """Squared corner speed by square corner velocity, at most that of the slower block.
+
+    Junction deviation in x, y, z, with δ = v₉₀²·(√2 - 1) / a, so that a corner of 90° is taken at v₉₀
+    whatever the acceleration is; where an axis held the acceleration back, less in proportion. The arc must
+    also leave room on both sides: its radius is at most tan(θ/2) times half the length of either block. A
+    change of the extruder's rate is limited by its own jump in speed.
+
+    Source: Klipper documentation, "Kinematics: Look-ahead", and its option `instantaneous_corner_velocity`.
+    """
+    bx, by, bz, be = before.unit
+    ax, ay, az, ae = after.unit
+    if not (bx or by or bz) or not (ax or ay or az):
+        return 0.0
+    jump = abs(ae - be)
+    if jump * slower > limits.jerk[3] > 0.0:
+        slower = limits.jerk[3] / jump
+    square = slower * slower
+    cosine = ax * bx + ay * by + az * bz
+    half_sine = sqrt(max(0.0, 0.5 * (1.0 + cosine)))
+    half_cosine = sqrt(max(0.0, 0.5 * (1.0 - cosine)))
+    if half_sine < 1.0 and half_cosine > 0.0:
+        right = limits.square_corner_velocity * limits.square_corner_velocity * SQUARE
+        share = min(before.share, after.share)
+        room = min(before.length * before.acceleration, after.length * after.acceleration)
+        square = min(
+            square, right * share * half_sine / (1.0 - half_sine), 0.5 * room * half_sine / half_cosine
+        )
+    return square
+
+
+def ramp_time(length: float, entry: float, cruise: float, exit: float, acceleration: float) -> float:  # noqa: A002
+    """Seconds for a move of `length` mm that begins and ends at the given speeds, mm/s and mm/s².
+
+    A trapezoid, or a triangle where the cruise speed is out of reach. The exit speed must be within reach of
+    the entry speed, and neither above `cruise`, which must be over 0.
+    """
+    twice = 2.0 * acceleration
+    up = (cruise * cruise - entry * entry) / twice
+    down = (cruise * cruise - exit * exit) / twice
+    if up + down <= length:
+        return (
+            (cruise - entry) / acceleration + (cruise - exit) / acceleration + (length - up - down) / cruise
+        )
+    # Distances over mean speeds: differences of nearly equal speeds would lose digits on short moves.
+    up = min(max(0.5 * (length + (exit * exit - entry * entry) / twice), 0.0), length)
+    peak = sqrt(entry * entry + twice * up)
+    return 2.0 * up / (entry + peak) + 2.0 * (length - up) / (exit + peak)

@@ -1,0 +1,221 @@
+"""One truth about time, move by move: limits, corner speeds, ramps and the look-ahead of a planner.
+
+Plain Python without arrays, clock or I/O, so that the simulated printer and the deadlines of the host can use
+it; `motion.whole` gives the same answers over arrays.
+
+The machine moves in straight lines, the blocks. Within a block its speed is a trapezoid: constant
+acceleration up to the cruise speed, cruise, constant deceleration. At a corner the speed keeps its size and
+jumps in direction. Planning is done with squares of speeds, where constant acceleration is a straight line.
+
+Left out on purpose: firmware with jerk per axis starts its first move at the jerk speed instead of zero, and
+stops in the same way; here the machine starts and ends at zero.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import islice, pairwise
+from math import inf, sqrt
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from printer_slicer.motion.blocks import (
+    Axes,
+    Block,
+    Limits,
+    corner_speed,
+    corner_square,
+    make_block,
+    ramp_time,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["Axes", "Block", "Limits", "Lookahead", "corner_speed", "make_block", "plan", "ramp_time"]
+
+SAME: Final = 1 - 1e-9
+"""Squared speeds closer than this are equal; rounding shall not decide whether a block can also brake."""
+
+
+class _Queued(NamedTuple):
+    """A block in the planner.
+
+    Attributes:
+        block: the move.
+        corner: squared speed allowed at its start.
+        gain: change of squared speed over its length, 2·a·d.
+    """
+
+    block: Block
+    corner: float
+    gain: float
+
+
+class Lookahead:
+    """The planner of a firmware: a queue of a few blocks, always planned so that the last one ends at rest.
+
+    A block that leaves the queue keeps the exit speed that was planned at that moment; what arrives later can
+    only change the blocks behind it. So a queue that runs short, or blocks too short for the machine to brake
+    within the queue, make the machine slower than `plan`.
+
+    Attributes:
+        limits: used for the corners of blocks pushed from now on; may be replaced at any time.
+        exit_speed: mm/s at the end of the block popped last.
+    """
+
+    __slots__ = ("_last", "_queue", "_smooth", "_square", "_top", "exit_speed", "limits")
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.exit_speed = 0.0
+        self._queue: deque[_Queued] = deque()
+        self._last: Block | None = None
+        self._square = 0.0  # of exit_speed
+        self._smooth = 0.0  # the same on the virtual, gentler machine of `minimum_cruise_ratio`
+        self._top = inf
+
+    def __len__(self) -> int:
+        return len(self._queue)
+
+    @property
+    def full(self) -> bool:
+        """Whether the planner has no place for another block."""
+        return len(self._queue) >= self.limits.planner_blocks
+
+    def push(self, block: Block) -> None:
+        """Queue a block behind the others. Who models a real planner pops one first while it is `full`."""
+        corner = 0.0 if self._last is None else corner_square(self.limits, self._last, block)
+        self._last = block
+        self._queue.append(_Queued(block, corner, 2.0 * block.acceleration * block.length))
+
+    def stop(self) -> None:
+        """Let the machine come to rest after what is queued: the next block pushed starts at 0."""
+        self._last = None
+
+    def pop(self) -> float:
+        """Take the oldest block from the queue, its exit speed fixed as planned now.
+
+        Returns:
+            Seconds that it takes; 0 when nothing is queued and the machine stands still.
+        """
+        if not self._queue:
+            self.stop()
+            self._square = self._smooth = self.exit_speed = 0.0
+            return 0.0
+        queued = self._queue.popleft()
+        block, entry = queued.block, self.exit_speed
+        square = min(self._reachable(1.0), self._square + queued.gain)
+        cruise = block.speed
+        if self.limits.minimum_cruise_ratio > 0.0:
+            self._top = self._next_top(queued.gain)
+            square = min(square, self._top)
+            cruise = min(cruise, sqrt(self._top))
+        self._square = square
+        self.exit_speed = sqrt(square)
+        return ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
+
+    def _reachable(self, scale: float, skip: int = 0) -> float:
+        """Highest squared speed at the start of queued block `skip` that lets every later corner be kept.
+
+        The backward pass of a planner, read from the front: a corner further on allows its own squared speed
+        plus what is shed on the way. It ends as soon as the way alone allows more than the best found, which
+        is after a block or two unless they are very short.
+        """
+        best, way = inf, 0.0
+        for _, corner, gain in islice(self._queue, skip, None) if skip else self._queue:
+            if way + corner < best:  # noqa: PLR1730 - min() takes three times as long, here on every move
+                best = way + corner
+            way += scale * gain
+            if way >= best:
+                return best
+        return min(best, way)
+
+    def _next_top(self, gain: float) -> float:
+        """Squared cruise limit of the block just taken, see `_smoothed_tops`."""
+        scale = 1.0 - self.limits.minimum_cruise_ratio
+        gain *= scale
+        entry = self._smooth
+        self._smooth = exit_ = min(self._reachable(scale), entry + gain)
+        if _climbs(entry, exit_, gain):
+            return self._summit(exit_, scale)
+        return self._top if _climbs(exit_, entry, gain) else _peak(entry, exit_, gain)
+
+    def _summit(self, entry: float, scale: float) -> float:
+        """Squared speed at which the ramp that the virtual machine is on will end."""
+        for index, queued in enumerate(self._queue, start=1):
+            gain = scale * queued.gain
+            exit_ = min(self._reachable(scale, index), entry + gain)
+            if not _climbs(entry, exit_, gain):
+                return entry if _climbs(exit_, entry, gain) else _peak(entry, exit_, gain)
+            entry = exit_
+        return entry
+
+
+def plan(blocks: Iterable[Block], limits: Limits) -> list[float]:
+    """Seconds of each block, for a machine that starts and ends at rest and looks ahead without end."""
+    queue = list(blocks)
+    if not queue:
+        return []
+    gains = [2.0 * block.acceleration * block.length for block in queue]
+    corners = [0.0, *(corner_square(limits, before, after) for before, after in pairwise(queue))]
+    squares = _squares(corners, gains)
+    tops = [inf] * len(queue)
+    if limits.minimum_cruise_ratio > 0.0:
+        tops = _smoothed_tops(corners, [gain * (1.0 - limits.minimum_cruise_ratio) for gain in gains])
+    return [
+        ramp_time(
+            block.length,
+            sqrt(min(entry, top)),
+            min(block.speed, sqrt(top)),
+            sqrt(min(exit_, top)),
+            block.acceleration,
+        )
+        for block, entry, exit_, top in zip(queue, squares, squares[1:], tops, strict=False)
+    ]
+
+
+def _squares(corners: list[float], gains: list[float]) -> list[float]:
+    """Highest squared speeds at the start of each block, and 0 at the end of the last."""
+    squares = [*corners, 0.0]
+    for i in range(len(gains) - 1, -1, -1):
+        squares[i] = min(squares[i], squares[i + 1] + gains[i])
+    for i, gain in enumerate(gains):
+        squares[i + 1] = min(squares[i + 1], squares[i] + gain)
+    return squares
+
+
+def _smoothed_tops(corners: list[float], gains: list[float]) -> list[float]:
+    """Squared cruise limit of each block that leaves the minimum share of cruise.
+
+    A virtual machine with less acceleration, (1 - ratio)·a, runs the same corners; `gains` are its gains.
+    Each of its ramps up and down, over as many blocks as it takes, has a summit. The real machine may not go
+    faster there but ramps with its own acceleration, so it cruises for the rest. A block on which the virtual
+    machine only accelerates belongs to the ramp it climbs, one on which it only brakes to the ramp before.
+
+    Source: Klipper documentation, "Kinematics: Minimum cruise ratio".
+    """
+    squares = _squares(corners, gains)
+    tops = [0.0] * len(gains)
+    summit: float | None = None
+    for i in range(len(gains) - 1, -1, -1):
+        entry, exit_, gain = squares[i], squares[i + 1], gains[i]
+        if _climbs(entry, exit_, gain):
+            summit = tops[i] = exit_ if summit is None else summit
+        elif _climbs(exit_, entry, gain):
+            summit, tops[i] = None, inf
+        else:
+            summit = tops[i] = _peak(entry, exit_, gain)
+    for i, top in enumerate(tops):
+        if top == inf:
+            tops[i] = tops[i - 1]
+    return tops
+
+
+def _climbs(low: float, high: float, gain: float) -> bool:
+    """Whether a block of this gain can do no more than get from one squared speed to the other."""
+    return high >= (low + gain) * SAME
+
+
+def _peak(entry: float, exit_: float, gain: float) -> float:
+    """Squared speed where accelerating from one end meets braking for the other."""
+    return 0.5 * (entry + exit_ + gain)

@@ -1,0 +1,261 @@
+"""Time of all moves at once: what `rules.plan` says block by block, over arrays.
+
+Formulas, their order of operations and their sources are those of `motion.blocks` and `motion.rules`, so the
+two agree to rounding; read them there. Letters in shapes: K moves, B moves that are not zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from printer_slicer.motion.blocks import SHORTEST, SLOWEST, SMALL_LENGTH, SMALL_TURN, SQUARE, STRAIGHT
+from printer_slicer.motion.rules import SAME
+
+if TYPE_CHECKING:
+    from printer_slicer.geometry import Bool, Float, Int
+    from printer_slicer.motion.blocks import Limits
+
+__all__ = ["durations"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Blocks:
+    """Columns of `rules.Block`: length, speed, acceleration, share (B,); unit (4, B)."""
+
+    length: Float
+    unit: Float
+    speed: Float
+    acceleration: Float
+    share: Float
+
+    def part(self, which: slice) -> _Blocks:
+        """Pick some of the blocks."""
+        return _Blocks(
+            self.length[which],
+            self.unit[:, which],
+            self.speed[which],
+            self.acceleration[which],
+            self.share[which],
+        )
+
+
+def durations(
+    delta: Float,
+    speed: Float,
+    limits: Limits,
+    *,
+    stop_after: Bool | None = None,
+    acceleration: Float | None = None,
+) -> Float:
+    """Seconds that each move takes on a machine that looks ahead without end.
+
+    A firmware looks ahead `limits.planner_blocks` moves and is slower where moves are very short; for that,
+    run `rules.Lookahead`.
+
+    Args:
+        delta: (K, 4) travel in x, y, z, e, mm. Moves that go nowhere take no time and make no corner.
+        speed: (K,) wanted, mm/s along x, y, z; along e where only e moves.
+        limits: of the machine.
+        stop_after: (K,) whether the machine comes to rest after the move; always after the last.
+        acceleration: (K,) wanted, mm/s², in place of the three accelerations of `limits`.
+
+    Returns:
+        (K,) s.
+    """
+    seconds = np.zeros(len(delta))
+    columns = np.ascontiguousarray(delta.T, dtype=np.float64)
+    moving, length = _moving(columns)
+    if len(moving) == 0:
+        return seconds
+    wanted = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
+    speed = np.asarray(speed, dtype=np.float64)[moving]
+    blocks = _make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, wanted, limits)
+    corners = np.zeros(len(moving))
+    corners[1:] = _corner_squares(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
+    if stop_after is not None:
+        stops = np.concatenate([[0], np.cumsum(stop_after)])[moving]
+        corners[1:][np.diff(stops) > 0] = 0.0
+    gains = 2.0 * blocks.acceleration * blocks.length
+    squares = _squares(corners, gains)
+    tops = np.full(len(moving), np.inf)
+    if limits.minimum_cruise_ratio > 0.0:
+        tops = _smoothed_tops(corners, gains * (1.0 - limits.minimum_cruise_ratio))
+    seconds[moving] = _ramp_times(blocks, squares, tops)
+    return seconds
+
+
+def _moving(delta: Float) -> tuple[Int, Float]:
+    """Find the moves that are not zero, and their lengths, mm; delta (4, K)."""
+    x, y, z, e = delta
+    length = np.sqrt(x * x + y * y + z * z)
+    length = np.where(length >= SHORTEST, length, np.abs(e))
+    moving = np.flatnonzero(length >= SHORTEST)
+    return moving, length[moving]
+
+
+def _make_blocks(delta: Float, length: Float, speed: Float, wanted: Float | None, limits: Limits) -> _Blocks:
+    """Blocks within the limits of every axis; delta (4, B), the rest (B,)."""
+    x, y, z, e = delta
+    head_moves = np.sqrt(x * x + y * y + z * z) >= SHORTEST
+    unit = np.where(head_moves, delta, 0.0) / length
+    unit[3] = np.where(head_moves, e / length, np.sign(e))
+    if wanted is None:
+        with_head = np.where(e != 0.0, float(limits.acceleration), float(limits.travel_acceleration))
+        wanted = np.where(head_moves, with_head, float(limits.retract_acceleration))
+    speed = np.where(speed > SLOWEST, speed, SLOWEST)
+    acceleration = wanted
+    for part, top_speed, top_acceleration in zip(
+        np.abs(unit), limits.max_speed, limits.max_acceleration, strict=True
+    ):
+        speed = _held(speed, part, top_speed)
+        acceleration = _held(acceleration, part, top_acceleration)
+    return _Blocks(length, unit, speed, acceleration, acceleration / wanted)
+
+
+def _held(value: Float, part: Float, top: float) -> Float:
+    """`value` lowered so that its `part` is at most `top`."""
+    over = np.flatnonzero(part * value > top)
+    if len(over) == 0:
+        return value
+    held = value.copy()
+    held[over] = top / part[over]
+    return held
+
+
+def _corner_squares(limits: Limits, before: _Blocks, after: _Blocks) -> Float:
+    """Squared corner speeds, (B - 1,) from blocks of that many."""
+    slower: Float = np.minimum(before.speed, after.speed)
+    squares: Float
+    if limits.corner == "junction_deviation":
+        squares = np.minimum(_deviation_squares(limits, before, after), slower * slower)
+    elif limits.corner == "square_corner":
+        squares = _square_corner_squares(limits, before, after, slower)
+    else:
+        squares = np.square(_jerk_speeds(limits, before, after, slower))
+    return squares
+
+
+def _deviation_squares(limits: Limits, before: _Blocks, after: _Blocks) -> Float:
+    """See `blocks._deviation_square`."""
+    bx, by, bz, be = before.unit / _sizes(before.unit)
+    ax, ay, az, ae = after.unit / _sizes(after.unit)
+    cosine = ax * bx + ay * by + az * bz + ae * be
+    straight = cosine > STRAIGHT
+    cosine[straight] = 0.0  # any harmless value
+    size = np.sqrt(2.0 - 2.0 * cosine)
+    acceleration = after.acceleration
+    for difference, top in zip((ax - bx, ay - by, az - bz, ae - be), limits.max_acceleration, strict=True):
+        acceleration = _held(acceleration, np.abs(difference) / size, top)
+    half_sine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 + cosine)))
+    squares: Float = acceleration * limits.junction_deviation * half_sine / (1.0 - half_sine)
+    curved = np.flatnonzero((after.length < SMALL_LENGTH) & (cosine > SMALL_TURN))
+    room = acceleration[curved] * after.length[curved] / np.arccos(cosine[curved])
+    squares[curved] = np.minimum(squares[curved], room)
+    squares[straight] = np.inf
+    return squares
+
+
+def _sizes(unit: Float) -> Float:
+    """Lengths of the columns of (4, B)."""
+    x, y, z, e = unit
+    sizes: Float = np.sqrt(x * x + y * y + z * z + e * e)
+    return sizes
+
+
+def _jerk_speeds(limits: Limits, before: _Blocks, after: _Blocks, speed: Float) -> Float:
+    """See `blocks._jerk_speed`."""
+    for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
+        jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
+        speed = _held(speed, jump, limit)
+    return speed
+
+
+def _square_corner_squares(limits: Limits, before: _Blocks, after: _Blocks, slower: Float) -> Float:
+    """See `blocks._square_corner_square`."""
+    bx, by, bz, be = before.unit
+    ax, ay, az, ae = after.unit
+    if limits.jerk[3] > 0.0:
+        slower = _held(slower, np.abs(ae - be), limits.jerk[3])
+    cosine = ax * bx + ay * by + az * bz
+    half_sine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 + cosine)))
+    half_cosine = np.sqrt(np.maximum(0.0, 0.5 * (1.0 - cosine)))
+    bent = (half_sine < 1.0) & (half_cosine > 0.0)
+    right = limits.square_corner_velocity * limits.square_corner_velocity * SQUARE
+    turn = right * np.minimum(before.share, after.share) * half_sine
+    room = np.minimum(before.length * before.acceleration, after.length * after.acceleration)
+    squares: Float = slower * slower
+    for numerator, denominator in ((turn, 1.0 - half_sine), (0.5 * room * half_sine, half_cosine)):
+        limit = np.divide(numerator, denominator, out=squares.copy(), where=bent)
+        squares = np.minimum(squares, limit)
+    squares[~(before.unit[:3].any(axis=0) & after.unit[:3].any(axis=0))] = 0.0
+    return squares
+
+
+def _squares(corners: Float, gains: Float) -> Float:
+    """(B + 1,) highest squared speeds at the start of each block, and 0 at the end of the last."""
+    braking = _scan(corners[::-1], gains[::-1])[::-1]
+    return np.concatenate([[0.0], _scan(np.append(braking[1:], 0.0), gains)])
+
+
+def _scan(limit: Float, gain: Float) -> Float:
+    """All y[i] = min(limit[i], y[i - 1] + gain[i]), from y[-1] = 0.
+
+    With sums P of the gains this is a running minimum of limit - P, plus P; but after a million moves P has
+    lost the digits of a slow corner. So the recurrence itself is run over about √B rows of √B moves abreast:
+    first for what each row makes of any y it is given, min(bound, y + way), then, the y at the start of every
+    row known, once more for the values.
+    """
+    n_rows = max(1, int(np.sqrt(len(limit))))
+    width = -(-len(limit) // n_rows)
+    padded = np.zeros((2, n_rows * width))
+    padded[:, : len(limit)] = limit, gain
+    limits, gains = np.ascontiguousarray(padded.reshape(2, n_rows, width).transpose(0, 2, 1))
+    bound = np.full(n_rows, np.inf)
+    for top, step in zip(limits, gains, strict=True):
+        bound = np.minimum(top, bound + step)
+    starts, y = [], 0.0
+    for low, way in zip(bound.tolist(), gains.sum(axis=0).tolist(), strict=True):
+        starts.append(y)
+        y = min(low, y + way)
+    values: Float = np.zeros_like(limits)
+    row = np.array(starts)
+    for top, step, value in zip(limits, gains, values, strict=True):
+        row = np.minimum(top, np.add(row, step, out=value), out=value)
+    return values.T.reshape(-1)[: len(limit)]
+
+
+def _smoothed_tops(corners: Float, gains: Float) -> Float:
+    """(B,) squared cruise limit that leaves the minimum share of cruise, see `rules._smoothed_tops`."""
+    squares = _squares(corners, gains)
+    entry, exit_ = squares[:-1], squares[1:]
+    n_blocks, index = len(gains), np.arange(len(gains))
+    climbs = exit_ >= (entry + gains) * SAME
+    falls = ~climbs & (entry >= (exit_ + gains) * SAME)
+    tops: Float = np.where(climbs | falls, np.inf, 0.5 * (entry + exit_ + gains))
+    # A climb ends at a block that also brakes, or at the corner from which the next block only brakes.
+    summits = np.append(np.where(falls, entry, tops), 0.0)
+    end = np.minimum.accumulate(np.where(climbs, n_blocks, index)[::-1])[::-1]
+    tops[climbs] = summits[end[climbs]]
+    top_of = np.maximum.accumulate(np.where(falls, 0, index))
+    return tops[top_of]
+
+
+def _ramp_times(blocks: _Blocks, squares: Float, tops: Float) -> Float:
+    """(B,) seconds, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
+    length, acceleration = blocks.length, blocks.acceleration
+    entry = np.sqrt(np.minimum(squares[:-1], tops))
+    exit_ = np.sqrt(np.minimum(squares[1:], tops))
+    cruise = np.minimum(blocks.speed, np.sqrt(tops))
+    twice = 2.0 * acceleration
+    up = (cruise * cruise - entry * entry) / twice
+    down = (cruise * cruise - exit_ * exit_) / twice
+    trapezoid: Float = (cruise - entry) / acceleration + (cruise - exit_) / acceleration
+    trapezoid += (length - up - down) / cruise
+    reaches = up + down <= length
+    up = np.clip(0.5 * (length + (exit_ * exit_ - entry * entry) / twice), 0.0, length)
+    peak = np.sqrt(entry * entry + twice * up)
+    triangle = 2.0 * up / (entry + peak) + 2.0 * (length - up) / (exit_ + peak)
+    return np.where(reaches, trapezoid, triangle)

@@ -1,0 +1,184 @@
+"""Toolpaths -> Toolpaths: what is printed when, from which end, and where loops begin.
+
+Skirt and brim first; then island by island, the nearest first; within an island perimeters before infill, role by role,
+always on to the nearest path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from printer_slicer.geometry import rings_around
+from printer_slicer.model import Areas, Float, Int, Role, Sections, Toolpaths
+from printer_slicer.profile import Profile
+
+__all__ = ["order"]
+
+_ALIGNED_WITHIN = 4.0  # mm; a seam farther from the one below starts a new line of seams
+_SMALL_CHOICE = 400  # paths; beyond, trying every path at every step costs more than the shorter travel is worth
+_INFILL = (Role.BRIDGE, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID, Role.TOP_SKIN)
+
+
+def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
+    """The same paths in printing order; open ones may be turned around, loops begin at their seam."""
+    island = _islands(paths, sections.solid)
+    seams = _seams(paths, profile.quality.seam)
+    perimeters = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
+    roles = (*(perimeters[::-1] if profile.quality.outer_perimeter_first else perimeters), *_INFILL)
+    route = _Route(paths, seams)
+    layer_start = np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))
+    for first, last in zip(layer_start[:-1].tolist(), layer_start[1:].tolist(), strict=True):
+        role, place = paths.role[first:last], island[first:last]
+        around = (role == Role.SKIRT) | (role == Role.BRIM)
+        route.follow((np.flatnonzero(around) + first).tolist())
+        for here in _nearest_islands(route, first, np.where(around, -1, place)):
+            for wanted in roles:
+                route.visit(first + np.flatnonzero((place == here) & (role == wanted)))
+    return route.toolpaths()
+
+
+def _nearest_islands(route: _Route, first: int, place: Int) -> Iterator[int]:
+    """The islands of one layer, each time the one that begins nearest to where the nozzle then is."""
+    left = np.unique(place[place >= 0]).tolist()
+    while left:
+        if len(left) == 1:
+            here = left.pop()
+        else:
+            open_ = np.flatnonzero(np.isin(place, left))
+            gap = route.begin[first + open_] - route.position
+            here = int(place[open_[np.argmin((gap**2).sum(axis=1))]])
+            left.remove(here)
+        yield here
+
+
+class _Route:
+    """The order found so far, and where the nozzle is."""
+
+    def __init__(self, paths: Toolpaths, seams: Int) -> None:
+        self.paths = paths
+        self.position = np.zeros(2)
+        self._seam = seams
+        self._taken: list[int] = []
+        self._turn: list[int] = []  # first point for loops; 0 or 1 (turned around) for open paths
+        self.begin = paths.xy[paths.start[:-1] + np.where(paths.closed, np.maximum(seams, 0), 0)]
+        self._end = paths.xy[paths.start[1:] - 1]
+
+    def visit(self, group: Int) -> None:
+        """Take all paths of a group (n,), always the nearest next."""
+        if len(group) == 0:
+            return
+        if len(group) > _SMALL_CHOICE:
+            self.follow(group.tolist())
+        elif bool(self.paths.closed[group[0]]):
+            self._visit_loops(group)
+        else:
+            self._visit_lines(group)
+
+    def follow(self, group: list[int]) -> None:
+        """Take the paths as they stand, open ones from their nearer end."""
+        for path in group:
+            if self.paths.closed[path]:
+                self._take_loop(path)
+            else:
+                self._take_line(path)
+
+    def _visit_loops(self, group: Int) -> None:
+        left = group.tolist()
+        while left:
+            gap = self.begin[left] - self.position
+            self._take_loop(left.pop(int(np.argmin((gap * gap).sum(axis=1)))))
+
+    def _visit_lines(self, group: Int) -> None:
+        ends = np.concatenate([self.begin[group], self._end[group]])
+        n = len(group)
+        for _ in range(n):
+            gap = ends - self.position
+            nearest = int(np.argmin(gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1]))
+            chosen, turned = nearest % n, nearest >= n
+            self._taken.append(int(group[chosen]))
+            self._turn.append(int(turned))
+            self.position = ends[chosen if turned else chosen + n].copy()
+            ends[chosen] = ends[chosen + n] = np.inf
+
+    def _take_loop(self, path: int) -> None:
+        seam = int(self._seam[path])
+        if seam < 0:  # free to begin anywhere: at the point nearest to the nozzle
+            gap = self.paths.path(path) - self.position
+            seam = int(np.argmin((gap * gap).sum(axis=1)))
+        self._taken.append(path)
+        self._turn.append(seam)
+        self.position = self.paths.xy[self.paths.start[path] + seam]
+
+    def _take_line(self, path: int) -> None:
+        begin, end = self.begin[path], self._end[path]
+        turned = bool(((end - self.position) ** 2).sum() < ((begin - self.position) ** 2).sum())
+        self._taken.append(path)
+        self._turn.append(int(turned))
+        self.position = begin if turned else end
+
+    def toolpaths(self) -> Toolpaths:
+        """The paths as taken."""
+        paths, taken, turn = self.paths, np.array(self._taken, np.int64), np.array(self._turn, np.int64)
+        size = np.diff(paths.start)[taken]
+        start = np.concatenate([[0], np.cumsum(size)])
+        owner = np.repeat(np.arange(len(taken)), size)
+        step = np.arange(start[-1]) - start[owner]
+        closed = paths.closed[taken]
+        turned_around = (~closed & (turn == 1))[owner]
+        rotated = np.where(closed[owner], (step + turn[owner]) % np.maximum(size[owner], 1), step)
+        within = np.where(turned_around, size[owner] - 1 - step, rotated)
+        return Toolpaths(
+            paths.plan,
+            paths.xy[paths.start[taken][owner] + within],
+            start,
+            paths.layer[taken],
+            paths.role[taken],
+            paths.width[taken],
+            closed,
+        )
+
+
+def _islands(paths: Toolpaths, solid: Areas) -> Int:
+    """(M,) for each path the outer ring of its layer that it lies in; paths outside all of them share one island."""
+    island = np.zeros(paths.n_paths, np.int64)
+    outlines = solid.select(solid.ring_area() > 0)
+    many = np.flatnonzero(np.diff(outlines.layer_start) > 1)
+    member = np.isin(paths.layer, many)
+    if member.any():
+        found = rings_around(outlines, paths.xy[paths.start[:-1]][member], paths.layer[member])
+        island[member] = np.where(found < 0, outlines.n_rings, found)
+    return island
+
+
+def _seams(paths: Toolpaths, rule: str) -> Int:
+    """(M,) the point at which each loop begins; -1 where any point will do."""
+    seam = np.full(paths.n_paths, -1, np.int64)
+    if rule == "nearest":
+        return seam
+    outer = np.flatnonzero(paths.closed & (paths.role == Role.OUTER_PERIMETER))
+    below, below_layer = np.zeros((0, 2)), -1
+    current: list[Float] = []
+    for path in outer.tolist():
+        layer, ring = int(paths.layer[path]), paths.path(path)
+        if layer != below_layer:
+            below = np.array(current) if current and layer == below_layer + 1 else np.zeros((0, 2))
+            current, below_layer = [], layer
+        seam[path] = _rear(ring) if rule == "rear" else _aligned(ring, below)
+        current.append(ring[seam[path]])
+    return seam
+
+
+def _rear(ring: Float) -> int:
+    """The point farthest back; of several the rightmost."""
+    return int(np.lexsort((ring[:, 0], np.round(ring[:, 1], 3)))[-1])
+
+
+def _aligned(ring: Float, below: Float) -> int:
+    """The point nearest to a seam of the layer below, or the rear one where none is near."""
+    if len(below) == 0:
+        return _rear(ring)
+    gap = ((ring[:, None] - below[None]) ** 2).sum(axis=2).min(axis=1)
+    nearest = int(np.argmin(gap))
+    return nearest if gap[nearest] <= _ALIGNED_WITHIN**2 else _rear(ring)

@@ -1,0 +1,57 @@
+"""The whole slicer on one page: Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Program -> lines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from printer_slicer.adhesion import adhesion_paths
+from printer_slicer.extrusion import extrude
+from printer_slicer.gcode import write_gcode
+from printer_slicer.infill import infill_paths
+from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
+from printer_slicer.ordering import order
+from printer_slicer.perimeters import lay_walls, perimeter_paths
+from printer_slicer.placing import place
+from printer_slicer.planning import plan_layers
+from printer_slicer.profile import Profile
+from printer_slicer.regions import classify
+from printer_slicer.slicing import cut
+
+__all__ = ["gcode_of", "slice_part"]
+
+Report = Callable[[str], None]
+
+
+def slice_part(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = str) -> Program:
+    """The moves that print a part.
+
+    Args:
+        mesh: the part, anywhere; it is put on the middle of the bed.
+        profile: printer, material and quality.
+        plan: the layers, if not the profile's planner shall choose them.
+        report: is told the name of each stage as it begins.
+
+    Raises:
+        PartError: the part does not fit, is open, or cannot be divided into layers.
+    """
+    report("placing")
+    part = place(mesh, profile.printer)
+    report("planning")
+    plan = plan or plan_layers(part, profile)
+    report("slicing")
+    sections = cut(part, plan, profile.quality.resolution)
+    report("perimeters")
+    walls = lay_walls(sections, profile)
+    report("regions")
+    regions = classify(sections, walls, profile)
+    report("toolpaths")
+    parts = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
+    report("ordering")
+    toolpaths = order(Toolpaths.joined(plan, parts), sections, profile)
+    report("extrusion")
+    return extrude(toolpaths, profile)
+
+
+def gcode_of(program: Program, profile: Profile) -> bytes:
+    """The text of a program in the printer's dialect; the same program and profile give the same bytes."""
+    return write_gcode(program, profile)

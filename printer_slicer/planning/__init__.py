@@ -1,0 +1,29 @@
+"""Mesh -> LayerPlan. One strategy a file; this table is the whole list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning.area import plan_area
+from printer_slicer.planning.uniform import plan_uniform
+from printer_slicer.profile import Profile
+
+__all__ = ["PLANNERS", "Planner", "plan_layers"]
+
+Planner = Callable[[Mesh, Profile], LayerPlan]
+PLANNERS: Final[Mapping[str, Planner]] = {"uniform": plan_uniform, "area": plan_area}
+
+
+def plan_layers(mesh: Mesh, profile: Profile) -> LayerPlan:
+    """The layer plan of the strategy that the profile names.
+
+    Args:
+        mesh: the part, standing on z = 0.
+        profile: `quality.planner` says which strategy, and how.
+
+    Raises:
+        PlanError: the part is thinner than the thinnest layer.
+    """
+    return PLANNERS[str(profile.quality.planner.__struct_config__.tag)](mesh, profile)

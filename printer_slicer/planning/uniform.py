@@ -1,0 +1,31 @@
+"""All layers equally high.
+
+Guarantee: the part is covered, and its top is met within the z step. Cost: none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning.steps import Steps, fill
+from printer_slicer.profile import Profile
+
+__all__ = ["plan_uniform"]
+
+
+def plan_uniform(mesh: Mesh, profile: Profile) -> LayerPlan:
+    """Layers of `quality.layer_height` after a first one of `quality.first_layer_height`; the last fits the part.
+
+    Args:
+        mesh: the part, standing on z = 0.
+        profile: the settings named above and the printer's limits.
+
+    Raises:
+        PlanError: the part is thinner than the thinnest layer.
+    """
+    steps = Steps(mesh, profile)
+    height = steps.of(profile.quality.layer_height)
+    first = min(steps.first or height, steps.part)
+    rest = fill(steps.part - first, height, steps.lowest, steps.highest)
+    return steps.plan(np.concatenate([[max(first, steps.lowest)], rest]), "uniform")

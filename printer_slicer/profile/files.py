@@ -1,0 +1,253 @@
+"""Profiles from TOML files: found by name, inherited, changed from the command line, checked.
+
+A profile has three parts, one file each: `printers/NAME.toml`, `materials/NAME.toml`, `qualities/NAME.toml`. A file may
+say `inherits = "OTHER"`; its own keys win. Changes such as `quality.perimeters = 3` come last and obey the same bounds.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.profile.checks import check_together
+from printer_slicer.profile.settings import AreaPlanner, Material, Printer, Profile, Quality, Speeds, UniformPlanner
+
+__all__ = ["DEFAULT_NAMES", "KINDS", "load_profile", "profile_paths", "profile_with", "settings_table", "settings_text"]
+
+KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
+_FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
+DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "standard"}
+_PLANNERS: Mapping[str, type[msgspec.Struct]] = {"uniform": UniformPlanner, "area": AreaPlanner}
+
+
+class _Source(NamedTuple):
+    """Settings of one kind as read, and the place each key came from."""
+
+    values: dict[str, Any]
+    places: dict[str, str]
+
+
+def profile_root() -> Path:
+    """The folder of the shipped profiles: beside the package in a checkout, inside it when installed."""
+    package = Path(__file__).resolve().parent.parent
+    beside = package.parent / "profiles"
+    return beside if (package.parent / "pyproject.toml").is_file() and beside.is_dir() else package / "profiles"
+
+
+def profile_paths(kind: str) -> dict[str, Path]:
+    """The shipped profiles of one kind (`printer`, `material`, `quality`): name -> file, by name."""
+    return {path.stem: path for path in sorted((profile_root() / _FOLDERS[kind]).glob("*.toml"))}
+
+
+def load_profile(
+    printer: str | None = None,
+    material: str | None = None,
+    quality: str | None = None,
+    changes: Mapping[str, object] | None = None,
+) -> Profile:
+    """The profile made of three parts and some changes.
+
+    Args:
+        printer: name of a shipped profile or path of a TOML file; None takes the default, as for the other two.
+        material: likewise.
+        quality: likewise.
+        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type.
+
+    Raises:
+        ProfileError: naming file, key and bound.
+    """
+    asked = {"printer": printer, "material": material, "quality": quality}
+    sources = {kind: _read_chain(kind, name or DEFAULT_NAMES[kind], ()) for kind, name in asked.items()}
+    for key, value in (changes or {}).items():
+        _change(sources, key, value)
+    return _build(sources)
+
+
+def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
+    """The same profile with some settings changed; bounds are checked, unlike by the structs' constructors."""
+    sources = {kind: _Source(msgspec.to_builtins(getattr(profile, kind)), {}) for kind in KINDS}
+    for key, value in changes.items():
+        _change(sources, key, value)
+    return _build(sources)
+
+
+def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
+    """All settings, flat: (`section.key`, value) in the order they are declared."""
+    for kind in KINDS:
+        for path, value in _flatten(msgspec.to_builtins(getattr(profile, kind))):
+            yield f"{kind}.{path}", value
+
+
+def settings_table() -> Iterator[tuple[str, str, str, str, str, str]]:
+    """One row per setting: (key, type, unit, bounds, default, meaning)."""
+    for kind, struct in KINDS.items():
+        yield from _describe(kind, struct)
+
+
+def _describe(prefix: str, struct: type) -> Iterator[tuple[str, str, str, str, str, str]]:
+    info = msgspec.inspect.type_info(struct)
+    assert isinstance(info, msgspec.inspect.StructType)
+    for entry in info.fields:
+        key = f"{prefix}.{entry.encode_name}"
+        nested = entry.type.types if isinstance(entry.type, msgspec.inspect.UnionType) else (entry.type,)
+        if all(isinstance(one, msgspec.inspect.StructType) for one in nested):
+            for one in nested:
+                assert isinstance(one, msgspec.inspect.StructType)
+                yield from _describe(f"{key}[{one.tag}]" if one.tag else key, one.cls)
+            continue
+        yield _row(key, entry)
+
+
+def _row(key: str, entry: msgspec.inspect.Field) -> tuple[str, str, str, str, str, str]:
+    kind, unit, meaning = entry.type, "", ""
+    if isinstance(kind, msgspec.inspect.Metadata):
+        unit = str((kind.extra or {}).get("unit", ""))
+        meaning = str((kind.extra_json_schema or {}).get("description", ""))
+        kind = kind.type
+    names = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+    limits = [f"{sign} {getattr(kind, name):g}" for name, sign in names.items() if getattr(kind, name, None) is not None]
+    if isinstance(kind, msgspec.inspect.LiteralType):
+        limits = [" | ".join(map(str, kind.values))]
+    default = "required" if entry.default is msgspec.NODEFAULT else str(entry.default)
+    return key, type(kind).__name__.removesuffix("Type").lower(), unit, ", ".join(limits), default, meaning
+
+
+def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+def _find(kind: str, name: str, asked_by: str) -> Path:
+    """The file of a profile, by name or by path."""
+    if name.endswith(".toml") or "/" in name:
+        path = Path(name)
+        if not path.is_file():
+            raise ProfileError(f"{path}: no such {kind} profile", remedy="check the path, or name a shipped profile")
+        return path
+    known = profile_paths(kind)
+    if name in known:
+        return known[name]
+    near = get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise ProfileError(
+        f"{asked_by}unknown {kind} {name!r}", remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file"
+    )
+
+
+def _read_chain(kind: str, name: str, seen: tuple[Path, ...]) -> _Source:
+    """The settings of a file over those of the file it inherits from."""
+    path = _find(kind, name, f"{seen[-1]}: inherits: " if seen else "")
+    if path in seen:
+        raise ProfileError(f"{path}: inherits from itself by way of {seen[-1].name}", remedy="break the circle")
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ProfileError(f"{path}: not valid TOML: {error}", remedy="mend the line that the message names") from None
+    except OSError as error:
+        raise ProfileError(f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions") from None
+    parent = values.pop("inherits", None)
+    if parent is not None and not isinstance(parent, str):
+        raise ProfileError(f"{path}: inherits: expected the name of a profile, got {parent!r}")
+    base = _read_chain(kind, parent, (*seen, path)) if parent else _Source({}, {})
+    places = base.places | {key: str(path) for key, _ in _flatten(values)}
+    return _Source(_merge(base.values, values), places)
+
+
+def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`over` on top of `base`, table by table; a table of another `kind` replaces the whole table."""
+    result = dict(base)
+    for key, value in over.items():
+        old = result.get(key)
+        both = isinstance(value, dict) and isinstance(old, dict)
+        if both and value.get("kind", old.get("kind")) == old.get("kind"):
+            result[key] = _merge(old, value)
+        else:
+            result[key] = value
+    return result
+
+
+def _change(sources: dict[str, _Source], key: str, value: object) -> None:
+    """Apply one change in place."""
+    kind, path = _resolve(sources, key)
+    *tables, leaf = path.split(".")
+    change: dict[str, Any] = {leaf: value}
+    for table in reversed(tables):
+        change = {table: change}
+    source = sources[kind]
+    merged = _merge(source.values, change)
+    sources[kind] = _Source(merged, source.places | {path: f"--set {key}={value}"})
+
+
+def _keys(kind: str, values: Mapping[str, Any]) -> list[str]:
+    """All keys that may be set in a section as it stands: the planner's own settings depend on its kind."""
+    struct = KINDS[kind]
+    keys = [name for name in struct.__struct_fields__ if name not in ("planner", "speeds")]
+    if kind == "quality":
+        planner = _PLANNERS.get(str(values.get("planner", {}).get("kind", "uniform")), UniformPlanner)
+        keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
+        keys += [f"speeds.{name}" for name in Speeds.__struct_fields__]
+    return keys
+
+
+def _resolve(sources: Mapping[str, _Source], key: str) -> tuple[str, str]:
+    """Which section and key a change means: `quality.perimeters`, or `perimeters` where only one section has it."""
+    known = [(kind, path) for kind, source in sources.items() for path in _keys(kind, source.values)]
+    exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
+    matches = exact or [(kind, path) for kind, path in known if path == key]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        choices = ", ".join(f"{kind}.{path}" for kind, path in matches)
+        raise ProfileError(f"--set {key}: more than one section has this key", remedy=f"say which: {choices}")
+    everything = {f"{kind}.{path}" for kind, path in known} | {path for _, path in known}
+    near = get_close_matches(key, sorted(everything), n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise ProfileError(f"--set {key}: no such setting", remedy=f"{hint}`printer-slicer profiles` lists all settings")
+
+
+def _build(sources: Mapping[str, _Source]) -> Profile:
+    """The checked profile."""
+    parts = {kind: _convert(kind, source) for kind, source in sources.items()}
+    profile = Profile(**parts)
+    check_together(profile)
+    return profile
+
+
+def _convert(kind: str, source: _Source) -> Any:
+    """One section as a struct; an error names place, key and bound."""
+    try:
+        return msgspec.convert(source.values, KINDS[kind], strict=False)
+    except msgspec.ValidationError as error:
+        problem, _, where = str(error).partition(" - at `$")
+        path = where.rstrip("`").lstrip(".")
+    if "unknown field" in problem:
+        name = problem.split("`")[1]
+        path = f"{path}.{name}".lstrip(".")
+        known = _keys(kind, source.values)
+        near = get_close_matches(path, known, n=1, cutoff=0.5)
+        place = source.places.get(path) or next(iter(source.places.values()), kind)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+        raise ProfileError(f"{place}: {kind}.{path}: no such setting", remedy=hint) from None
+    place = source.places.get(path) or next(reversed(source.places.values()), kind)
+    given = _lookup(source.values, path)
+    remedy = "see `printer-slicer profiles` for type, unit and bounds of each setting"
+    raise ProfileError(f"{place}: {kind}.{path}: {problem.replace('`', '')}{given}".replace(".:", ":"), remedy=remedy)
+
+
+def _lookup(values: Mapping[str, Any], path: str) -> str:
+    """The offending value for the message; nothing where the problem already quotes it or a key is missing."""
+    found: Any = values
+    for key in path.split("."):
+        if not isinstance(found, Mapping) or key not in found:
+            return ""
+        found = found[key]
+    return "" if isinstance(found, Mapping) else f"; it is {found!r}"

@@ -1,0 +1,280 @@
+"""Commands that ask, tell or set something: reports, messages, limits, counters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.sim.machine import AXES, replaced
+
+if TYPE_CHECKING:
+    from printer_slicer.sim.board import Board, Steps
+    from printer_slicer.sim.words import Command
+
+__all__ = ["TABLE", "tool"]
+
+UUID: Final = "cede2a2f-41a2-4748-9b12-c55c62f367ff"
+"""Marlin's default, the same for every board whose owner did not make one."""
+
+
+def _temperatures(board: Board, _: Command) -> None:
+    """M105: the answer is part of the ok."""
+    board.ok_tail = " " + board.temperatures()
+
+
+def _temperature_reports(board: Board, command: Command) -> None:
+    """M155."""
+    seconds = command.value("S")
+    if seconds is not None:
+        board.report_seconds = max(seconds, 0.0)
+        board.next_report = board.now + board.report_seconds if board.report_seconds else inf
+
+
+def _busy_reports(board: Board, command: Command) -> None:
+    """M113."""
+    seconds = command.value("S")
+    if seconds is None:
+        board.say(f"echo:M113 S{board.busy_seconds:.0f}")
+    else:
+        board.busy_seconds = min(max(seconds, 0.0), 60.0)
+
+
+def _line_number(board: Board, command: Command) -> None:
+    """M110; the reader of lines has obeyed already when the line itself had a number."""
+    number = command.value("N")
+    if number is not None:
+        board.renumber = int(number)
+
+
+def _kill(board: Board, _: Command) -> None:
+    """M112, when nothing saw it earlier."""
+    board.kill("M112 Shutdown")
+
+
+def _place(board: Board, _: Command) -> None:
+    """M114."""
+    board.say(board.place())
+
+
+def _firmware(board: Board, _: Command) -> None:
+    """M115."""
+    front_end, machine = board.front_end, board.machine
+    board.say(
+        f"FIRMWARE_NAME:Marlin {front_end.name} SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin"
+        f" PROTOCOL_VERSION:1.0 MACHINE_TYPE:Simulated EXTRUDER_COUNT:1 UUID:{UUID}"
+    )
+    for name, present in front_end.capabilities:
+        present = present or (machine.probe_points > 0 and name in {"AUTOLEVEL", "Z_PROBE"})
+        board.say(f"Cap:{name}:{int(present)}")
+    if front_end.reports_area:
+        low, high = (
+            ",".join(f"{letter}:{at:.2f}" for letter, at in zip("xyz", corner, strict=True))
+            for corner in (machine.box_min, machine.box_max)
+        )
+        area = f"{{min:{{{low}}},max:{{{high}}}}}"
+        board.say(f"area:{{full:{area},work:{area}}}")
+
+
+def _tell(board: Board, command: Command) -> None:
+    """M118: E1 in front says it as an echo, A1 as a comment for the host."""
+    text, lead = command.rest, ""
+    while len(text) >= 2 and text[0] in "AEP" and text[1].isdigit():
+        option, _, text = text.partition(" ")
+        if option[1:] != "0":
+            lead = {"E": "echo:", "A": "// "}.get(option[0], lead)
+    board.say(lead + text)
+
+
+def _endstops(board: Board, _: Command) -> None:
+    """M119."""
+    board.say("Reporting endstop status")
+    at = board.mover.position(board.now)
+    for axis, letter in enumerate("xyz"):
+        closed = board.homed[axis] and at[axis] <= board.machine.home[axis]
+        board.say(f"{letter}_min: {'TRIGGERED' if closed else 'open'}")
+
+
+def _soft_endstops(board: Board, command: Command) -> None:
+    """M211."""
+    switch = command.value("S")
+    if switch is not None:
+        board.soft_endstops = bool(switch)
+        board.guard()
+        return
+    low, high = (
+        " ".join(f"{letter}{at:.2f}" for letter, at in zip("XYZ", corner, strict=True))
+        for corner in (board.machine.box_min, board.machine.box_max)
+    )
+    board.say(f"echo:Soft endstops: {'On' if board.soft_endstops else 'Off'}  Min:  {low}   Max:  {high}")
+
+
+def _steps(board: Board, command: Command) -> None:
+    """M92."""
+    board.steps = replaced(board.steps, command.values(AXES))
+
+
+def _accelerations(board: Board, command: Command) -> None:
+    """M201."""
+    most = replaced(board.limits.max_acceleration, _positive(command, AXES))
+    board.set_limits(replace(board.limits, max_acceleration=most))
+
+
+def _speeds(board: Board, command: Command) -> None:
+    """M203."""
+    most = replaced(board.limits.max_speed, _positive(command, AXES))
+    board.set_limits(replace(board.limits, max_speed=most))
+
+
+def _move_accelerations(board: Board, command: Command) -> None:
+    """M204: P printing, T travel, R retraction; S is the old word for P and T."""
+    new, old = _positive(command, "PRST"), board.limits
+    both = new.get("S")
+    board.set_limits(
+        replace(
+            old,
+            acceleration=new.get("P", both or old.acceleration),
+            travel_acceleration=new.get("T", both or old.travel_acceleration),
+            retract_acceleration=new.get("R", old.retract_acceleration),
+        )
+    )
+
+
+def _corners(board: Board, command: Command) -> None:
+    """M205: J junction deviation, X Y Z E jerk."""
+    old = board.limits
+    deviation = _positive(command, "J").get("J", old.junction_deviation)
+    jerk = replaced(old.jerk, _positive(command, AXES))
+    board.set_limits(replace(old, junction_deviation=deviation, jerk=jerk))
+
+
+def _positive(command: Command, letters: str) -> dict[str, float]:
+    """The values that can be limits; a machine with a limit of zero would never arrive."""
+    return {letter: value for letter, value in command.values(letters).items() if value > 0.0}
+
+
+def _speed_ratio(board: Board, command: Command) -> None:
+    """M220."""
+    percent = command.value("S")
+    if percent is None:
+        board.say(f"FR:{board.speed_ratio * 100:.0f}%")
+    else:
+        board.speed_ratio = min(max(percent, 1.0), 999.0) / 100.0
+
+
+def _flow_ratio(board: Board, command: Command) -> None:
+    """M221."""
+    percent = command.value("S")
+    if percent is None:
+        board.say(f"echo:E0 Flow: {board.flow_ratio * 100:.0f}%")
+    else:
+        board.flow_ratio = max(percent, 0.0) / 100.0
+
+
+def _settings(board: Board, command: Command) -> None:
+    """M503: the settings that the simulated firmware has."""
+    x, y, z, e = board.steps
+    limits, plain = board.limits, command.value("S") == 0.0
+    speed, most = limits.max_speed, limits.max_acceleration
+    lines = (
+        ("; Linear Units:", "  G21 ; (mm)"),
+        ("; Steps per unit:", f"  M92 X{x:.2f} Y{y:.2f} Z{z:.2f} E{e:.2f}"),
+        (
+            "; Max feedrates (units/s):",
+            f"  M203 X{speed[0]:.2f} Y{speed[1]:.2f} Z{speed[2]:.2f} E{speed[3]:.2f}",
+        ),
+        (
+            "; Max Acceleration (units/s2):",
+            f"  M201 X{most[0]:.2f} Y{most[1]:.2f} Z{most[2]:.2f} E{most[3]:.2f}",
+        ),
+        (
+            "; Acceleration (units/s2):",
+            f"  M204 P{limits.acceleration:.2f} R{limits.retract_acceleration:.2f}"
+            f" T{limits.travel_acceleration:.2f}",
+        ),
+        ("; Advanced:", f"  M205 B20000.00 S0.00 T0.00 {_corner_words(board)}"),
+    )
+    for heading, line in lines:
+        if not plain:
+            board.say(f"echo:{heading}")
+        board.say(line if plain else f"echo:{line}")
+
+
+def _corner_words(board: Board) -> str:
+    """The words of M205 that the machine's corner rule uses."""
+    if board.limits.corner == "junction_deviation":
+        return f"J{board.limits.junction_deviation:.2f}"
+    return " ".join(f"{letter}{value:.2f}" for letter, value in zip(AXES, board.limits.jerk, strict=True))
+
+
+def _timer(board: Board, command: Command) -> None:
+    """M75 starts the print timer, M76 and M77 stop it."""
+    if board.timer_began is not None:
+        board.timer_seconds += board.now - board.timer_began
+        board.timer_began = None
+    if command.code == "M75":
+        board.timer_began = board.now
+
+
+def _timer_reading(board: Board, _: Command) -> None:
+    """M31."""
+    running = 0.0 if board.timer_began is None else board.now - board.timer_began
+    seconds = int(board.timer_seconds + running)
+    parts = [(seconds // 86400, "d"), (seconds // 3600 % 24, "h"), (seconds // 60 % 60, "m")]
+    while parts and parts[0][0] == 0:
+        parts.pop(0)
+    board.say("echo:Print time: " + "".join(f"{n}{unit} " for n, unit in parts) + f"{seconds % 60}s")
+
+
+def tool(board: Board, command: Command) -> None:
+    """T: there is one extruder."""
+    if command.code != "T0":
+        board.say(f"echo:{command.code} Invalid extruder")
+        board.violated(f"no such extruder: {command.code}")
+
+
+def _ask_person(board: Board, command: Command) -> Steps:
+    """M0 and M1: wait for M108 or for the time given."""
+    yield from board.drained()
+    seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
+    until = board.now + seconds if seconds > 0.0 else inf
+    board.waiting = True
+    while board.waiting and board.now < until:
+        yield until
+    board.waiting = False
+
+
+def _nothing(_: Board, __: Command) -> None:
+    """Known, and without an effect that could be seen from outside."""
+
+
+TABLE: Final = {
+    "M0": _ask_person,
+    "M1": _ask_person,
+    "M17": _nothing,
+    "M31": _timer_reading,
+    "M73": _nothing,
+    "M75": _timer,
+    "M76": _timer,
+    "M77": _timer,
+    "M92": _steps,
+    "M105": _temperatures,
+    "M108": _nothing,
+    "M110": _line_number,
+    "M112": _kill,
+    "M113": _busy_reports,
+    "M114": _place,
+    "M115": _firmware,
+    "M117": _nothing,
+    "M118": _tell,
+    "M119": _endstops,
+    "M155": _temperature_reports,
+    "M201": _accelerations,
+    "M203": _speeds,
+    "M204": _move_accelerations,
+    "M205": _corners,
+    "M211": _soft_endstops,
+    "M220": _speed_ratio,
+    "M221": _flow_ratio,
+    "M503": _settings,
+}

@@ -1,0 +1,136 @@
+"""Commands of the heaters and the fan."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from printer_slicer.sim.board import Board, Steps
+    from printer_slicer.sim.heater import Heater
+    from printer_slicer.sim.words import Command
+
+__all__ = ["TABLE"]
+
+REPORT_SECONDS: Final = 1.0
+COOLING_CHECK: Final = 60.0
+COOLING_LEAST: Final = 1.5
+"""A wait for cooling gives up when a minute brought less than 1.5 °C: M109 R0 would never end otherwise."""
+
+
+def _hotend_target(board: Board, command: Command) -> None:
+    """M104."""
+    _aim(board, board.hotend, command, "S")
+
+
+def _bed_target(board: Board, command: Command) -> None:
+    """M140."""
+    _aim(board, board.bed, command, "S")
+
+
+def _hotend_wait(board: Board, command: Command) -> Steps | None:
+    """M109: S waits for heating only, R for cooling too."""
+    return _aim_and_wait(board, board.hotend, command)
+
+
+def _bed_wait(board: Board, command: Command) -> Steps | None:
+    """M190: as M109."""
+    return _aim_and_wait(board, board.bed, command)
+
+
+def _aim(board: Board, heater: Heater, command: Command, letters: str) -> bool:
+    """Set the target by the first of the letters that has a number; whether there was one."""
+    for letter in letters:
+        target = command.value(letter)
+        if target is not None:
+            highest = heater.spec.highest
+            if target > highest:
+                name = "bed" if heater is board.bed else "hotend"
+                board.violated(f"{name} asked for {target:.0f} °C, the machine allows {highest:.0f} °C")
+            heater.set_target(min(max(target, 0.0), highest), board.now)
+            board.hot = False
+            return True
+    return False
+
+
+def _aim_and_wait(board: Board, heater: Heater, command: Command) -> Steps | None:
+    cools_too = command.value("S") is None
+    if not _aim(board, heater, command, "SR"):
+        return None
+    if not cools_too and heater.temperature(board.now) > heater.target:
+        return None
+    return _waited(board, heater)
+
+
+def _waited(board: Board, heater: Heater) -> Steps:
+    """Wait until the temperature has been near the target for a while, with a report every second.
+
+    A heater that is near the target from the start is not waited for, as in Marlin.
+    """
+    began = board.now
+    board.waiting = True
+    board.mover.expects_stop = True
+    arrives = _arrival(heater, began)
+    done = began if arrives == began else arrives + heater.spec.residency
+    report = began
+    before = heater.temperature(began)
+    check = began + COOLING_CHECK if before > heater.target else inf
+    while board.waiting:
+        if board.now >= report:
+            rest = "?" if board.now < arrives or arrives == began else str(int(done - board.now))
+            board.say(f" {board.temperatures()} W:{rest}")
+            report += REPORT_SECONDS
+        if board.now >= check:
+            check += COOLING_CHECK
+            before, last = heater.temperature(board.now), before
+            if last - before < COOLING_LEAST:
+                break
+        if board.now >= done:
+            break
+        yield min(report, done, check)
+    board.waiting = False
+    board.tally.heating_seconds += board.now - began
+
+
+def _arrival(heater: Heater, now: float) -> float:
+    """When the temperature comes within the window around the target; infinite when it never does."""
+    missing = heater.target - heater.temperature(now)
+    window = heater.spec.window
+    if abs(missing) < window:
+        return now
+    edge = heater.target - window if missing > 0.0 else heater.target + window
+    return now + heater.seconds_until(edge, now)
+
+
+def _fan(board: Board, command: Command) -> None:
+    """M106 and M107: the part cooling fan, which also cools the hotend."""
+    if command.value("P"):
+        return
+    speed = command.value("S")
+    ratio = 0.0 if command.code == "M107" else min(max(255.0 if speed is None else speed, 0.0), 255.0) / 255.0
+    board.hotend.set_fan(ratio, board.now)
+    board.hot = False
+
+
+def _cold_extrusion(board: Board, command: Command) -> None:
+    """M302: allow cold extrusion or say from which temperature on it is allowed."""
+    coldest, allowed = command.value("S"), command.value("P")
+    if coldest is not None:
+        board.coldest_extrusion = coldest
+    if coldest is None and allowed is None:
+        state = "en" if board.cold_allowed else "dis"
+        board.say(f"echo:Cold extrudes are {state}abled (min temp {board.coldest_extrusion:.0f}C)")
+        return
+    board.cold_allowed = board.coldest_extrusion == 0.0 or bool(allowed)
+    board.hot = False
+
+
+TABLE: Final = {
+    "M104": _hotend_target,
+    "M106": _fan,
+    "M107": _fan,
+    "M109": _hotend_wait,
+    "M140": _bed_target,
+    "M190": _bed_wait,
+    "M302": _cold_extrusion,
+}

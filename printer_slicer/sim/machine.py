@@ -1,0 +1,87 @@
+"""What the simulated printer is made of; the defaults are those of an unconfigured Marlin with a 0.4 mm hotend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from printer_slicer.motion.rules import Axes, Limits
+from printer_slicer.sim.heater import HeaterSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["AXES", "Machine", "Position", "replaced"]
+
+Position = tuple[float, float, float]
+"""x, y, z, mm."""
+
+AXES = "XYZE"
+"""Letters of the axes in the order of every `Axes` tuple."""
+
+
+def _limits() -> Limits:
+    return Limits(
+        max_speed=(300.0, 300.0, 5.0, 25.0),
+        max_acceleration=(3000.0, 3000.0, 100.0, 10000.0),
+        acceleration=3000.0,
+        travel_acceleration=3000.0,
+        retract_acceleration=3000.0,
+        corner="junction_deviation",
+        junction_deviation=0.01,
+        jerk=(10.0, 10.0, 0.3, 5.0),
+        square_corner_velocity=5.0,
+    )
+
+
+def _hotend() -> HeaterSpec:
+    return HeaterSpec(power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=260.0)
+
+
+def _bed() -> HeaterSpec:
+    return HeaterSpec(power=220.0, heat_capacity=750.0, loss=1.6, fan_loss=0.2, highest=140.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A printer with one hotend and a bed.
+
+    Attributes:
+        limits: speeds, accelerations and the number of planner blocks at power-on.
+        box_min, box_max: corners of what the nozzle can reach, x, y, z, mm.
+        home: where the endstops are, x, y, z, mm.
+        homing_speed: x, y, z, mm/s.
+        homing_bump: s per axis for backing off and touching again.
+        steps: per mm of x, y, z, e; only for the step counts of M114.
+        hotend, bed: the heaters.
+        coldest_extrusion: °C; below it the extruder does not turn (M302 changes it).
+        longest_extrusion: mm of filament in one move; the extruder ignores longer ones.
+        ambient: °C of the room.
+        filament_diameter: mm.
+        probe_points: how many points G29 touches; 0 = no probe, so that G29 is unknown.
+        probe_seconds: s per point.
+        first_move_delay: s that a standing machine waits for a third move before it starts.
+    """
+
+    limits: Limits = field(default_factory=_limits)
+    box_min: Position = (0.0, 0.0, 0.0)
+    box_max: Position = (200.0, 200.0, 200.0)
+    home: Position = (0.0, 0.0, 0.0)
+    homing_speed: Position = (50.0, 50.0, 4.0)
+    homing_bump: float = 1.5
+    steps: Axes = (80.0, 80.0, 400.0, 500.0)
+    hotend: HeaterSpec = field(default_factory=_hotend)
+    bed: HeaterSpec = field(default_factory=_bed)
+    coldest_extrusion: float = 170.0
+    longest_extrusion: float = 200.0
+    ambient: float = 21.0
+    filament_diameter: float = 1.75
+    probe_points: int = 0
+    probe_seconds: float = 3.0
+    first_move_delay: float = 0.1
+
+
+def replaced(axes: Axes, changes: Mapping[str, float]) -> Axes:
+    """`axes` with the values named by letter in `changes` put in."""
+    x, y, z, e = (changes.get(letter, value) for letter, value in zip(AXES, axes, strict=True))
+    return x, y, z, e

@@ -1,0 +1,320 @@
+"""Commands that move: straight lines, arcs, homing, probing, and the standing still in between.
+
+A move is executed, and answered, when it has a place in the planner; that it is made later is the planner's business.
+"""
+
+from __future__ import annotations
+
+from math import atan2, ceil, cos, hypot, pi, sin, sqrt
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.motion.rules import Axes, Block, make_block
+from printer_slicer.sim.machine import AXES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from printer_slicer.sim.board import Board, Steps
+    from printer_slicer.sim.machine import Position
+    from printer_slicer.sim.words import Command
+
+__all__ = ["STOP_SECONDS", "TABLE", "straight"]
+
+STOP_SECONDS: Final = 1.0
+"""s after M410 in which Marlin takes no moves."""
+
+LONGEST_CHORD: Final = 1.0
+SHORTEST_CHORD: Final = 0.1
+CHORDS_PER_TURN: Final = 72
+"""An arc becomes chords of a 72nd of a turn, but within 0.1 and 1 mm: Marlin's defaults."""
+
+
+def straight(board: Board, words: Sequence[str | float | None]) -> Steps | None:
+    """G0 and G1, with the words X, Y, Z, E, F or None for each."""
+    feed = words[4]
+    if feed is not None and float(feed) > 0.0:
+        board.feed = float(feed) * board.unit / 60.0
+    goal = _goal(board, words)
+    block = _prepared(board, goal)
+    if block is None:
+        return None
+    mover = board.mover
+    mover.advance(board.now)
+    x, y, z, _ = board.position
+    target = (x, y, z, board.filament)
+    if mover.room <= 0:
+        return _pushed_later(board, block, target)
+    mover.push(block, target, board.now)
+    return None
+
+
+def _goal(board: Board, words: Sequence[str | float | None]) -> Axes:
+    """Where the words lead from the present position; not yet kept inside the machine."""
+    x, y, z, e = board.position
+    unit = board.unit
+    x_word, y_word, z_word, e_word = words[0], words[1], words[2], words[3]
+    if board.relative:
+        base: Position = (x, y, z)
+    else:
+        offset = board.offset
+        base = (-offset[0], -offset[1], -offset[2])
+    if x_word is not None:
+        x = float(x_word) * unit + base[0]
+    if y_word is not None:
+        y = float(y_word) * unit + base[1]
+    if z_word is not None:
+        z = float(z_word) * unit + base[2]
+    if e_word is not None:
+        e = float(e_word) * unit + (e if board.relative_e else 0.0)
+    return x, y, z, e
+
+
+def _prepared(board: Board, goal: Axes) -> Block | None:
+    """The block to `goal` as the firmware allows it, with everything but its motion accounted for."""
+    old = board.position
+    low, high = board.machine.box_min, board.machine.box_max
+    x, y, z, e = goal
+    if board.guarded:
+        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
+            x, y, z, e = goal = _clamped(board, goal)
+    elif not board.warned_unhomed and not all(board.homed):
+        board.warned_unhomed = True
+        board.violated("moved before homing")
+    board.position = goal
+    dx, dy, dz = x - old[0], y - old[1], z - old[2]
+    de = (e - old[3]) * board.flow_ratio
+    if de and ((not board.hot and not board.warm_enough()) or abs(de) > board.machine.longest_extrusion):
+        _refuse_extrusion(board)
+        de = 0.0
+    block = make_block(board.limits, (dx, dy, dz, de), board.feed * board.speed_ratio)
+    if de > 0.0:
+        board.filament += de
+        board.tally.filament_fed += de
+        if block is not None and (dx or dy):
+            board.tally.laid(old, goal)
+            rate = de / block.length * block.speed
+            if rate > board.tally.peak_feed:
+                board.tally.peak_feed = rate
+    elif de < 0.0:
+        board.filament += de
+        board.tally.filament_retracted -= de
+    return block
+
+
+def _refuse_extrusion(board: Board) -> None:
+    """Say why the extruder does not turn; the firmware takes the filament for fed and moves the rest."""
+    what = "too long extrusion" if board.hot or board.warm_enough() else "cold extrusion"
+    board.say(f"echo: {what} prevented")
+    board.violated(f"{what} prevented")
+
+
+def _clamped(board: Board, goal: Axes) -> Axes:
+    """`goal` moved to the nearest place inside the machine."""
+    box = zip(goal[:3], board.machine.box_min, board.machine.box_max, strict=True)
+    x, y, z = (min(max(at, low), high) for at, low, high in box)
+    for letter, at, kept in zip("XYZ", goal, (x, y, z), strict=False):
+        if at != kept:
+            board.violated(f"out of the machine: {letter} {at:.3f}, stopped at {kept:.3f}")
+    return x, y, z, goal[3]
+
+
+def _pushed_later(board: Board, block: Block, target: Axes) -> Steps:
+    """Wait for a place in the planner. A move that M410 finds waiting is lost."""
+    mover, stops = board.mover, board.stops
+    while mover.room <= 0:
+        yield mover.ends
+        if board.stops != stops:
+            return
+    mover.push(block, target, board.now)
+
+
+def _line(board: Board, command: Command) -> Steps | None:
+    return straight(board, [command.value(letter) for letter in "XYZEF"])
+
+
+def _arc(board: Board, command: Command) -> Steps | None:
+    """G2 and G3 by centre (I, J) or radius (R), in the xy plane."""
+    words = [command.value(letter) for letter in "XYZEF"]
+    if words[4] is not None and words[4] > 0.0:
+        board.feed = words[4] * board.unit / 60.0
+    start, goal = board.position, _goal(board, words)
+    centre = _centre(board, command, goal)
+    if centre is None:
+        board.say("Error:G2/G3 bad parameters")
+        board.violated("arc without a centre")
+        return None
+    return _chords(board, _arc_points(start, goal, centre, clockwise=command.code == "G2"))
+
+
+def _centre(board: Board, command: Command, goal: Axes) -> tuple[float, float] | None:
+    """Centre of the arc from the present position to `goal`, mm; None when the words do not give one."""
+    x, y = board.position[:2]
+    radius = command.value("R")
+    if radius is None:
+        i, j = (command.value("I") or 0.0) * board.unit, (command.value("J") or 0.0) * board.unit
+        return (x + i, y + j) if i or j else None
+    radius *= board.unit
+    dx, dy = goal[0] - x, goal[1] - y
+    chord = hypot(dx, dy)
+    if chord == 0.0 or radius == 0.0:
+        return None
+    # The centre lies on the perpendicular of the chord; a negative radius asks for the longer way round.
+    height = sqrt(max(radius * radius - chord * chord / 4.0, 0.0))
+    side = height / chord * (1.0 if (command.code == "G2") == (radius < 0.0) else -1.0)
+    return x + dx / 2.0 - dy * side, y + dy / 2.0 + dx * side
+
+
+def _arc_points(start: Axes, goal: Axes, centre: tuple[float, float], *, clockwise: bool) -> list[Axes]:
+    """Ends of the chords; a start that is also the end makes a full circle."""
+    ax, ay = start[0] - centre[0], start[1] - centre[1]
+    radius = hypot(ax, ay)
+    begin = atan2(ay, ax)
+    sweep = (atan2(goal[1] - centre[1], goal[0] - centre[0]) - begin) % (2.0 * pi)
+    if clockwise:
+        sweep -= 2.0 * pi
+    if sweep == 0.0:
+        sweep = 2.0 * pi
+    chord = min(max(radius * 2.0 * pi / CHORDS_PER_TURN, SHORTEST_CHORD), LONGEST_CHORD)
+    pieces = max(1, ceil(radius * abs(sweep) / chord))
+    points: list[Axes] = []
+    for piece in range(1, pieces):
+        share = piece / pieces
+        angle = begin + share * sweep
+        z, e = (start[k] + share * (goal[k] - start[k]) for k in (2, 3))
+        points.append((centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), z, e))
+    points.append(goal)
+    return points
+
+
+def _chords(board: Board, points: list[Axes]) -> Steps:
+    """Push the chords one after the other, waiting for places."""
+    stops = board.stops
+    for point in points:
+        block = _prepared(board, point)
+        board.mover.advance(board.now)
+        if block is None:
+            continue
+        x, y, z, _ = board.position
+        yield from _pushed_later(board, block, (x, y, z, board.filament))
+        if board.stops != stops:
+            return
+
+
+def _dwell(board: Board, command: Command) -> Steps:
+    """G4: stand still, then wait."""
+    yield from board.drained()
+    seconds = (command.value("P") or 0.0) / 1000.0
+    seconds = command.value("S") or seconds
+    if seconds > 0.0:
+        began = board.now
+        yield began + seconds
+        board.tally.dwell_seconds += board.now - began
+
+
+def _home(board: Board, command: Command) -> Steps:
+    """G28: drive to the endstops, x, y and z in turn."""
+    yield from board.drained()
+    machine = board.machine
+    named = [axis for axis, letter in enumerate("XYZ") if letter in command.words]
+    began = board.now
+    position, offset = list(board.position), list(board.offset)
+    for axis in named or range(3):
+        way = abs(position[axis] - machine.home[axis])
+        yield board.now + way / machine.homing_speed[axis] + machine.homing_bump
+        position[axis] = machine.home[axis]
+        offset[axis] = 0.0
+        board.homed[axis] = True
+        board.position = (position[0], position[1], position[2], position[3])
+        board.offset = (offset[0], offset[1], offset[2])
+        board.mover.place((position[0], position[1], position[2], board.filament))
+    board.tally.homing_seconds += board.now - began
+    board.guard()
+    board.say(board.place())
+
+
+def _probe(board: Board, command: Command) -> Steps | None:
+    """G29: touch the bed at some points; what is found changes nothing, the simulated bed is flat."""
+    if board.machine.probe_points <= 0:
+        board.unknown(command.text)
+        return None
+    if not all(board.homed):
+        board.say("echo:Home XYZ First")
+        board.violated("probed before homing")
+        return None
+    return _probing(board)
+
+
+def _probing(board: Board) -> Steps:
+    yield from board.drained()
+    began = board.now
+    yield began + board.machine.probe_points * board.machine.probe_seconds
+    board.tally.homing_seconds += board.now - began
+
+
+def _finish(board: Board, _: Command) -> Steps:
+    """M400, M84, M18, M900: go on when everything planned was executed."""
+    yield from board.drained()
+
+
+def _motors_off(board: Board, command: Command) -> Steps | None:
+    """M84 and M18; with S they only set a time limit."""
+    return None if "S" in command.words else _finish(board, command)
+
+
+def _quick_stop(board: Board, _: Command) -> Steps | None:
+    """M410. With an emergency parser it has acted long ago."""
+    if board.front_end.emergency_parser:
+        return None
+    return _stopping(board)
+
+
+def _stopping(board: Board) -> Steps:
+    board.stop_moving()
+    yield board.now + STOP_SECONDS
+
+
+def _set_position(board: Board, command: Command) -> None:
+    """G92: call the present position something else. E is simply set, the others get an offset."""
+    named = {letter: value * board.unit for letter, value in command.values(AXES).items()}
+    x, y, z, e = board.position
+    board.position = (x, y, z, named.get("E", e))
+    at = zip("XYZ", (x, y, z), board.offset, strict=True)
+    new = [named[letter] - here if letter in named else old for letter, here, old in at]
+    board.offset = (new[0], new[1], new[2])
+    board.say(board.place())
+
+
+def _absolute(board: Board, command: Command) -> None:
+    """G90 and G91; both set the extruder too, undoing M82 and M83, as Marlin does."""
+    board.relative = board.relative_e = command.code == "G91"
+
+
+def _extruder_mode(board: Board, command: Command) -> None:
+    board.relative_e = command.code == "M83"
+
+
+def _units(board: Board, command: Command) -> None:
+    board.unit = 25.4 if command.code == "G20" else 1.0
+
+
+TABLE: Final = {
+    "G0": _line,
+    "G1": _line,
+    "G2": _arc,
+    "G3": _arc,
+    "G4": _dwell,
+    "G20": _units,
+    "G21": _units,
+    "G28": _home,
+    "G29": _probe,
+    "G90": _absolute,
+    "G91": _absolute,
+    "G92": _set_position,
+    "M18": _motors_off,
+    "M82": _extruder_mode,
+    "M83": _extruder_mode,
+    "M84": _motors_off,
+    "M400": _finish,
+    "M410": _quick_stop,
+    "M900": _finish,
+}

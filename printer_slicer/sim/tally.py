@@ -1,0 +1,214 @@
+"""What a simulated print did: counted while it happens, in memory that does not grow with its length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import sha256
+from math import inf
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from printer_slicer.motion.rules import Axes
+    from printer_slicer.sim.machine import Position
+
+__all__ = ["Report", "Tally", "Violation"]
+
+MOST_VIOLATIONS: Final = 1000
+MOST_LAYERS: Final = 20_000
+"""Lists end here so that memory stays bounded; counts go on. A spiral vase has a new z in every line."""
+
+BATCH: Final = 512
+"""Texts hashed together: one call of the hash per line would cost more than the hashing."""
+
+
+class Violation(NamedTuple):
+    """Something a real machine would have refused, clipped or suffered.
+
+    Attributes:
+        line: which executed command it was, counted from 1.
+        text: what happened, with the command.
+    """
+
+    line: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was executed so far. Times are simulated seconds.
+
+    Attributes:
+        lines: executed commands, numbered on the wire or not.
+        digest: SHA-256 over the executed commands, each followed by a newline, without line number and checksum.
+        unnumbered_moves: moves executed from lines without a number after numbered lines had come: what is left of
+            a line whose beginning was lost looks like that.
+        motion_seconds: sum of the durations of all moves that were begun; a running one counts whole.
+        dwell_seconds: asked for with G4.
+        homing_seconds: in G28 and G29.
+        heating_seconds: in M109 and M190.
+        starvations, starved_seconds: how often and how long the machine stood still only because the next move had
+            not come (up to 2 s each; after a command that waits for standstill it does not count).
+        filament_fed: mm pushed forward, prime and deretraction included.
+        filament_retracted: mm pulled back.
+        layers: z (mm, to 0.0001) at which plastic was laid while moving in x or y, in order of the first time.
+        laid_min, laid_max: corners of the box around all such moves, mm; None when there were none.
+        peak_flow: mm³/s, the highest at the cruise speed of a move.
+        peak_hotend, peak_bed: °C.
+        violations, n_violations: the first 1000, and how many there were.
+        line_errors, resends: lines refused, and answered with a resend.
+        repeats_dropped: repeated lines that were dropped without an answer.
+        bytes_lost: bytes that found the receive buffer full.
+        bytes_flushed: bytes thrown away after an error.
+        resets: how often the printer started again.
+        killed: why the firmware halted; empty while it lives.
+    """
+
+    lines: int
+    digest: str
+    unnumbered_moves: int
+    motion_seconds: float
+    dwell_seconds: float
+    homing_seconds: float
+    heating_seconds: float
+    starvations: int
+    starved_seconds: float
+    filament_fed: float
+    filament_retracted: float
+    layers: tuple[float, ...]
+    laid_min: Position | None
+    laid_max: Position | None
+    peak_flow: float
+    peak_hotend: float
+    peak_bed: float
+    violations: tuple[Violation, ...]
+    n_violations: int
+    line_errors: int
+    resends: int
+    repeats_dropped: int
+    bytes_lost: int
+    bytes_flushed: int
+    resets: int
+    killed: str
+
+    @property
+    def print_seconds(self) -> float:
+        """Time spent moving and dwelling: what a time estimate of the program should give."""
+        return self.motion_seconds + self.dwell_seconds
+
+    @property
+    def filament(self) -> float:
+        """mm of filament used: fed less retracted."""
+        return self.filament_fed - self.filament_retracted
+
+
+class Tally:
+    """The counters behind a `Report`; same names, same units."""
+
+    __slots__ = (
+        "_batch",
+        "_hash",
+        "_layers",
+        "_z",
+        "bytes_flushed",
+        "bytes_lost",
+        "dwell_seconds",
+        "filament_fed",
+        "filament_retracted",
+        "heating_seconds",
+        "high",
+        "homing_seconds",
+        "killed",
+        "line_errors",
+        "lines",
+        "low",
+        "motion_seconds",
+        "n_violations",
+        "peak_feed",
+        "repeats_dropped",
+        "resends",
+        "resets",
+        "starvations",
+        "starved_seconds",
+        "unnumbered_moves",
+        "violations",
+    )
+
+    def __init__(self) -> None:
+        self.lines = self.unnumbered_moves = 0
+        self.motion_seconds = self.dwell_seconds = self.homing_seconds = self.heating_seconds = 0.0
+        self.starvations = 0
+        self.starved_seconds = 0.0
+        self.filament_fed = self.filament_retracted = 0.0
+        self.peak_feed = 0.0  # mm/s of filament
+        self.low: list[float] = [inf, inf, inf]
+        self.high: list[float] = [-inf, -inf, -inf]
+        self.violations: list[Violation] = []
+        self.n_violations = self.line_errors = self.resends = self.repeats_dropped = 0
+        self.bytes_lost = self.bytes_flushed = self.resets = 0
+        self.killed = ""
+        self._hash = sha256()
+        self._batch: list[str] = []
+        self._layers: dict[float, None] = {}
+        self._z = inf
+
+    def executed(self, text: str) -> None:
+        """One more command."""
+        self.lines += 1
+        self._batch.append(text)
+        if len(self._batch) >= BATCH:
+            self._flush()
+
+    def violated(self, text: str) -> None:
+        """The command being executed did something it should not."""
+        self.n_violations += 1
+        if len(self.violations) < MOST_VIOLATIONS:
+            self.violations.append(Violation(self.lines, text))
+
+    def laid(self, start: Axes, end: Axes) -> None:
+        """Plastic was laid from one place to another, mm."""
+        low, high = self.low, self.high
+        x, y, z, _ = end
+        if z != self._z:
+            self._z = z
+            if len(self._layers) < MOST_LAYERS:
+                self._layers[round(z, 4)] = None
+            low[2], high[2] = min(low[2], z), max(high[2], z)
+        # Comparing is several times cheaper than calling min and max, and this runs for every bead.
+        for at_x, at_y in ((x, y), (start[0], start[1])):
+            if at_x < low[0]:
+                low[0] = at_x
+            if at_x > high[0]:
+                high[0] = at_x
+            if at_y < low[1]:
+                low[1] = at_y
+            if at_y > high[1]:
+                high[1] = at_y
+
+    def report(self, *, filament_area: float, peak_hotend: float, peak_bed: float) -> Report:
+        """The counters as they stand; cross-section of the filament in mm², peaks of the heaters in °C."""
+        self._flush()
+        empty = self.low[0] == inf
+        return Report(
+            digest=self._hash.hexdigest(),
+            layers=tuple(self._layers),
+            laid_min=None if empty else (self.low[0], self.low[1], self.low[2]),
+            laid_max=None if empty else (self.high[0], self.high[1], self.high[2]),
+            peak_flow=self.peak_feed * filament_area,
+            peak_hotend=peak_hotend,
+            peak_bed=peak_bed,
+            violations=tuple(self.violations),
+            **{name: getattr(self, name) for name in _COUNTERS},
+        )
+
+    def _flush(self) -> None:
+        if self._batch:
+            # Latin-1 turns the text back into the bytes that came.
+            self._hash.update(("\n".join(self._batch) + "\n").encode("latin-1"))
+            self._batch.clear()
+
+
+_COUNTERS: Final = tuple(
+    name
+    for name in Report.__dataclass_fields__
+    if name in Tally.__slots__ and name != "violations"
+)

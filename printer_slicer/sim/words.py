@@ -1,0 +1,48 @@
+"""A command taken apart: code, words and the text behind the code."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+__all__ = ["SIMPLE_MOVE", "Command"]
+
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+
+SIMPLE_MOVE: Final = re.compile(
+    rf"G[01](?: X({_NUMBER}))?(?: Y({_NUMBER}))?(?: Z({_NUMBER}))?(?: E({_NUMBER}))?(?: F({_NUMBER}))?"
+).fullmatch
+"""Matches a G0 or G1 with words in the usual order and gives them as five groups."""
+
+_CODE: Final = re.compile(r"([A-Z]) *([0-9]+(?:\.[0-9]+)?)")
+_WORD: Final = re.compile(rf"([A-Z]) *({_NUMBER})?")
+
+
+class Command:
+    """One command.
+
+    Attributes:
+        text: as it came, without line number and checksum.
+        code: letter and number, such as "G28"; empty when it does not begin with them.
+        rest: what stands behind the code, without blanks around it.
+        words: the letters behind the code with their numbers as text, "" for a letter alone. There are no
+            exponents: E is an axis, so "X10E5" are two words.
+    """
+
+    __slots__ = ("code", "rest", "text", "words")
+
+    def __init__(self, text: str) -> None:
+        match = _CODE.match(text)
+        self.text = text
+        self.code = f"{match[1]}{match[2]}" if match else ""
+        self.rest = text[match.end() :].strip() if match else ""
+        self.words: dict[str, str] = dict(_WORD.findall(self.rest))
+
+    def value(self, letter: str) -> float | None:
+        """The number behind a letter; None without the letter or without a number."""
+        text = self.words.get(letter)
+        return float(text) if text else None
+
+    def values(self, letters: str) -> dict[str, float]:
+        """The numbers behind those of the letters that have one."""
+        return {letter: value for letter in letters if (value := self.value(letter)) is not None}

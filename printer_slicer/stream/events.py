@@ -1,0 +1,137 @@
+"""What a streamer tells its owner, in the order in which it happened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+__all__ = [
+    "Accepted",
+    "Action",
+    "Asked",
+    "Busy",
+    "Event",
+    "Finished",
+    "Halted",
+    "Identified",
+    "Message",
+    "Reading",
+    "ResendAsked",
+    "Spot",
+    "Temperature",
+]
+
+Spot: TypeAlias = tuple[float | None, float | None, float | None]
+"""x, y, z in mm; None where it is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """The printer took more of the job: its first `acknowledged` entries."""
+
+    acknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
+class ResendAsked:
+    """The printer found an error on the wire and gets everything from line `number` again."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The printer was silent or hard to read, so line `number` asks it for the truth."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One heater: its name as the printer says it (T, T0, B, C), °C, and the wanted °C where told."""
+
+    name: str
+    actual: float
+    target: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Temperature:
+    """A report of all heaters; `waiting` when the printer does nothing else until they are warm."""
+
+    readings: tuple[Reading, ...]
+    waiting: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Busy:
+    """The printer lives and cannot answer yet: "processing", "paused for user"..."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """Who answered: name of the firmware ("" if it does not say) and what it can do."""
+
+    firmware: str
+    capabilities: tuple[tuple[str, bool], ...]
+
+    def can(self, name: str) -> bool:
+        """Whether the firmware says that it has this capability."""
+        return (name, True) in self.capabilities
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """The printer asks its host for something: "pause", "resume", "cancel", "notification ..."."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Anything else the printer said. Text from outside: never markup, never a command."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Halted:
+    """The end before the end of the job, and why. `commands[:acknowledged]` were accepted."""
+
+    reason: str
+    acknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """The printer has executed all it was sent.
+
+    Attributes:
+        acknowledged: entries of the job that it took; fewer than all only when cancelled.
+        cancelled: the rest of the job was dropped and the end script run instead.
+        position: where the printer says it is, None if it never said.
+        expected: where the commands lead.
+        verified: whether the two agree; None when they cannot be compared.
+    """
+
+    acknowledged: int
+    cancelled: bool
+    position: Spot | None
+    expected: Spot
+    verified: bool | None
+
+
+Event: TypeAlias = (
+    Accepted
+    | ResendAsked
+    | Asked
+    | Temperature
+    | Busy
+    | Identified
+    | Action
+    | Message
+    | Halted
+    | Finished
+)

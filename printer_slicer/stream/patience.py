@@ -1,0 +1,110 @@
+"""How long the answer to a line may take if nothing is wrong.
+
+An `ok` for a move means "has a place in the planner". So the printer keeps the host waiting until the oldest
+planned move ends: at most as long as the longest of the last moves takes. Other commands may wait until all of
+them have ended. With the limits of the machine a move's time is that from rest to rest, which is longest; without
+them it is twice the nominal time, and everything else is generous too.
+
+Commands that heat, home, probe or wait for a person take their own time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import hypot, inf
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.motion.rules import make_block, ramp_time
+from printer_slicer.stream.tracker import Move
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from printer_slicer.motion.rules import Limits
+
+__all__ = ["Patience"]
+
+_PLANNER: Final = 64
+"""Moves in the largest planner of any firmware; more only makes the wait longer."""
+
+_MARGIN: Final = 1.5
+"""s for everything that is not motion, when the machine is known."""
+
+_WIDE_MARGIN: Final = 30.0
+"""s, when it is not: the acceleration and the true speeds hide in here."""
+
+_SLOWEST_Z: Final = 2.0
+"""mm/s; firmware holds z back whatever the file asks for."""
+
+_SLOWEST: Final = 0.05
+"""mm/s; where the file names no speed at all."""
+
+_HEAT: Final = 1800.0
+_HOME: Final = 600.0
+
+_OWN_TIME: Final[Mapping[bytes, float]] = {
+    b"G28": _HOME,
+    b"G29": 2 * _HOME,
+    b"G30": _HOME,
+    b"G33": 2 * _HOME,
+    b"G34": 2 * _HOME,
+    b"G80": 2 * _HOME,
+    b"M48": _HOME,
+    b"M109": _HEAT,
+    b"M116": _HEAT,
+    b"M190": _HEAT,
+    b"M191": _HEAT,
+    b"M303": _HEAT,
+    b"M0": inf,
+    b"M1": inf,
+    b"M25": inf,
+    b"M125": inf,
+    b"M226": inf,
+    b"M600": inf,
+}
+"""s that a command may take by itself. Longer is safe: it only delays the question, never the job."""
+
+_EMPTIES_PLANNER: Final = frozenset({b"G4", b"G28", b"M400"})
+
+
+class Patience:
+    """Gives each new command, in order, the longest time until its ok, in s.
+
+    The time counts from when the line before it is accepted.
+    """
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        self._limits = limits
+        self._margin = _WIDE_MARGIN if limits is None else _MARGIN
+        self._slowdown = 1.0
+        self._planned: deque[float] = deque(maxlen=_PLANNER)
+
+    def allow(self, word: bytes, values: Mapping[bytes, float], move: Move | None) -> float:
+        """Longest wait for the ok of a parsed command, s.
+
+        Args:
+            word: such as `G1`.
+            values: its values.
+            move: what it moves, None if nothing.
+        """
+        if move is not None:
+            self._planned.append(self._duration(move) * self._slowdown)
+            # Twice: firmware that cuts a move into pieces waits for the one before and for its own pieces.
+            return 2 * max(self._planned) + self._margin
+        if word == b"M220" and values.get(b"S", 0.0) > 0.0:
+            self._slowdown = 100.0 / values[b"S"]
+        longest = sum(self._planned) + self._margin
+        if word in _EMPTIES_PLANNER:
+            self._planned.clear()
+        if word == b"G4":
+            return longest + values.get(b"S", 0.0) + values.get(b"P", 0.0) / 1000.0
+        return longest + _OWN_TIME.get(word, 0.0)
+
+    def _duration(self, move: Move) -> float:
+        """Upper bound of the time of a move, s."""
+        speed = max(move.speed, _SLOWEST)
+        if self._limits is None:
+            x, y, z, e = move.delta
+            return 2 * max(max(hypot(x, y, z), abs(e)) / speed, abs(z) / _SLOWEST_Z)
+        block = make_block(self._limits, move.delta, speed)
+        return ramp_time(block.length, 0.0, block.speed, 0.0, block.acceleration) if block else 0.0

@@ -1,0 +1,231 @@
+"""Reading one line of the printer: what it means, whatever the firmware's way of saying it.
+
+Damage on the way back has no checksum to show itself. So a line that looks like the remains of an answer is
+told apart (`Garbled`) from text that is merely unknown, and the streamer then asks instead of guessing.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from printer_slicer.stream.events import Action, Busy, Message, Reading, Temperature
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = [
+    "Capability",
+    "Garbled",
+    "Identity",
+    "LineError",
+    "Ok",
+    "Position",
+    "Reply",
+    "Resend",
+    "Started",
+    "Stopped",
+    "Unknown",
+    "Wait",
+    "read_reply",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Ok:
+    """One more line is done with; up to line `number` if told. `heat`: it carries temperatures, as M105's."""
+
+    number: int | None = None
+    heat: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Resend:
+    """Line `number` is the next one the printer will take."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class LineError:
+    """Why a line was refused; names the wanted one a second time, ahead of the `Resend`."""
+
+    wanted: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """The printer has nothing to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """The printer has just begun: all it knew is lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """The printer will not go on: killed, a heater out of control, an error of Klipper's."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A command that the printer does not know, as it read it."""
+
+    command: bytes
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Name of the firmware."""
+
+    firmware: str
+
+
+@dataclass(frozen=True, slots=True)
+class Capability:
+    """Whether the firmware can do one thing."""
+
+    name: str
+    enabled: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Where the motion planned so far ends: x, y, z, mm."""
+
+    x: float
+    y: float
+    z: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Garbled:
+    """Remains of an answer; `refusal` when it may have been a `Resend`, so that an ok behind it means no."""
+
+    text: str
+    refusal: bool
+
+
+Reply: TypeAlias = (
+    Ok
+    | Resend
+    | LineError
+    | Wait
+    | Started
+    | Stopped
+    | Unknown
+    | Identity
+    | Capability
+    | Position
+    | Garbled
+    | Temperature
+    | Busy
+    | Action
+    | Message
+)
+
+_NUMBER: Final = rb"(-?\d+(?:\.\d*)?)"
+_OK: Final = re.compile(rb"ok(?: N(\d+))?(?: P\d+)?(?: B\d+)?")
+_OK_AND: Final = re.compile(rb"ok\s")
+_HEATERS: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
+_HEATER: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
+_POSITION: Final = re.compile(rb"X:\s*" + _NUMBER + rb"\s+Y:\s*" + _NUMBER + rb"\s+Z:\s*" + _NUMBER)
+_SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
+_RESEND_LETTERS: Final = "Resend:"
+_RESEND_LONGEST: Final = 20  # "Resend: " with a number of nine digits, and some damage
+
+
+def _position(found: re.Match[bytes]) -> tuple[Reply, ...]:
+    x, y, z = (float(value) for value in found.groups())
+    return (Position(x, y, z, _text(found.string)),)
+
+
+def _resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
+    asked = Resend(int(found[1]))
+    # The line break between the request and its ok was lost.
+    return (asked, Ok()) if found[2] else (asked,)
+
+
+_PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tuple[Reply, ...]]], ...]] = (
+    (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d+)(ok)?(?=\s|$)"), _resend),
+    (re.compile(rb"Last Line: *(\d+)\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
+    (re.compile(rb"expected line (\d+) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
+    (re.compile(rb"^start$"), lambda _: (Started(),)),
+    (re.compile(rb"^wait$"), lambda _: (Wait(),)),
+    (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_text(m[1])),)),
+    (
+        re.compile(
+            rb"^!!|^fatal:|kill\(\) called|Printer halted|system stopped|EMERGENCY SHUTDOWN"
+            rb"|^// Klipper state: (?:Shutdown|Disconnect)"
+        ),
+        lambda m: (Stopped(_text(m.string)),),
+    ),
+    (re.compile(rb"^//\s*action:\s*(.*)"), lambda m: (Action(_text(m[1])),)),
+    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (Unknown(m[1], _text(m.string)),)),
+    (re.compile(rb"FIRMWARE_NAME:\s*(.*?)(?:\s+[A-Z_]+:.*)?$"), lambda m: (Identity(_text(m[1])),)),
+    (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_text(m[1]), m[2] == b"1"),)),
+    (_POSITION, _position),
+)
+"""First match wins; the most urgent and the most certain stand first."""
+
+
+def read_reply(line: bytes) -> tuple[Reply, ...]:
+    """What one line says, without its line break; nothing for an empty line.
+
+    Two things at once come in the order in which they count: `ok T:...` is a report and then an ok.
+    """
+    if found := _OK.fullmatch(line):
+        return (Ok(int(found[1]) if found[1] else None),)
+    line = line.strip()
+    if not line:
+        return ()
+    if _OK_AND.match(line):
+        told = tuple(reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message))
+        return (*told, Ok(heat=any(isinstance(reply, Temperature) for reply in told)))
+    return _read_text(line)
+
+
+def _read_text(line: bytes) -> tuple[Reply, ...]:
+    for pattern, build in _PATTERNS:
+        if found := pattern.search(line):
+            return build(found)
+    if _HEATERS.match(line):
+        return (_temperature(line),)
+    text = _text(line)
+    damaged = "\ufffd" in text or not _SENSIBLE_CONTROL.fullmatch(text)
+    refusal = _resembles_resend(text) or (damaged and len(text) > len("ok N1"))
+    if refusal or damaged or len(line) <= 3 or line.startswith(b"ok"):
+        return (Garbled(text, refusal),)
+    return (Message(text),)
+
+
+def _temperature(line: bytes) -> Temperature:
+    readings = tuple(
+        Reading(name.decode(), float(actual), float(target) if target else None)
+        for name, actual, target in _HEATER.findall(line)
+    )
+    return Temperature(readings, waiting=b"W:" in line)
+
+
+def _resembles_resend(text: str) -> bool:
+    """Whether at least five of the seven characters of `Resend:` stand there in order."""
+    if len(text) > _RESEND_LONGEST:
+        return False
+    position = kept = 0
+    for letter in _RESEND_LETTERS:
+        found = text.find(letter, position)
+        if found >= 0:
+            position = found + 1
+            kept += 1
+    return kept >= 5
+
+
+def _text(data: bytes) -> str:
+    return data.decode(errors="replace").strip()

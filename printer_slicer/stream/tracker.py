@@ -1,0 +1,100 @@
+"""Where the commands lead: enough of G-code to know how long a move is and where the job ends.
+
+mm, and x, y, z, e. What a command makes unknown (homing, another coordinate system) stays unknown until a
+command says it again, so a comparison with the printer's own report never rests on a guess.
+"""
+
+from __future__ import annotations
+
+import re
+from math import hypot, pi
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from printer_slicer.stream.events import Spot
+
+__all__ = ["Move", "Tracker", "parse"]
+
+_WORD: Final = re.compile(rb"([GMT])\s*(\d+)")
+_VALUE: Final = re.compile(rb"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
+_AXES: Final = (b"X", b"Y", b"Z", b"E")
+_MOVES: Final = frozenset({b"G0", b"G1", b"G2", b"G3"})
+_OTHER_COORDINATES: Final = frozenset(
+    {b"G20", b"G53", b"G54", b"G55", b"G56", b"G57", b"G58", b"G59", b"M206", b"M428"}
+)
+
+
+class Move(NamedTuple):
+    """One motion command: travel of x, y, z, e and wanted speed (0 if none was named yet), mm and mm/s.
+
+    An arc counts as if it were unrolled along x, at the length of its full circle: an upper bound.
+    """
+
+    delta: tuple[float, float, float, float]
+    speed: float
+
+
+def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
+    """The word (`G1`, `M104`; empty if there is none) and the values of a command."""
+    found = _WORD.match(command)
+    if not found:
+        return b"", {}
+    values = {letter: float(value) for letter, value in _VALUE.findall(command, found.end())}
+    return b"%s%d" % (found[1], int(found[2])), values
+
+
+class Tracker:
+    """Follows commands in the order in which the printer gets them."""
+
+    def __init__(self) -> None:
+        self._position: list[float | None] = [None, None, None, 0.0]
+        self._relative = [False, False, False, False]
+        self._speed = 0.0
+        self._comparable = True
+
+    @property
+    def position(self) -> Spot:
+        """Where the motion so far ends: x, y, z, mm; None where it is not known."""
+        if not self._comparable:
+            return (None, None, None)
+        x, y, z, _ = self._position
+        return (x, y, z)
+
+    def follow(self, word: bytes, values: dict[bytes, float]) -> Move | None:
+        """The move that a parsed command makes, None for any other command."""
+        if word in _MOVES:
+            return self._move(word, values)
+        if word in {b"G90", b"G91"}:
+            self._relative = [word == b"G91"] * 4
+        elif word in {b"M82", b"M83"}:
+            self._relative[3] = word == b"M83"
+        elif word == b"G92":
+            for axis, letter in enumerate(_AXES):
+                if letter in values:
+                    self._position[axis] = values[letter]
+        elif word in {b"G28", b"G29"}:
+            self._position[:3] = [None, None, None]
+        elif word in _OTHER_COORDINATES:
+            self._comparable = False
+        return None
+
+    def _move(self, word: bytes, values: dict[bytes, float]) -> Move:
+        self._speed = values.get(b"F", self._speed * 60) / 60
+        delta = [0.0, 0.0, 0.0, 0.0]
+        for axis, letter in enumerate(_AXES):
+            value = values.get(letter)
+            if value is None:
+                continue
+            here = self._position[axis]
+            if self._relative[axis]:
+                delta[axis] = value
+                self._position[axis] = None if here is None else here + value
+            else:
+                # From an unknown place: the distance from zero is as good a guess of the length as any.
+                delta[axis] = value - (here or 0.0)
+                self._position[axis] = value
+        if word in {b"G2", b"G3"}:
+            radius = values.get(b"R") or hypot(values.get(b"I", 0.0), values.get(b"J", 0.0))
+            delta[:2] = [max(hypot(*delta[:2]), 2 * pi * abs(radius)), 0.0]
+        x, y, z, e = delta
+        return Move((x, y, z, e), self._speed)

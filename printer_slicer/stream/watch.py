@@ -1,0 +1,99 @@
+"""When silence has lasted too long.
+
+Three clues, from weak to strong: the patience for the line whose answer is due; what the printer has shown of
+its habit to say that it is busy; a sign that something was lost (remains of an answer, `wait`). They only decide
+when to ask, never what happened: that is the printer's to say.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from printer_slicer.stream.ledger import Line
+
+__all__ = ["Watch"]
+
+_USUAL_KEEPALIVE: Final = 2.0
+_LONGEST_KEEPALIVE: Final = 10.0
+"""s between two reports of being busy."""
+
+_MISSED: Final = 2.5
+"""Intervals without a report after which a printer that reports is not busy."""
+
+_HESITATE: Final = 0.3
+"""s between a sign of loss and the question: the answer may still be on its way."""
+
+_ON_ITS_WAY: Final = 0.5
+
+_ASK_AGAIN: Final = 1.0
+_ASK_AGAIN_LONGEST: Final = 8.0
+_MOST_QUESTIONS: Final = 6
+"""All of them together fit into the receive buffer of a printer that reads none of them."""
+
+
+class Watch:
+    """The clock over the lines in flight.
+
+    Attributes:
+        asked: questions since the last answer.
+    """
+
+    def __init__(self, give_up: float) -> None:
+        self.asked = 0
+        self._give_up = give_up
+        self._heard = -inf
+        self._busy: float | None = None
+        self._quiet = inf
+        self._hint = inf
+        self._asked_first = inf
+        self._asked_last = inf
+
+    def answered(self, now: float, *, settled: bool = False) -> None:
+        """An answer came; `settled` when no doubt is left about which lines arrived."""
+        self._heard = now
+        self._busy = None
+        self.asked = 0
+        if settled:
+            self._hint = inf
+
+    def busy(self, now: float) -> None:
+        """The printer says that it is busy: it lives, and it is in the habit of saying so."""
+        gap = now - self._busy if self._busy is not None else _USUAL_KEEPALIVE
+        gap = min(max(gap, _USUAL_KEEPALIVE), _LONGEST_KEEPALIVE)
+        # It may have been told to report less often: believe the longest gap.
+        self._quiet = max(_MISSED * gap, self._quiet if isfinite(self._quiet) else 0.0)
+        self.answered(now)
+        self._busy = now
+
+    def idle(self, oldest: Line, now: float) -> None:
+        """The printer says that it has nothing to do, while `oldest` waits for its answer."""
+        # Said just before the line arrived it means nothing.
+        if now - oldest.sent >= _ON_ITS_WAY:
+            self.suspect(now)
+
+    def suspect(self, now: float) -> None:
+        """Something was lost: ask soon."""
+        self._hint = min(self._hint, now + _HESITATE)
+
+    def due(self, oldest: Line) -> float:
+        """When to ask, or to ask again, while `oldest` waits for its answer, s; infinite for never."""
+        if self.asked:
+            pause = min(_ASK_AGAIN * 2 ** (self.asked - 1), _ASK_AGAIN_LONGEST)
+            again = self._asked_last + pause if self.asked < _MOST_QUESTIONS else inf
+            return min(again, self._asked_first + self._give_up)
+        since = max(oldest.sent, self._heard)
+        return min(since + min(oldest.patience, self._quiet), self._hint)
+
+    def given_up(self, now: float) -> bool:
+        """Whether it has been asked long enough."""
+        return self.asked > 0 and now >= self._asked_first + self._give_up
+
+    def ask(self, now: float) -> None:
+        """A question goes out."""
+        if not self.asked:
+            self._asked_first = now
+        self.asked += 1
+        self._asked_last = now
+        self._hint = inf

@@ -1,0 +1,150 @@
+"""The time of whole programs agrees with the planner that goes move by move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer.motion.rules import Limits, make_block, plan, ramp_time
+from printer_slicer.motion.whole import durations
+
+MARLIN = Limits(
+    max_speed=(300.0, 300.0, 12.0, 50.0),
+    max_acceleration=(3000.0, 2500.0, 100.0, 5000.0),
+    acceleration=1000.0,
+    travel_acceleration=1500.0,
+    retract_acceleration=2000.0,
+    corner="junction_deviation",
+    junction_deviation=0.02,
+    jerk=(10.0, 8.0, 0.4, 5.0),
+    square_corner_velocity=5.0,
+)
+MACHINES = [
+    replace(MARLIN, corner=corner, minimum_cruise_ratio=ratio)
+    for corner in ("junction_deviation", "jerk", "square_corner")
+    for ratio in (0.0, 0.5)
+]
+
+
+def one_by_one(delta: np.ndarray, speed: np.ndarray, limits: Limits) -> np.ndarray:
+    blocks = [make_block(limits, tuple(d), v) for d, v in zip(delta.tolist(), speed.tolist(), strict=True)]
+    seconds = np.zeros(len(delta))
+    seconds[[b is not None for b in blocks]] = plan([b for b in blocks if b is not None], limits)
+    return seconds
+
+
+def print_like(n_moves: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Curves of short pieces, long lines, travel, retractions, lifts and moves that go nowhere."""
+    rng = np.random.default_rng(seed)
+    heading = np.cumsum(rng.normal(0, 0.4, n_moves))
+    length = rng.exponential(2.0, n_moves) * rng.choice([0.02, 1.0, 20.0], n_moves)
+    delta = np.stack([length * np.cos(heading), length * np.sin(heading), 0 * length, length * 0.03], axis=1)
+    kind = rng.random(n_moves)
+    delta[kind < 0.1, 3] = 0.0
+    delta[kind < 0.04, :2] = 0.0
+    delta[kind < 0.02, 3] = rng.choice([-0.8, 0.8])
+    delta[(kind > 0.02) & (kind < 0.03), 2] = 0.2
+    return delta, rng.choice([0.0, 20.0, 60.0, 150.0], n_moves)
+
+
+@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+def test_a_print_takes_as_long_as_its_moves_one_by_one(limits: Limits) -> None:
+    delta, speed = print_like(20_000, seed=7)
+
+    np.testing.assert_allclose(
+        durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
+    )
+
+
+coordinates = st.one_of(st.just(0.0), st.floats(-40, 40), st.floats(-0.2, 0.2), st.sampled_from([-1.0, 1.0]))
+moves = st.lists(
+    st.tuples(coordinates, coordinates, coordinates, coordinates, st.floats(0.1, 300)), max_size=40
+)
+
+
+@given(moves, st.sampled_from(MACHINES))
+@settings(deadline=None)
+def test_any_moves_take_as_long_as_one_by_one(
+    rows: list[tuple[float, float, float, float, float]], limits: Limits
+) -> None:
+    columns = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    delta, speed = columns[:, :4], columns[:, 4]
+
+    np.testing.assert_allclose(
+        durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
+    )
+
+
+@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: Limits) -> None:
+    # A travel of 40 m: a sum of what the pieces gain would have grown to 1e8 (mm/s)² and lost eight digits.
+    delta = np.tile([0.024, 0.032, 0.0, 0.0], (1_000_000, 1))
+
+    seconds = durations(delta, np.full(len(delta), 200.0), limits)
+
+    assert seconds.sum() == pytest.approx(ramp_time(40_000.0, 0.0, 200.0, 0.0, 1500.0), rel=1e-9)
+    # The last piece brakes from what 0.04 mm allow: a slow corner a million moves away keeps its digits.
+    assert seconds[-1] == pytest.approx(sqrt(2 * 0.04 / 1500.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+def test_a_stop_parts_the_plan(limits: Limits) -> None:
+    delta, speed = print_like(300, seed=3)
+    delta[120] = 0.0  # a stop after a move that goes nowhere is a stop all the same
+    stops = np.zeros(300, dtype=bool)
+    stops[[50, 120, 299]] = True
+
+    seconds = durations(delta, speed, limits, stop_after=stops)
+
+    parts = [slice(0, 51), slice(51, 121), slice(121, 300)]
+    expected = np.concatenate([one_by_one(delta[part], speed[part], limits) for part in parts])
+    np.testing.assert_allclose(seconds, expected, rtol=1e-9, atol=0)
+
+
+@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+def test_acceleration_of_each_move_replaces_that_of_the_machine(limits: Limits) -> None:
+    delta, speed = print_like(200, seed=5)
+    delta[99:101] = 0.0
+    wanted = np.repeat([400.0, 2400.0], 100)
+    stops = np.arange(200) == 99
+
+    seconds = durations(delta, speed, limits, stop_after=stops, acceleration=wanted)
+
+    expected = [
+        one_by_one(
+            delta[part],
+            speed[part],
+            replace(limits, acceleration=a, travel_acceleration=a, retract_acceleration=a),
+        )
+        for part, a in ((slice(0, 100), 400.0), (slice(100, 200), 2400.0))
+    ]
+    np.testing.assert_allclose(seconds, np.concatenate(expected), rtol=1e-9, atol=0)
+
+
+def test_no_moves_take_no_time() -> None:
+    assert durations(np.zeros((0, 4)), np.zeros(0), MARLIN).shape == (0,)
+    assert durations(np.zeros((3, 4)), np.ones(3), MARLIN).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_arguments_are_left_as_they_were() -> None:
+    delta, speed = print_like(100, seed=1)
+    kept = delta.copy(), speed.copy()
+    delta.flags.writeable = speed.flags.writeable = False
+
+    durations(delta, speed, MARLIN)
+
+    assert np.array_equal(delta, kept[0])
+    assert np.array_equal(speed, kept[1])
+
+
+def test_faster_is_never_slower() -> None:
+    delta, speed = print_like(500, seed=2)
+
+    slow, fast = durations(delta, speed, MARLIN), durations(delta, 2 * speed, MARLIN)
+
+    assert fast.sum() < slow.sum()
