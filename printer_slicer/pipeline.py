@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from printer_slicer.adhesion import adhesion_paths
-from printer_slicer.extrusion import extrude
+from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.infill import infill_paths
 from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
@@ -54,4 +54,4 @@ def slice_part(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, r
 
 def gcode_of(program: Program, profile: Profile) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes."""
-    return write_gcode(program, profile)
+    return write_gcode(program, profile, float(move_seconds(program, profile).sum()))

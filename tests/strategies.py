@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, Float, normalize
 
-__all__ = ["areas", "box", "clean_areas", "rectilinear_rings", "star_rings"]
+__all__ = ["areas", "box", "clean_areas", "rectilinear_areas", "rectilinear_rings", "star_rings"]
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> Float:
@@ -45,7 +45,9 @@ def rectilinear_rings(draw: st.DrawFn) -> list[Float]:
 
 def areas(n_layers: int) -> st.SearchStrategy[Areas]:
     """Stacks of any rings: overlapping, touching, crossing; some layers are empty."""
-    several = st.lists(star_rings(), min_size=1, max_size=2).map(lambda many: sum(many, []))
+    several = st.lists(star_rings(), min_size=1, max_size=2).map(
+        lambda many: [ring for rings in many for ring in rings]
+    )
     layer = st.one_of(st.just([]), star_rings(), rectilinear_rings(), several)
     return st.lists(layer, min_size=n_layers, max_size=n_layers).map(Areas.from_rings)
 
@@ -53,3 +55,9 @@ def areas(n_layers: int) -> st.SearchStrategy[Areas]:
 def clean_areas(n_layers: int) -> st.SearchStrategy[Areas]:
     """Stacks of clean areas; some layers are empty."""
     return areas(n_layers).map(normalize)
+
+
+def rectilinear_areas(n_layers: int) -> st.SearchStrategy[Areas]:
+    """Stacks of clean areas with right angles only."""
+    layers = st.lists(rectilinear_rings(), min_size=n_layers, max_size=n_layers)
+    return layers.map(Areas.from_rings).map(normalize)

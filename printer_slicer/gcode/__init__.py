@@ -8,11 +8,12 @@ from typing import Final
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.klipper import KLIPPER
 from printer_slicer.gcode.marlin import MARLIN
-from printer_slicer.gcode.writer import write_program
+from printer_slicer.gcode.reader import Moves, read_moves
+from printer_slicer.gcode.writer import spoken, write_program
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile
 
-__all__ = ["FLAVOURS", "Dialect", "write_gcode"]
+__all__ = ["FLAVOURS", "Dialect", "Moves", "read_moves", "spoken", "write_gcode"]
 
 FLAVOURS: Final[Mapping[str, Dialect]] = {"marlin": MARLIN, "klipper": KLIPPER}
 

@@ -70,14 +70,22 @@ def offset(layers: list[Any], distance: Float, join: Join) -> list[Any]:
     shapes = _array(layers)
     if join == "round":
         return list(shapely.buffer(shapes, distance, quad_segs=_quarter_steps(distance)))
-    result = shapely.buffer(shapes, distance, join_style="mitre", mitre_limit=MITER_LIMIT)
+    result = _mitered(shapes, distance, MITER_LIMIT)
     kites, sharp = _corner_kites(store(layers), distance)
     # GEOS cuts sharp corners off at the limit. Where there are any, all are cut at the distance first, and
     # the points of the others put back.
-    square = shapely.buffer(shapes[sharp], distance[sharp], join_style="mitre", mitre_limit=1.0)
-    grown, shrunk = shapely.union(square, kites[sharp]), shapely.difference(square, kites[sharp])
+    square = _mitered(shapes[sharp], distance[sharp], 1.0)
+    grown = shapely.union(square, kites[sharp], grid_size=1 / STEPS_PER_MM)
+    shrunk = shapely.difference(square, kites[sharp], grid_size=1 / STEPS_PER_MM)
     result[sharp] = np.where(distance[sharp] > 0, grown, shrunk)
     return list(result)
+
+
+def _mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:
+    # GEOS looks for the crossing of parallel sides and copes with there being none; numpy sees the division.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        buffered: Shapes = shapely.buffer(shapes, distance, join_style="mitre", mitre_limit=limit)
+    return buffered
 
 
 def simplify(areas: Areas, tolerance: float) -> Areas:

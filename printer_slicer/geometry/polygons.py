@@ -16,8 +16,12 @@ Layer = Any
 STEPS_PER_MM: Final = 100_000
 """The grid to which areas are rounded: 0.01 µm, and still 10^13 mm wide in 64 bits."""
 
-MITER_LIMIT: Final = 2.0
-"""Corners with a point farther away than this many distances (sharper than 60°) are cut off square."""
+MITER_LIMIT: Final = 2.01
+"""Corners with a point farther away than this many distances are cut off square: those sharper than 60°.
+
+A little over 2, the value for 60°, so that rounding does not decide over the corners of equilateral
+triangles.
+"""
 
 ROUND_TOLERANCE: Final = 0.005
 """How far the chords of a round join may be from the circle, mm."""

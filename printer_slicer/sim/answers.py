@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.sim.machine import AXES, replaced
 
 if TYPE_CHECKING:
+    from printer_slicer.motion.rules import Axes, Limits
     from printer_slicer.sim.board import Board, Steps
     from printer_slicer.sim.words import Command
 
@@ -65,8 +66,8 @@ def _firmware(board: Board, _: Command) -> None:
         f" PROTOCOL_VERSION:1.0 MACHINE_TYPE:Simulated EXTRUDER_COUNT:1 UUID:{UUID}"
     )
     for name, present in front_end.capabilities:
-        present = present or (machine.probe_points > 0 and name in {"AUTOLEVEL", "Z_PROBE"})
-        board.say(f"Cap:{name}:{int(present)}")
+        probes = machine.probe_points > 0 and name in {"AUTOLEVEL", "Z_PROBE"}
+        board.say(f"Cap:{name}:{int(present or probes)}")
     if front_end.reports_area:
         low, high = (
             ",".join(f"{letter}:{at:.2f}" for letter, at in zip("xyz", corner, strict=True))
@@ -173,26 +174,15 @@ def _flow_ratio(board: Board, command: Command) -> None:
 
 def _settings(board: Board, command: Command) -> None:
     """M503: the settings that the simulated firmware has."""
-    x, y, z, e = board.steps
     limits, plain = board.limits, command.value("S") == 0.0
-    speed, most = limits.max_speed, limits.max_acceleration
+    general, retracting, travel = limits.acceleration, limits.retract_acceleration, limits.travel_acceleration
     lines = (
         ("; Linear Units:", "  G21 ; (mm)"),
-        ("; Steps per unit:", f"  M92 X{x:.2f} Y{y:.2f} Z{z:.2f} E{e:.2f}"),
-        (
-            "; Max feedrates (units/s):",
-            f"  M203 X{speed[0]:.2f} Y{speed[1]:.2f} Z{speed[2]:.2f} E{speed[3]:.2f}",
-        ),
-        (
-            "; Max Acceleration (units/s2):",
-            f"  M201 X{most[0]:.2f} Y{most[1]:.2f} Z{most[2]:.2f} E{most[3]:.2f}",
-        ),
-        (
-            "; Acceleration (units/s2):",
-            f"  M204 P{limits.acceleration:.2f} R{limits.retract_acceleration:.2f}"
-            f" T{limits.travel_acceleration:.2f}",
-        ),
-        ("; Advanced:", f"  M205 B20000.00 S0.00 T0.00 {_corner_words(board)}"),
+        ("; Steps per unit:", f"  M92 {_words(board.steps)}"),
+        ("; Max feedrates (units/s):", f"  M203 {_words(limits.max_speed)}"),
+        ("; Max Acceleration (units/s2):", f"  M201 {_words(limits.max_acceleration)}"),
+        ("; Acceleration (units/s2):", f"  M204 P{general:.2f} R{retracting:.2f} T{travel:.2f}"),
+        ("; Advanced:", f"  M205 B20000.00 S0.00 T0.00 {_corner_words(limits)}"),
     )
     for heading, line in lines:
         if not plain:
@@ -200,11 +190,16 @@ def _settings(board: Board, command: Command) -> None:
         board.say(line if plain else f"echo:{line}")
 
 
-def _corner_words(board: Board) -> str:
-    """The words of M205 that the machine's corner rule uses."""
-    if board.limits.corner == "junction_deviation":
-        return f"J{board.limits.junction_deviation:.2f}"
-    return " ".join(f"{letter}{value:.2f}" for letter, value in zip(AXES, board.limits.jerk, strict=True))
+def _words(axes: Axes) -> str:
+    """X, Y, Z and E with their values, as settings are said."""
+    return " ".join(f"{letter}{value:.2f}" for letter, value in zip(AXES, axes, strict=True))
+
+
+def _corner_words(limits: Limits) -> str:
+    """J or X, Y, Z and E, whichever the machine's corner rule goes by."""
+    if limits.corner == "junction_deviation":
+        return f"J{limits.junction_deviation:.2f}"
+    return _words(limits.jerk)
 
 
 def _timer(board: Board, command: Command) -> None:
@@ -230,7 +225,7 @@ def tool(board: Board, command: Command) -> None:
     """T: there is one extruder."""
     if command.code != "T0":
         board.say(f"echo:{command.code} Invalid extruder")
-        board.violated(f"no such extruder: {command.code}")
+        board.violated("no such extruder")
 
 
 def _ask_person(board: Board, command: Command) -> Steps:
@@ -238,10 +233,10 @@ def _ask_person(board: Board, command: Command) -> Steps:
     yield from board.drained()
     seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
     until = board.now + seconds if seconds > 0.0 else inf
-    board.waiting = True
+    board.waiting, board.busy_with = True, "paused for user"
     while board.waiting and board.now < until:
         yield until
-    board.waiting = False
+    board.waiting, board.busy_with = False, "processing"
 
 
 def _nothing(_: Board, __: Command) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import inf
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from printer_slicer.sim.heater import Heater
 from printer_slicer.sim.machine import AXES, Machine, Position
@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Board", "Steps"]
 
 Steps = Iterator[float]
-"""A command that takes time: it yields the moment (s) at which it wants to go on, and ends when it is done."""
-
-STANDSTILL: Final = 0.01
-"""mm/s; G-code can ask for a feed rate of zero, and the firmware takes the last useful one instead."""
+"""A command that takes time: yields the moment (s) at which it wants to go on, ends when it is done."""
 
 
 class Board:
@@ -41,6 +38,7 @@ class Board:
         guarded: all axes are homed and the soft endstops are on.
         hot: the hotend is known to stay hot enough until something changes.
         waiting: cleared by M108 to end a wait.
+        busy_with: what the printer says it is busy with.
         stops: how often M410 threw the planned moves away.
         killed: why the firmware halted.
     """
@@ -78,6 +76,7 @@ class Board:
         self.waiting = False
         self.stops = 0
         self.busy_seconds = front_end.busy_seconds
+        self.busy_with = "processing"
         self.report_seconds = 0.0
         self.next_report = inf
         self.timer_seconds = 0.0
@@ -94,14 +93,15 @@ class Board:
     def unknown(self, text: str) -> None:
         """Answer a command the firmware does not know."""
         self.say(f'echo:Unknown command: "{text}"')
-        self.violated(f'unknown command: "{text}"')
+        self.violated("unknown command")
 
     def temperatures(self) -> str:
         """`T:.. /.. B:.. /.. @:.. B@:..`, as every report has it."""
         now = self.now
         hotend, bed = self.hotend, self.bed
         return (
-            f"T:{hotend.temperature(now):.2f} /{hotend.target:.2f} B:{bed.temperature(now):.2f} /{bed.target:.2f}"
+            f"T:{hotend.temperature(now):.2f} /{hotend.target:.2f}"
+            f" B:{bed.temperature(now):.2f} /{bed.target:.2f}"
             f" @:{round(hotend.power_ratio(now) * 127)} B@:{round(bed.power_ratio(now) * 127)}"
         )
 
@@ -141,6 +141,11 @@ class Board:
         self.mover.expects_stop = True
         while self.mover.busy:
             yield self.mover.ends
+
+    def until(self, moment: float) -> Steps:
+        """Wait for a moment, s, however often somebody looks in between."""
+        while self.now < moment:
+            yield moment
 
     def stop_moving(self) -> None:
         """Stop at once; the moves planned are lost, the position is where the motors are."""

@@ -1,12 +1,12 @@
 """How a firmware reads its serial port: one table of switches, and the firmwares that are rows of it.
 
-    switch              MARLIN_2_1    MARLIN_2_1_ADVANCED   MARLIN_2_0_AVR
-    receive buffer      flow control  flow control          128 bytes, overflows in silence
-    after an error      reads on      reads on              throws away what has arrived
-    repeated line       last two: no answer at all          error and resend
-    ok                  plain         N, P and B            plain
-    M108, M112, M410    read early when un-numbered; with the emergency parser always
-    text going out      costs no time costs no time         holds up the main loop (10 bits per byte)
+switch              MARLIN_2_1    MARLIN_2_1_ADVANCED   MARLIN_2_0_AVR
+receive buffer      flow control  flow control          128 bytes, overflows in silence
+after an error      reads on      reads on              throws away what has arrived
+repeated line       last two: no answer at all          error and resend
+ok                  plain         N, P and B            plain
+M108, M112, M410    read early when un-numbered; with the emergency parser always
+text going out      costs no time costs no time         holds up the main loop (10 bits per byte)
 """
 
 from __future__ import annotations
@@ -47,13 +47,14 @@ class FrontEnd:
     Attributes:
         name: as M115 says it after "Marlin".
         banner: lines said after a reset.
-        receive_buffer: bytes the receive ring can hold unread (one less than its size); what comes when it is full
-            is lost. None = flow control: nothing is lost, the sender has to wait.
+        receive_buffer: bytes the receive ring can hold unread (one less than its size); what comes when it is
+            full is lost. None = flow control: nothing is lost, the sender has to wait.
         flushes_on_error: a refused line takes everything with it that has arrived behind it.
         repeats_dropped: how many of the last line numbers, when repeated, are dropped without any answer.
         ok_after_resend: whether `Resend: n` is followed by an ok of its own.
         advanced_ok: ok says the line number, the free planner places and the free queue places.
-        emergency_parser: M108, M112 and M410 act when their bytes arrive, whatever is waiting in front of them.
+        emergency_parser: M108, M112 and M410 act when their bytes arrive, whatever is waiting in front of
+            them.
         host_actions: says `//action:poweroff` when it halts.
         reports_area: M115 ends with the size of the machine.
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
@@ -97,14 +98,20 @@ _CAPABILITIES: Final = (
     *("SERIAL_XON_XOFF", "BINARY_FILE_TRANSFER", "EEPROM", "VOLUMETRIC", "AUTOREPORT_POS", "AUTOREPORT_TEMP"),
     *("PROGRESS", "PRINT_JOB", "AUTOLEVEL", "RUNOUT", "Z_PROBE", "LEVELING_DATA", "BUILD_PERCENT"),
     *("SOFTWARE_POWER", "TOGGLE_LIGHTS", "CASE_LIGHT_BRIGHTNESS", "EMERGENCY_PARSER", "HOST_ACTION_COMMANDS"),
-    *("PROMPT_SUPPORT", "SDCARD", "MULTI_VOLUME", "REPEAT", "SD_WRITE", "AUTOREPORT_SD_STATUS", "LONG_FILENAME"),
+    *(
+        "PROMPT_SUPPORT",
+        "SDCARD",
+        "MULTI_VOLUME",
+        "REPEAT",
+        "SD_WRITE",
+        "AUTOREPORT_SD_STATUS",
+        "LONG_FILENAME",
+    ),
     *("LFN_WRITE", "CUSTOM_FIRMWARE_UPLOAD", "EXTENDED_M20", "THERMAL_PROTECTION", "MOTION_MODES", "ARCS"),
     *("BABYSTEPPING", "CHAMBER_TEMPERATURE", "COOLER_TEMPERATURE", "MEATPACK", "CONFIG_EXPORT"),
 )
 
-_PRESENT: Final = frozenset(
-    {"AUTOREPORT_TEMP", "PRINT_JOB", "BUILD_PERCENT", "THERMAL_PROTECTION", "ARCS"}
-)
+_PRESENT: Final = frozenset({"AUTOREPORT_TEMP", "PRINT_JOB", "BUILD_PERCENT", "THERMAL_PROTECTION", "ARCS"})
 """What the simulated firmware can do; thermal protection because its heaters cannot run away."""
 
 MARLIN_2_1: Final = FrontEnd(name="bugfix-2.1.x (Jan  7 2023 12:00:00)", banner=_MARLIN_2_1_BANNER)

@@ -1,10 +1,10 @@
 """A heater as one warm lump of metal, solved exactly instead of step by step.
 
-The lump stores heat, is fed by the heater and loses heat to the room in proportion to how much warmer it is. The
-controller gives full power while it is far below the target, none while it is far above, and in between the power
-that would hold the target plus a share for what is missing. In each of the three the temperature is an exponential,
-so the temperature at any moment, and the moment of any temperature, are formulas; how often somebody looks changes
-nothing.
+The lump stores heat, is fed by the heater and loses heat to the room in proportion to how much warmer it is.
+The controller gives full power while it is far below the target, none while it is far above, and in between
+the power that would hold the target plus a share for what is missing. In each of the three the temperature is
+an exponential, so the temperature at any moment, and the moment of any temperature, are formulas; how often
+somebody looks changes nothing.
 
 Left out: overshoot, noise and lag of the sensor, the cooling by flowing filament, a heater that fails.
 """
@@ -96,6 +96,12 @@ class Heater:
         """Part cooling fan at `ratio` of its full speed, 0 to 1, from `now` on."""
         self.temperature(now)
         self._fan = ratio
+
+    def cool_from(self, before: Heater, now: float) -> None:
+        """Be the same lump of metal as `before`, switched off at `now`."""
+        self._temperature = before.temperature(now)
+        self._when = now
+        self.peak = before.peak
 
     def seconds_until(self, temperature: float, now: float) -> float:
         """Seconds from `now` until the temperature is first reached; infinite when it never is."""

@@ -1,12 +1,12 @@
 """From arriving bytes to lines that may be executed: buffer, line, number, checksum.
 
-    line begins with      number is          checksum is     then
-    anything else         -                  -               accepted, even with `*..` behind it
-    N                     not last + 1       -               refused, or dropped when it repeats a recent one
-    N                     last + 1           absent          refused
-    N                     last + 1           wrong           refused
-    N                     last + 1           right           accepted
-    N, holds M110         anything           as above        accepted; its own N counts, not the line's
+line begins with      number is          checksum is     then
+anything else         -                  -               accepted, even with `*..` behind it
+N                     not last + 1       -               refused, or dropped when it repeats a recent one
+N                     last + 1           absent          refused
+N                     last + 1           wrong           refused
+N                     last + 1           right           accepted
+N, holds M110         anything           as above        accepted; its own N counts, not the line's
 """
 
 from __future__ import annotations
@@ -78,10 +78,11 @@ class LineReader:
 
     def next(self) -> Line | None:
         """The next acceptable line; None when there is none yet, or when one was refused, see `fault`."""
-        while True:
+        while self._at < len(self._ring):
             end = self._ring.find(b"\n", self._at)
             if end < 0:
-                # What goes beyond the line buffer would be cut off in any case; kept is enough to know that it did.
+                # What goes beyond the line buffer would be cut off in any case; kept is enough to know that
+                # it did.
                 self._line = (self._line + self._ring[self._at :])[: self._keep + 1]
                 self._ring = b""
                 self._at = 0
@@ -94,6 +95,7 @@ class LineReader:
             line = self._judged(raw)
             if line is not None or self.fault:
                 return line
+        return None
 
     def _judged(self, raw: bytes) -> Line | None:
         """The line if it is acceptable. The shape nearly every line has gets a short way."""

@@ -1,4 +1,4 @@
-"""What the simulated printer is made of; the defaults are those of an unconfigured Marlin with a 0.4 mm hotend."""
+"""What the simulated printer is made of; the defaults are those of an unconfigured Marlin."""
 
 from __future__ import annotations
 

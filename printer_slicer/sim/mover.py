@@ -1,7 +1,8 @@
 """The planner in simulated time: moves go in at one end, and leave it when the motors have made them.
 
-How long a move takes is decided by `motion.rules.Lookahead` at the moment the move before it ends, as in a firmware:
-what arrives later can no longer change it. Nothing happens between calls; `advance` catches up with the clock.
+How long a move takes is decided by `motion.rules.Lookahead` at the moment the move before it ends, as in a
+firmware: what arrives later can no longer change it. Nothing happens between calls; `advance` catches up with
+the clock.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ ENOUGH_TO_START: Final = 3
 class Mover:
     """Executes blocks one after the other.
 
-    A planner of n blocks has n - 1 places, one of them held by the block that is being executed: a ring needs one
-    empty place to be told from an empty ring.
+    A planner of n blocks has n - 1 places, one of them held by the block that is being executed: a ring needs
+    one empty place to be told from an empty ring.
 
     Attributes:
-        ends: when the running move ends, or the standing machine will start; infinite when it stands for good.
+        ends: when the running move ends, or the standing machine will start; infinite when it stands for
+            good.
         targets: where the running move and each waiting move end, x, y, z, e, mm.
         expects_stop: a command asked for standing still, so running dry is no starvation.
     """

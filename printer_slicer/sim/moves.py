@@ -1,6 +1,7 @@
 """Commands that move: straight lines, arcs, homing, probing, and the standing still in between.
 
-A move is executed, and answered, when it has a place in the planner; that it is made later is the planner's business.
+A move is executed, and answered, when it has a place in the planner; that it is made later is the planner's
+business.
 """
 
 from __future__ import annotations
@@ -93,8 +94,7 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
         if block is not None and (dx or dy):
             board.tally.laid(old, goal)
             rate = de / block.length * block.speed
-            if rate > board.tally.peak_feed:
-                board.tally.peak_feed = rate
+            board.tally.peak_feed = max(board.tally.peak_feed, rate)
     elif de < 0.0:
         board.filament += de
         board.tally.filament_retracted -= de
@@ -207,7 +207,7 @@ def _dwell(board: Board, command: Command) -> Steps:
     seconds = command.value("S") or seconds
     if seconds > 0.0:
         began = board.now
-        yield began + seconds
+        yield from board.until(began + seconds)
         board.tally.dwell_seconds += board.now - began
 
 
@@ -220,7 +220,7 @@ def _home(board: Board, command: Command) -> Steps:
     position, offset = list(board.position), list(board.offset)
     for axis in named or range(3):
         way = abs(position[axis] - machine.home[axis])
-        yield board.now + way / machine.homing_speed[axis] + machine.homing_bump
+        yield from board.until(board.now + way / machine.homing_speed[axis] + machine.homing_bump)
         position[axis] = machine.home[axis]
         offset[axis] = 0.0
         board.homed[axis] = True
@@ -247,7 +247,7 @@ def _probe(board: Board, command: Command) -> Steps | None:
 def _probing(board: Board) -> Steps:
     yield from board.drained()
     began = board.now
-    yield began + board.machine.probe_points * board.machine.probe_seconds
+    yield from board.until(began + board.machine.probe_points * board.machine.probe_seconds)
     board.tally.homing_seconds += board.now - began
 
 
@@ -270,7 +270,7 @@ def _quick_stop(board: Board, _: Command) -> Steps | None:
 
 def _stopping(board: Board) -> Steps:
     board.stop_moving()
-    yield board.now + STOP_SECONDS
+    yield from board.until(board.now + STOP_SECONDS)
 
 
 def _set_position(board: Board, command: Command) -> None:

@@ -1,24 +1,27 @@
 """A simulated printer: firmware, heaters and motion behind a serial port, without I/O, clock or thread.
 
-Bytes go in with the moment they arrive, bytes come out, and the printer says when it wants to be asked again. All
-time is the caller's: a virtual clock makes a print of hours take seconds, the real one makes it a printer to test
-a host against. What happens depends only on the bytes and their times, never on how often anybody asks.
+Bytes go in with the moment they arrive, bytes come out, and the printer says when it wants to be asked again.
+All time is the caller's: a virtual clock makes a print of hours take seconds, the real one makes it a printer
+to test a host against. What happens depends only on the bytes and their times, never on how often anybody
+asks.
 
 Modelled:
-- the serial port: receive buffer with or without flow control, lines assembled from bytes however they are cut, the
-  96-byte line buffer, numbers, checksums, refusals and resends as the chosen front end does them, ok (also with
-  numbers), `busy`, `wait`, a main loop that takes time and waits for its own printing, M108, M112 and M410 seen
-  early, the emergency parser;
-- the command queue of four and the planner of sixteen: a move is answered when it has a place in the planner, so a
-  full planner holds back the ok; moves last as long as `motion.rules.Lookahead` says, with what it knew by then;
+- the serial port: receive buffer with or without flow control, lines assembled from bytes however they are
+  cut, the 96-byte line buffer, numbers, checksums, refusals and resends as the chosen front end does them, ok
+  (also with numbers), `busy`, `wait`, a main loop that takes time and waits for its own printing, M108, M112
+  and M410 seen early, the emergency parser;
+- the command queue of four and the planner of sixteen: a move is answered when it has a place in the planner,
+  so a full planner holds back the ok; moves last as long as `motion.rules.Lookahead` says, with what it knew
+  by then;
 - heaters that store and lose heat, waits with their window, M109 and M190 with S and R;
-- homing and probing that take their time, soft endstops, offsets, units, relative and absolute modes, arcs, feed
-  and flow ratios, limits changed by M201 to M205, refused cold extrusion;
+- homing and probing that take their time, soft endstops, offsets, units, relative and absolute modes, arcs,
+  feed and flow ratios, limits changed by M201 to M205, refused cold extrusion;
 - an account of all that, see `Report`: times, filament, heights, violations, starvations.
 
-Not modelled: steps and their rounding, pressure advance, filament and its melting, a bed that is not flat, sensors
-that fail or are noisy, thermal runaway and every other fault of the machine, EEPROM, SD card, display, more than one
-extruder, backspaces and quoting in lines, non-printing time of the firmware other than the main loop's, and a speed
+Not modelled: steps and their rounding, pressure advance, filament and its melting, a bed that is not flat,
+sensors that fail or are noisy, thermal runaway and every other fault of the machine, EEPROM, SD card,
+display, more than one extruder, backspaces and quoting in lines, non-printing time of the firmware other than
+the main loop's, and a speed
 within a move: the position in the middle of a move is taken by its share of time.
 """
 
@@ -50,6 +53,8 @@ _URGENT: Final = re.compile(rb" *(?:N[-0-9 ]*)?(M108|M112|M410)").match
 
 _URGENT_CODES: Final = frozenset({"M108", "M112", "M410"})
 
+_MOVES: Final = frozenset({"G0", "G1", "G2", "G3"})
+
 
 class SimulatedPrinter:
     """The printer's end of the cable.
@@ -73,7 +78,6 @@ class SimulatedPrinter:
         self._front_end = front_end
         self._on_executed = on_executed
         self._tally = Tally()
-        self._peaks = (machine.ambient, machine.ambient)
         self._start(0.0, banner=boots)
 
     def receive(self, data: bytes, now: float) -> None:
@@ -111,18 +115,20 @@ class SimulatedPrinter:
     def reset(self, now: float) -> None:
         """Restart the firmware, as a brown-out or the reset button does.
 
-        What it had read, planned and set is lost, what was counted is kept, the heaters cool from where they are.
+        What it had read, planned and set is lost, what was counted is kept, the heaters cool from where they
+        are.
         """
         self._advance(now)
         self._tally.resets += 1
         old = self._board
         old.stop_moving()
-        self._start(self._board.now, banner=True)
+        self._start(old.now, banner=True)
+        self._board.out[:0] = old.out
         for heater, before in ((self._board.hotend, old.hotend), (self._board.bed, old.bed)):
-            heater.resume(before, self._board.now)
+            heater.cool_from(before, old.now)
 
     def report(self) -> Report:
-        """What was executed so far; moves planned for later than the last call are in it but for their time."""
+        """What was executed so far; moves that have not begun are in it with everything but their time."""
         board = self._board
         board.mover.advance(board.now)
         for heater in (board.hotend, board.bed):
@@ -140,6 +146,7 @@ class SimulatedPrinter:
         self._steps: Steps | None = None
         self._resume_at = self._next_busy = inf
         self._next_wait = now + self._front_end.wait_seconds if self._front_end.wait_seconds else inf
+        self._numbered = False  # a line with a number was executed
         self._asking = False  # a refused line still needs its Resend
         self._ready = now  # the main loop has no time before
         self._charged = 0  # how many of the lines said have cost the main loop their time
@@ -154,8 +161,7 @@ class SimulatedPrinter:
         """Let everything happen that is due until `now`."""
         while self._next <= now:
             self._happen(self._next)
-        if now > self._board.now:
-            self._board.now = now
+        self._board.now = max(self._board.now, now)
 
     def _happen(self, now: float) -> None:
         """Let happen what is due at `now`."""
@@ -164,7 +170,7 @@ class SimulatedPrinter:
         if self._steps is not None and max(self._resume_at, self._ready) <= now:
             self._resume(self._steps)
         if self._steps is not None and self._next_busy <= now:
-            board.say("echo:busy: processing")
+            board.say(f"echo:busy: {board.busy_with}")
             self._next_busy = now + board.busy_seconds
         if board.next_report <= now:
             board.say(" " + board.temperatures())
@@ -249,7 +255,8 @@ class SimulatedPrinter:
         else:
             board.stop_moving()
             self._ready = max(self._ready, board.now) + STOP_SECONDS
-            self._resume_at = min(self._resume_at, self._ready) if self._steps_wait_for_motion() else self._resume_at
+            # A command that waited for moves waits for nothing now; any other goes back to sleep.
+            self._resume_at = min(self._resume_at, self._ready)
 
     def _refuse(self) -> None:
         """Say what is wrong with a line; saying so may take time in which more arrives."""
@@ -276,14 +283,16 @@ class SimulatedPrinter:
         self._tally.executed(text)
         if self._on_executed is not None:
             self._on_executed(text)
+        if number is not None:
+            self._numbered = True
+        elif self._numbered and text.partition(" ")[0] in _MOVES:
+            self._tally.unnumbered_moves += 1
         match = SIMPLE_MOVE(text)
         if match is None:
             steps = run(board, text)
             if board.renumber is not None:
                 self._reader.last, board.renumber = board.renumber, None
         else:
-            if number is None and self._reader.last:
-                self._tally.unnumbered_moves += 1
             steps = straight(board, match.groups())
         if steps is None:
             self._acknowledge()

@@ -39,18 +39,20 @@ class Report:
 
     Attributes:
         lines: executed commands, numbered on the wire or not.
-        digest: SHA-256 over the executed commands, each followed by a newline, without line number and checksum.
-        unnumbered_moves: moves executed from lines without a number after numbered lines had come: what is left of
-            a line whose beginning was lost looks like that.
+        digest: SHA-256 over the executed commands, each followed by a newline, without line number and
+            checksum.
+        unnumbered_moves: moves executed from lines without a number after numbered lines had come: what is
+            left of a line whose beginning was lost looks like that.
         motion_seconds: sum of the durations of all moves that were begun; a running one counts whole.
         dwell_seconds: asked for with G4.
         homing_seconds: in G28 and G29.
         heating_seconds: in M109 and M190.
-        starvations, starved_seconds: how often and how long the machine stood still only because the next move had
-            not come (up to 2 s each; after a command that waits for standstill it does not count).
+        starvations, starved_seconds: how often and how long the machine stood still only because the next
+            move had not come (up to 2 s each; after a command that waits for standstill it does not count).
         filament_fed: mm pushed forward, prime and deretraction included.
         filament_retracted: mm pulled back.
-        layers: z (mm, to 0.0001) at which plastic was laid while moving in x or y, in order of the first time.
+        layers: z (mm, to 0.0001) at which plastic was laid while moving in x or y, in order of the first
+            time.
         laid_min, laid_max: corners of the box around all such moves, mm; None when there were none.
         peak_flow: mm³/s, the highest at the cruise speed of a move.
         peak_hotend, peak_bed: °C.
@@ -97,7 +99,7 @@ class Report:
 
     @property
     def filament(self) -> float:
-        """mm of filament used: fed less retracted."""
+        """Filament used, mm: fed less retracted."""
         return self.filament_fed - self.filament_retracted
 
 
@@ -108,6 +110,7 @@ class Tally:
         "_batch",
         "_hash",
         "_layers",
+        "_text",
         "_z",
         "bytes_flushed",
         "bytes_lost",
@@ -147,6 +150,7 @@ class Tally:
         self.bytes_lost = self.bytes_flushed = self.resets = 0
         self.killed = ""
         self._hash = sha256()
+        self._text = ""
         self._batch: list[str] = []
         self._layers: dict[float, None] = {}
         self._z = inf
@@ -154,35 +158,34 @@ class Tally:
     def executed(self, text: str) -> None:
         """One more command."""
         self.lines += 1
+        self._text = text
         self._batch.append(text)
         if len(self._batch) >= BATCH:
             self._flush()
 
-    def violated(self, text: str) -> None:
-        """The command being executed did something it should not."""
+    def violated(self, what: str) -> None:
+        """The command being executed did `what`, which it should not."""
         self.n_violations += 1
         if len(self.violations) < MOST_VIOLATIONS:
-            self.violations.append(Violation(self.lines, text))
+            self.violations.append(Violation(self.lines, f"{what}: {self._text}"))
 
     def laid(self, start: Axes, end: Axes) -> None:
         """Plastic was laid from one place to another, mm."""
-        low, high = self.low, self.high
-        x, y, z, _ = end
-        if z != self._z:
-            self._z = z
+        if end[2] != self._z:
+            self._z = end[2]
             if len(self._layers) < MOST_LAYERS:
-                self._layers[round(z, 4)] = None
-            low[2], high[2] = min(low[2], z), max(high[2], z)
-        # Comparing is several times cheaper than calling min and max, and this runs for every bead.
-        for at_x, at_y in ((x, y), (start[0], start[1])):
-            if at_x < low[0]:
-                low[0] = at_x
-            if at_x > high[0]:
-                high[0] = at_x
-            if at_y < low[1]:
-                low[1] = at_y
-            if at_y > high[1]:
-                high[1] = at_y
+                self._layers[round(end[2], 4)] = None
+            self._grow(end)
+        low, high = self.low, self.high
+        for x, y, z, e in (start, end):
+            # Nearly every bead lies inside the box, and this question is cheaper than growing it.
+            if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
+                self._grow((x, y, z, e))
+
+    def _grow(self, place: Axes) -> None:
+        """Make the box around everything laid hold `place`."""
+        self.low = [min(low, at) for low, at in zip(self.low, place, strict=False)]
+        self.high = [max(high, at) for high, at in zip(self.high, place, strict=False)]
 
     def report(self, *, filament_area: float, peak_hotend: float, peak_bed: float) -> Report:
         """The counters as they stand; cross-section of the filament in mm², peaks of the heaters in °C."""
@@ -208,7 +211,5 @@ class Tally:
 
 
 _COUNTERS: Final = tuple(
-    name
-    for name in Report.__dataclass_fields__
-    if name in Tally.__slots__ and name != "violations"
+    name for name in Report.__dataclass_fields__ if name in Tally.__slots__ and name != "violations"
 )

@@ -1,14 +1,14 @@
 """One error on the wire, however many requests to send again it causes.
 
-With k lines in flight behind the bad one, firmware with flow control refuses each of them too (1 + k requests);
-firmware that empties its buffer asks once. So the streamer waits until all are there, or a moment has passed
-without one, and goes back once. The number of a refused line is said twice, in the error and in the request:
-only when both agree, or the same is said again, is a surprising number believed.
+With k lines in flight behind the bad one, firmware with flow control refuses each of them too (1 + k
+requests); firmware that empties its buffer asks once. So the streamer waits until all are there, or a moment
+has passed without one, and goes back once. The number of a refused line is said twice, in the error and in the
+request: only when both agree, or the same is said again, is a surprising number believed.
 
-    request names a line          in flight, or the next    already accepted      certainly accepted, or never made
-    alone                         go back                   ask                   ask
-    error agrees, or said twice   go back                   go back               the printer has lost count
-    error disagrees               ask                       ask                   ask
+    request names a line          in flight, next   accepted   certainly accepted, never made
+    alone                         go back           ask        ask
+    error agrees, or said twice   go back           go back    the printer has lost count
+    error disagrees               ask               ask        ask
 """
 
 from __future__ import annotations
@@ -61,6 +61,12 @@ class Burst:
         self.claim = wanted
         self.until = now + _SETTLE
 
+    def unrequested(self, ledger: Ledger, now: float) -> Verdict:
+        """Take the claim for the request that should have followed it, with nothing to confirm it."""
+        assert self.claim is not None
+        number, self.claim = self.claim, None
+        return self.request(number, ledger, now)
+
     def request(self, number: int, ledger: Ledger, now: float) -> Verdict:
         """The printer asks for `number`; its ok is still to come."""
         claim, self.claim = self.claim, None
@@ -90,14 +96,15 @@ class Burst:
         return self.wanted is not None or self.claim is not None
 
     def calm(self, accepted: int) -> None:
-        """Lines up to `accepted` were accepted after all: what contradicts that is no longer worth a doubt."""
+        """Lines up to `accepted` were accepted after all: no doubt is left from before."""
         self._doubted = None
         if self.wanted is not None and self.wanted <= accepted:
             self._forget()
 
     def ready(self, now: float) -> bool:
         """Whether all requests of this error are there, or no more of them is expected."""
-        return (self._missing <= 0 and not self.swallow) or now >= self.until
+        complete = self.claim is None and self._missing <= 0 and not self.swallow
+        return complete or now >= self.until
 
     def end(self) -> bool:
         """Forget the error, the streamer goes back now; False when it was told the same too often."""

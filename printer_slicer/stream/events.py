@@ -124,14 +124,5 @@ class Finished:
 
 
 Event: TypeAlias = (
-    Accepted
-    | ResendAsked
-    | Asked
-    | Temperature
-    | Busy
-    | Identified
-    | Action
-    | Message
-    | Halted
-    | Finished
+    Accepted | ResendAsked | Asked | Temperature | Busy | Identified | Action | Message | Halted | Finished
 )

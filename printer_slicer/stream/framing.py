@@ -18,7 +18,7 @@ from printer_slicer.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["LONGEST", "check_commands", "checksum", "frame", "strip"]
+__all__ = ["LONGEST", "check_commands", "checksum", "command_room", "frame", "strip"]
 
 LONGEST: Final = 95
 """Bytes of a numbered line, without its line break."""
@@ -54,6 +54,11 @@ def frame(number: int, command: bytes) -> bytes:
     """The line on the wire, without its line break."""
     body = b"N%d %s" % (number, command)
     return b"%s*%d" % (body, checksum(body))
+
+
+def command_room(number: int, room: int) -> int:
+    """Bytes that a command may have so that its line with this number, and its line break, has `room`."""
+    return room - len(b"N%d *255\n" % number)
 
 
 def check_commands(commands: Sequence[bytes]) -> None:

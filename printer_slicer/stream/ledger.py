@@ -97,25 +97,21 @@ class Ledger:
         self.cursor += 1
         return b"%s%s\n" % (start, line.text)
 
-    def accept(self, number: int) -> int | None:
-        """Count all lines in flight up to `number` as accepted; entries of the job done, if that changed."""
-        number = min(number, self.cursor - 1)
-        if number <= self.accepted:
-            return None
-        job = self._lines[number].job
+    def accept(self, number: int) -> int:
+        """Count the lines up to `number`, one in flight, as accepted; entries of the job done then."""
         for old in range(self.accepted + 1, number + 1):
             self._lines.pop(old - _KEPT, None)
         self.accepted = number
         self.prove(number - _CERTAIN_AFTER)
-        return job
+        return self._lines[number].job
 
     def prove(self, number: int) -> None:
         """Count all lines up to `number` as certainly accepted."""
         self.proven = max(self.proven, number)
 
     def find(self, command: bytes) -> int | None:
-        """Number of the oldest line in flight with this command."""
-        for number in range(self.accepted + 1, self.cursor):
+        """Number of the newest line in flight with this command."""
+        for number in range(self.cursor - 1, self.accepted, -1):
             if self._lines[number].command == command:
                 return number
         return None

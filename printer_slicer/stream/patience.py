@@ -1,9 +1,9 @@
 """How long the answer to a line may take if nothing is wrong.
 
 An `ok` for a move means "has a place in the planner". So the printer keeps the host waiting until the oldest
-planned move ends: at most as long as the longest of the last moves takes. Other commands may wait until all of
-them have ended. With the limits of the machine a move's time is that from rest to rest, which is longest; without
-them it is twice the nominal time, and everything else is generous too.
+planned move ends: at most as long as the longest of the last moves takes. Other commands may wait until all
+of them have ended. With the limits of the machine a move's time is that from rest to rest, which is longest;
+without them it is twice the nominal time, and everything else is generous too.
 
 Commands that heat, home, probe or wait for a person take their own time.
 """

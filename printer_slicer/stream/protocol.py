@@ -1,48 +1,43 @@
-"""The host's half of the conversation, without port, clock or thread: bytes and times in, bytes and events out.
+"""The host's half of the conversation, without port, clock or thread: bytes in, bytes and events out.
 
-The owner calls `send` and writes what it gives, waits until bytes arrive or `wakeup` is reached, and hands the
-bytes to `receive`. `events` tells what happened.
+The owner calls `send` and writes what it gives, waits until bytes arrive or `wakeup` is reached, and hands
+the bytes to `receive`. `events` tells what happened.
 
 What makes it safe to lose any byte in either direction: lines carry numbers, a number stands for one line for
-ever, and the printer takes them in order only. So nothing is ever repeated on suspicion. When an answer is missing
-or cannot be read, the streamer sends the *next* number, a harmless question for the temperatures: a printer that
-lacks a line says which, one that lacks none answers, and both end the doubt.
+ever, and the printer takes them in order only. So nothing is ever repeated on suspicion. When an answer is
+missing or cannot be read, the streamer sends the *next* number, a harmless question for the temperatures: a
+printer that lacks a line says which, one that lacks none answers, and both end the doubt.
 
 At most two lines are in flight, fewer bytes than the smallest receive buffer holds, and for a while only one
-after each error: Marlin empties its buffer on an error, and the tail of a line that was arriving just then would
-be read as a line without number, which needs no checksum.
+after each error: Marlin empties its buffer on an error, and the tail of a line that was arriving just then
+would be read as a line without number, which needs no checksum.
 
-Source: Marlin documentation "Host keepalive", "M110", "M105", "M115"; conversations with real firmware.
+Source: Marlin documentation, "M105", "M110", "M114", "M115", "Host keepalive"; what real firmware answered.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.stream import replies
-from printer_slicer.stream.burst import Burst, Verdict
 from printer_slicer.stream.events import (
     Accepted,
     Action,
     Asked,
     Busy,
     Event,
-    Finished,
     Halted,
-    Identified,
     Message,
     ResendAsked,
-    Spot,
     Temperature,
 )
-from printer_slicer.stream.framing import check_commands, strip
-from printer_slicer.stream.ledger import ASK, Ledger
-from printer_slicer.stream.patience import Patience
+from printer_slicer.stream.flight import Flight
+from printer_slicer.stream.framing import check_commands, command_room
+from printer_slicer.stream.greeting import Greeting
+from printer_slicer.stream.ledger import ASK
+from printer_slicer.stream.script import Script
 from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
-from printer_slicer.stream.tracker import Tracker, parse
-from printer_slicer.stream.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -51,17 +46,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Streamer"]
 
-_RESTART_COUNT: Final = b"\nN0 M110 N0*125\n"
 _EMERGENCY: Final = b"\nM112\n"
-_GREET_AGAIN: Final = 1.0
-_CAREFUL_LINES: Final = 300
-"""Lines sent one at a time after an error."""
-
 _LONGEST_REPLY: Final = 1024
-_SAME_PLACE: Final = 0.05
-"""mm; the printer says two decimals of single-precision numbers."""
-
-_MOST_LOOKS: Final = 3
 _CAUSE_WITHIN: Final = 1.0
 """s before "halted" in which the printer has said why."""
 
@@ -91,23 +77,15 @@ class Streamer:
         connect_timeout: float = 30.0,
         give_up: float = 30.0,
     ) -> None:
-        check_commands(commands)
-        self._commands = commands
-        self._taken = 0
+        self._script = Script(commands, limits)
+        self._greeting = Greeting(connect_timeout)
         self._acknowledged = 0
-        self._end_script: deque[bytes] | None = None
-        self._injected: deque[bytes] = deque()
-        self._window = (window_lines, window_bytes)
-        self._connect_timeout = connect_timeout
-        self._give_up = give_up
-        self._patience = Patience(limits)
-        self._tracker = Tracker()
+        self._flight_rules = (window_lines, window_bytes, give_up)
+        self._flight = Flight(*self._flight_rules)
         self._state = State.CONNECTING
         self._events: list[Event] = []
         self._partial = b""
         self._urgent = b""
-        self._opened: float | None = None
-        self._greet_at = -inf
         self._said: tuple[float, str] = (-inf, "")
         self._handlers: Mapping[type, Callable[[Any, float], None]] = {
             replies.Ok: self._on_ok,
@@ -126,20 +104,6 @@ class Streamer:
             Action: self._on_action,
             Message: self._on_message,
         }
-        self._begin()
-
-    def _begin(self) -> None:
-        """Line numbers start anew; nothing of the job has been sent."""
-        self._ledger = Ledger()
-        self._burst = Burst()
-        self._watch = Watch(self._give_up)
-        self._requested: int | None = None
-        self._careful = 0
-        self._firmware: str | None = None
-        self._capabilities: dict[str, bool] = {}
-        self._motion_ended = False
-        self._looks = 0
-        self._position: Spot | None = None
 
     # What the owner may know.
 
@@ -179,9 +143,7 @@ class Streamer:
         Raises:
             UsageError: it can never be sent.
         """
-        check_commands([command])
-        self._injected.append(command)
-        self._motion_ended = False
+        self._script.inject(command)
 
     def cancel(self, end_script: Sequence[bytes] = ()) -> None:
         """Drop the rest of the job, send the end script instead, and finish.
@@ -190,13 +152,10 @@ class Streamer:
             UsageError: a command of the script can never be sent.
         """
         check_commands(end_script)
-        if not self._apply(Trigger.CANCEL):
-            return
-        if self._state is State.HALTED:
-            self._events.append(Halted("cancelled before anything was printed", self._acknowledged))
-            return
-        self._end_script = deque(end_script)
-        self._injected.clear()
+        if self._apply(Trigger.CANCEL):
+            self._script.cancel(end_script)
+            if self._state is State.HALTED:
+                self._events.append(Halted("cancelled before anything was printed", self._acknowledged))
 
     def emergency_stop(self) -> None:
         """Kill the printer: M112 goes out ahead of everything, and nothing after it."""
@@ -222,237 +181,150 @@ class Streamer:
     def send(self, now: float) -> bytes:
         """What to write now; may be empty."""
         urgent, self._urgent = self._urgent, b""
+        if self._state in ENDED:
+            return urgent
         if self._state is State.CONNECTING:
             return urgent + self._greet(now)
-        if self._burst.active:
-            if not self._burst.ready(now):
+        if self._flight.burst.active:
+            if not self._flight.burst.ready(now):
                 return urgent
             self._go_back(now)
         out = [urgent]
-        if self._state not in ENDED and self._ledger.in_flight and now >= self._watch.due(self._ledger.oldest):
+        if self._state not in ENDED and self._flight.overdue(now):
             out.append(self._ask(now))
-        while self._has_next() and self._fits():
-            out.append(self._ledger.take(now))
+        while self._has_next():
+            out.append(self._flight.ledger.take(now))
         return b"".join(out)
 
     def wakeup(self) -> float | None:
         """When to call `send` even if nothing arrives; None for never."""
         if self._urgent:
-            return -inf
+            return 0.0
         if self._state in ENDED:
             return None
-        if self._state is State.CONNECTING:
-            return self._greet_at
-        due = inf
-        if self._burst.active:
-            due = self._burst.until
-        elif self._ledger.in_flight:
-            due = self._watch.due(self._ledger.oldest)
-        return due if isfinite(due) else None
+        due = self._greeting.due if self._state is State.CONNECTING else self._flight.due
+        return due if due is not None and isfinite(due) else None
 
     # Sending.
 
     def _greet(self, now: float) -> bytes:
-        """Set the line numbers, again and again: a board that resets when the port opens hears nothing at first."""
-        if self._opened is None:
-            self._opened = now
-        if now >= self._opened + self._connect_timeout:
-            self._halt(f"no printer answered within {self._connect_timeout:g} s: wrong port, speed or cable?")
+        if self._greeting.late(now):
+            self._halt("no printer answered: wrong port, speed or cable?")
             return b""
-        if now < self._greet_at:
-            return b""
-        self._greet_at = now + _GREET_AGAIN
-        return _RESTART_COUNT
+        return self._greeting.send(now)
 
     def _go_back(self, now: float) -> None:
         """The error has settled: what the printer wants goes out next."""
-        burst, ledger = self._burst, self._ledger
+        flight, burst = self._flight, self._flight.burst
         if burst.claim is not None:
-            self._on_resend(replies.Resend(burst.claim), now)
+            # The request behind this error never came; the error has named the line too.
+            flight.request(None, now)
+            self._check_count(now)
         wanted = burst.wanted
         if wanted is None:
             return
         if not burst.end():
             self._halt(f"the printer does not accept line {wanted}, whatever is sent")
             return
-        self._acknowledged = min(self._acknowledged, ledger.rewind(wanted))
-        self._requested = wanted
-        self._careful = _CAREFUL_LINES
-        self._watch.answered(now, settled=True)
+        self._acknowledged = min(self._acknowledged, flight.go_back(wanted, now))
         self._events.append(ResendAsked(wanted))
 
     def _ask(self, now: float) -> bytes:
-        """Ask which line the printer wants, by sending one that it should want."""
-        if self._watch.given_up(now):
-            self._halt(f"the printer has stopped answering: nothing for {self._give_up:g} s")
+        """Ask which line the printer wants."""
+        flight, ledger = self._flight, self._flight.ledger
+        if flight.watch.given_up(now):
+            self._halt("the printer has stopped answering")
             return b""
-        ledger = self._ledger
         if ledger.cursor == ledger.top:
             self._number(ASK)
-        self._careful = _CAREFUL_LINES
-        self._burst.swallow = False
-        self._watch.ask(now)
         self._events.append(Asked(ledger.cursor))
-        return ledger.take(now, break_first=True)
-
-    def _fits(self) -> bool:
-        """Whether the next line may join those in flight."""
-        ledger = self._ledger
-        lines, size = self._window
-        if not ledger.in_flight or ledger.cursor == self._requested:
-            return True
-        if ledger.in_flight >= (1 if self._careful else lines):
-            return False
-        return ledger.bytes_in_flight + len(ledger.next.text) + 1 <= size
+        return flight.ask(now)
 
     def _has_next(self) -> bool:
-        """Whether there is a line to send; gives the next command its number if need be."""
-        ledger = self._ledger
-        if self._state in ENDED:
+        """Whether a line may go out now; gives the next command its number if need be."""
+        flight = self._flight
+        if self._state in ENDED or self._state is State.CONNECTING:
             return False
-        if ledger.cursor < ledger.top:
-            return True
-        if ledger.in_flight >= self._window[0]:
-            return False
-        command = self._next_command()
+        if flight.ledger.cursor < flight.ledger.top:
+            return flight.repeats()
+        room = command_room(flight.ledger.top, flight.room())
+        command = self._next_command(room) if room > 0 else None
         if command is None:
             return False
         self._number(command)
         return True
 
-    def _next_command(self) -> bytes | None:
-        """The next command to get a number, None if there is none now."""
+    def _next_command(self, room: int) -> bytes | None:
+        """The next command to get a number, None if there is none now that has at most `room` bytes."""
+        script, idle = self._script, not self._flight.ledger.in_flight
         if self._state is State.IDENTIFYING:
-            return b"M115" if self._ledger.top == 1 else None
-        command = self._next_of(self._injected)
+            return b"M115" if self._flight.ledger.top == 1 else None
+        command = script.next_injected(room)
         if command is None and self._state in {State.STREAMING, State.CANCELLING}:
-            command = self._next_of_job() if self._end_script is None else self._next_of(self._end_script)
-            if command is None and not self._ledger.in_flight:
-                self._acknowledged = self._taken
-                self._motion_ended = False
+            command = script.next_of_job(room)
+            if command is None and idle:
+                self._acknowledged = script.taken
+                script.reopen()
                 self._apply(Trigger.ACCEPTED)
-        if command is None and self._state is State.FINISHING and not self._ledger.in_flight:
-            command = self._next_of_closing()
+        if command is None and self._state is State.FINISHING and idle:
+            command = script.next_of_closing()
+            if command is None:
+                self._apply(Trigger.FINISH)
+                self._events.append(script.finished(self._acknowledged))
         return command
 
-    def _next_of_job(self) -> bytes | None:
-        while self._taken < len(self._commands):
-            command = strip(self._commands[self._taken])
-            self._taken += 1
-            if command:
-                return command
-        return None
-
-    @staticmethod
-    def _next_of(commands: deque[bytes]) -> bytes | None:
-        while commands:
-            command = strip(commands.popleft())
-            if command:
-                return command
-        return None
-
-    def _next_of_closing(self) -> bytes | None:
-        """Wait for the end of the motion, then ask where the printer is: it can only know if it has it all."""
-        if not self._motion_ended:
-            self._motion_ended = True
-            self._looks = 0
-            return b"M400"
-        # A report may be lost or damaged: look again before believing that something is wrong.
-        if self._looks == 0 or (self._looks < _MOST_LOOKS and not self._verified()):
-            self._looks += 1
-            self._position = None
-            return b"M114"
-        self._apply(Trigger.FINISH)
-        self._events.append(
-            Finished(
-                acknowledged=self._acknowledged,
-                cancelled=self._end_script is not None,
-                position=self._position,
-                expected=self._tracker.position,
-                verified=self._verified(),
-            )
-        )
-        return None
-
-    def _verified(self) -> bool | None:
-        """Whether the printer is where the commands lead, None if that cannot be said."""
-        expected = self._tracker.position
-        if self._position is None:
-            return None
-        known = [(is_at, to_be) for is_at, to_be in zip(self._position, expected, strict=True) if to_be is not None]
-        if not known:
-            return None
-        return all(is_at is not None and abs(is_at - to_be) <= _SAME_PLACE for is_at, to_be in known)
-
     def _number(self, command: bytes) -> None:
-        word, values = parse(command)
-        move = self._tracker.follow(word, values)
-        self._ledger.add(command, self._taken, self._patience.allow(word, values, move))
+        self._flight.ledger.add(command, self._script.taken, self._script.follow(command))
 
     # Receiving.
 
     def _on_ok(self, ok: replies.Ok, now: float) -> None:
-        ledger, burst = self._ledger, self._burst
         if self._state is State.CONNECTING:
             self._on_greeting(ok)
             return
-        if ok.number is not None:
-            if ledger.accepted < ok.number < ledger.cursor:
-                self._accept(ok.number, now, settled=True)
-            return
-        asked = ledger.find(ASK) if ok.heat else None
-        if asked is not None:
-            burst.swallow = False
-            self._accept(asked, now, settled=True)
-            return
-        if burst.claim is not None:
-            # The request between the error and this ok was lost; the error has named the line too.
-            self._on_resend(replies.Resend(burst.claim), now)
-        if burst.swallow:
-            burst.swallow = False
-            return
-        oldest = ledger.accepted + 1
-        refused = burst.wanted is not None and oldest >= burst.wanted
+        flight = self._flight
+        settled = flight.settles(ok)
         # An ok may be left over from the greeting; only the name of the firmware proves that line 1 arrived.
-        stale = self._state is State.IDENTIFYING and self._firmware is None and not self._watch.asked
-        if ledger.in_flight and not refused and not stale:
-            self._accept(oldest, now)
+        if self._state is State.IDENTIFYING and not (
+            settled or self._greeting.firmware is not None or flight.watch.asked
+        ):
+            return
+        number = flight.belongs_to(ok, now)
+        self._check_count(now)
+        if number is None:
+            return
+        self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=settled))
+        if self._apply(Trigger.IDENTIFIED):
+            flight.ledger.prove(1)
+            self._events.append(self._greeting.identified())
 
     def _on_greeting(self, ok: replies.Ok) -> None:
-        if self._burst.swallow:
-            self._burst.swallow = False
-        elif self._opened is not None and not ok.heat:
+        if self._flight.burst.swallow:
+            self._flight.burst.swallow = False
+        elif self._greeting.begun and not ok.heat:
             self._apply(Trigger.GREETED)
-
-    def _accept(self, number: int, now: float, *, settled: bool = False) -> None:
-        ledger = self._ledger
-        self._careful = max(0, self._careful - (number - ledger.accepted))
-        self._acknowledged = max(self._acknowledged, ledger.accept(number))
-        self._burst.calm(number)
-        self._watch.answered(now, settled=settled or not ledger.in_flight)
-        if self._apply(Trigger.IDENTIFIED):
-            ledger.prove(1)
-            self._events.append(Identified(self._firmware or "", tuple(self._capabilities.items())))
 
     def _on_resend(self, resend: replies.Resend, now: float) -> None:
         if self._state is State.CONNECTING:
-            self._burst.swallow = True
-            self._greet_at = now
-            return
-        verdict = self._burst.request(resend.number, self._ledger, now)
-        if verdict is Verdict.ASK:
-            self._watch.suspect(now)
-        elif verdict is Verdict.LOST_COUNT:
-            self._restarted(f"it wants line {resend.number}, and line {self._ledger.cursor} is next", now)
+            self._flight.burst.swallow = True
+            self._greeting.forget(now)
+        else:
+            self._flight.request(resend.number, now)
+            self._check_count(now)
+
+    def _check_count(self, now: float) -> None:
+        wanted = self._flight.lost_count
+        if wanted is not None:
+            self._restarted(f"it wants line {wanted}, and line {self._flight.ledger.cursor} is next", now)
 
     def _on_line_error(self, error: replies.LineError, now: float) -> None:
         if self._state is not State.CONNECTING:
-            self._burst.error(error.wanted, now)
+            self._flight.burst.error(error.wanted, now)
         self._events.append(Message(error.text))
 
     def _on_wait(self, _: replies.Wait, now: float) -> None:
-        if self._ledger.in_flight:
-            self._watch.idle(self._ledger.oldest, now)
+        if self._flight.ledger.in_flight:
+            self._flight.watch.idle(self._flight.ledger.oldest, now)
 
     def _on_started(self, _: replies.Started, now: float) -> None:
         self._restarted("it has just started", now)
@@ -463,8 +335,8 @@ class Streamer:
         if self._state is State.HALTED:
             self._events.append(Halted(f"the printer was reset: {evidence}", self._acknowledged))
         else:
-            self._begin()
-            self._greet_at = now
+            self._flight = Flight(*self._flight_rules)
+            self._greeting.forget(now)
 
     def _on_stopped(self, stopped: replies.Stopped, now: float) -> None:
         told, cause = self._said
@@ -473,36 +345,33 @@ class Streamer:
 
     def _on_unknown(self, unknown: replies.Unknown, now: float) -> None:
         self._say(unknown.text, now)
-        if self._ledger.in_flight and not self._ledger.sent(unknown.command):
+        if not self._flight.ledger.sent(unknown.command):
             # It read the remains of a line as a line of its own: the ok behind this answers none of ours.
-            self._burst.swallow = True
-            self._watch.suspect(now)
+            self._flight.stray(now, refusal=True)
 
     def _on_identity(self, identity: replies.Identity, _: float) -> None:
         if self._state is State.IDENTIFYING:
-            self._firmware = identity.firmware
+            self._greeting.firmware = identity.firmware
 
     def _on_capability(self, capability: replies.Capability, _: float) -> None:
         if self._state is State.IDENTIFYING:
-            self._capabilities[capability.name] = capability.enabled
+            self._greeting.learn(capability.name, enabled=capability.enabled)
 
     def _on_position(self, position: replies.Position, now: float) -> None:
-        self._position = (position.x, position.y, position.z)
+        self._script.position = (position.x, position.y, position.z)
         self._say(position.text, now)
 
     def _on_garbled(self, garbled: replies.Garbled, now: float) -> None:
         self._say(garbled.text, now)
-        if self._ledger.in_flight:
-            self._burst.swallow = self._burst.swallow or garbled.refusal
-            self._watch.suspect(now)
+        self._flight.stray(now, refusal=garbled.refusal)
 
     def _on_temperature(self, temperature: Temperature, now: float) -> None:
         if temperature.waiting:
-            self._watch.answered(now)
+            self._flight.watch.answered(now)
         self._events.append(temperature)
 
     def _on_busy(self, busy: Busy, now: float) -> None:
-        self._watch.busy(now)
+        self._flight.watch.busy(now)
         self._events.append(busy)
 
     def _on_action(self, action: Action, _: float) -> None:

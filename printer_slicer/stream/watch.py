@@ -1,8 +1,8 @@
 """When silence has lasted too long.
 
-Three clues, from weak to strong: the patience for the line whose answer is due; what the printer has shown of
-its habit to say that it is busy; a sign that something was lost (remains of an answer, `wait`). They only decide
-when to ask, never what happened: that is the printer's to say.
+Three clues, from weak to strong: the patience for the line whose answer is due; what the printer has shown
+of its habit to say that it is busy; a sign that something was lost (remains of an answer, `wait`). They only
+decide when to ask, never what happened: that is the printer's to say.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ def test_the_rings_of_a_layer_are_those_that_were_put_in() -> None:
 
     assert [ring.tolist() for ring in stack.rings(1)] == [first.tolist(), second.tolist()]
     assert stack.ring(1).tolist() == second.tolist()
-    assert not list(stack.rings(0)) and not list(stack.rings(2))
+    assert [*stack.rings(0), *stack.rings(2)] == []
 
 
 @given(areas(3))

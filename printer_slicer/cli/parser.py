@@ -1,0 +1,191 @@
+"""What can be typed: commands, flags, help by example. Imports nothing heavy, so that --help answers at once."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+__all__ = ["build_parser"]
+
+_EXAMPLES = """\
+examples:
+  printer-slicer slice part.stl                      write part.gcode
+  printer-slicer slice part.stl --quality adaptive   thick layers where the shape allows, thin ones elsewhere
+  printer-slicer plan part.stl --picture plan.svg    compare layer plans, draw the chosen one
+  printer-slicer dry-run part.stl                    print it on a simulated printer and say what would happen
+  printer-slicer print part.stl --port sim:          the same over the serial protocol, line by line
+  printer-slicer ports                               which serial ports there are
+  printer-slicer print part.stl --port /dev/ttyUSB0  print it
+
+exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled, 7 verification failed
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line; `run` in its result is the function to call."""
+    parser = argparse.ArgumentParser(
+        prog="printer-slicer",
+        description="Slice a part with adaptive layer heights, export G-code, print it over USB, or dry-run it.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=_Version())
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    _slice(commands)
+    _plan(commands)
+    _dry_run(commands)
+    _print(commands)
+    _sim(commands)
+    _ports(commands)
+    _profiles(commands)
+    return parser
+
+
+class _Version(str):
+    """The version, looked up only when it is shown."""
+
+    __slots__ = ()
+
+    def __mod__(self, _: object) -> str:
+        from importlib.metadata import version  # noqa: PLC0415 - costs more than the rest of the parser
+
+        return f"printer-slicer {version('printer-slicer')}"
+
+
+def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
+    """A function that imports its module when it is called."""
+
+    def run(arguments: argparse.Namespace) -> int:
+        return int(getattr(import_module(f"printer_slicer.cli.{module}"), function)(arguments))
+
+    return run
+
+
+def _command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, meaning: str, examples: str
+) -> argparse.ArgumentParser:
+    return commands.add_parser(
+        name,
+        help=meaning,
+        description=meaning[0].upper() + meaning[1:] + ".",
+        epilog=f"examples:\n{examples}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+def _common(parser: argparse.ArgumentParser) -> None:
+    """Flags that decide how a part becomes G-code, and how results are said."""
+    group = parser.add_argument_group("settings")
+    group.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
+    group.add_argument("--material", metavar="NAME", help="material profile, likewise")
+    group.add_argument("--quality", metavar="NAME", help="quality profile, likewise")
+    group.add_argument("--planner", metavar="NAME", help="how layer heights are chosen: uniform, area")
+    group.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
+    )
+    _output(parser)
+
+
+def _output(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument("--json", action="store_true", help="machine-readable result on stdout")
+    group.add_argument("-q", "--quiet", action="store_true", help="only errors")
+    group.add_argument("-v", "--verbose", action="store_true", help="more about what happens")
+
+
+def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "slice",
+        "make G-code from a part",
+        "  printer-slicer slice part.stl -o part.gcode --printer corexy_klipper --material petg\n"
+        "  printer-slicer slice part.stl --set infill_density=0.3 --set speeds.travel=200\n"
+        "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12",
+    )
+    parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
+    parser.add_argument("-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the model; - for stdout")
+    parser.add_argument("--picture", metavar="FILE", type=Path, help="draw one layer's beads as SVG")
+    parser.add_argument("--layer", metavar="N", type=int, default=1, help="which layer to draw, from 1")
+    _common(parser)
+    parser.set_defaults(run=_later("slicing", "slice_command"))
+
+
+def _plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "plan",
+        "compare layer plans for a part",
+        "  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study\n"
+        "  printer-slicer plan part.stl --picture plan.svg --planner area",
+    )
+    parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
+    parser.add_argument("--picture", metavar="FILE", type=Path, help="draw the chosen plan as SVG")
+    _common(parser)
+    parser.set_defaults(run=_later("slicing", "plan_command"))
+
+
+def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "dry-run",
+        "print on a simulated printer, in seconds, and say what would happen",
+        "  printer-slicer dry-run part.stl\n  printer-slicer dry-run part.gcode --printer marlin_220 --json",
+    )
+    parser.add_argument("model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer")
+    _common(parser)
+    parser.set_defaults(run=_later("printing", "dry_run_command"))
+
+
+def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "print",
+        "print over a serial port",
+        "  printer-slicer print part.stl --port /dev/ttyUSB0\n"
+        "  printer-slicer print part.gcode --port socket://192.168.1.7:8888 --json\n"
+        "  printer-slicer print part.stl --port sim:          simulated printer, virtual clock",
+    )
+    parser.add_argument("model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer")
+    parser.add_argument("--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:")
+    parser.add_argument("--baud", type=int, metavar="N", help="default: as the printer's profile says")
+    _common(parser)
+    parser.set_defaults(run=_later("printing", "print_command"))
+
+
+def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "sim",
+        "serve the simulated printer on a pseudo-terminal until interrupted",
+        "  printer-slicer sim --pty /tmp/printer &\n"
+        "  printer-slicer print part.stl --port /tmp/printer\n"
+        "  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send",
+    )
+    parser.add_argument("--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it")
+    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="times real time; 0: do not wait at all")
+    parser.add_argument("--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end")
+    parser.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
+    parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting")
+    _output(parser)
+    parser.set_defaults(run=_later("printing", "sim_command"))
+
+
+def _ports(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(commands, "ports", "list the serial ports", "  printer-slicer ports --json")
+    _output(parser)
+    parser.set_defaults(run=_later("profiles", "ports_command"))
+
+
+def _profiles(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "profiles",
+        "list the shipped profiles and all settings",
+        "  printer-slicer profiles\n  printer-slicer profiles settings\n  printer-slicer profiles printer marlin_220",
+    )
+    parser.add_argument("what", nargs="?", choices=("list", "settings", "printer", "material", "quality"), default="list")
+    parser.add_argument("name", nargs="?", help="which one to show")
+    _output(parser)
+    parser.set_defaults(run=_later("profiles", "profiles_command"))

@@ -1,0 +1,245 @@
+"""`dry-run`, `print` and `sim`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from printer_slicer.cli.common import profile_from, say, stages, write_file
+from printer_slicer.errors import VerificationError
+from printer_slicer.gcode import spoken
+from printer_slicer.jobs import Job, job_from
+from printer_slicer.stream.events import Accepted, Event, Message, ResendAsked, Temperature
+
+if TYPE_CHECKING:
+    from printer_slicer.dry_run import Verdict
+    from printer_slicer.profile import Profile
+
+__all__ = ["dry_run_command", "print_command", "sim_command"]
+
+_SIMULATED = "sim:"
+
+
+def dry_run_command(arguments: argparse.Namespace) -> int:
+    """Print on the simulated printer and say what would happen."""
+    profile = profile_from(arguments)
+    with stages(arguments) as report:
+        job = job_from(arguments.model, profile, report=report)
+    verdict = _simulate(arguments, job, profile, events=False)
+    if arguments.json:
+        print(json.dumps(_as_json(verdict, job)))
+    else:
+        say(arguments, _as_text(verdict, profile))
+    _insist(verdict)
+    return 0
+
+
+def print_command(arguments: argparse.Namespace) -> int:
+    """Print over a port; `sim:` is the simulated printer in this process."""
+    profile = profile_from(arguments)
+    with stages(arguments) as report:
+        job = job_from(arguments.model, profile, report=report)
+    plan = f"{job.plan.n_layers} layers, " if job.plan else ""
+    say(arguments, f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion")
+    if arguments.port == _SIMULATED:
+        verdict = _simulate(arguments, job, profile, events=True)
+        if arguments.json:
+            print(json.dumps({"event": "verdict", **_as_json(verdict, job)}))
+        else:
+            say(arguments, _as_text(verdict, profile))
+        _insist(verdict)
+        return 0
+    return _print_on_port(arguments, job, profile)
+
+
+def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
+    from printer_slicer.printing import print_job
+
+    checkpoint = Path(f"{arguments.model.stem}.checkpoint.json")
+    with _progress(arguments, job, events=True) as tell:
+        done = print_job(
+            job, profile, arguments.port, baud=arguments.baud, on_event=tell, checkpoint=checkpoint
+        )
+    position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
+    if arguments.json:
+        print(json.dumps({"event": "finished", **asdict(done)}))
+    else:
+        known = f"; {position[done.verified]}" if done.verified is not None else ""
+        say(arguments, f"done: {done.commands} commands in {spoken(done.seconds)}{known}")
+    if done.verified is False:
+        raise VerificationError(
+            f"{job.name}: the printer took every command, but it is not where the job ends",
+            remedy="look at the part; lines were lost or changed on the cable",
+        )
+    return 0
+
+
+def _simulate(arguments: argparse.Namespace, job: Job, profile: Profile, *, events: bool) -> Verdict:
+    from printer_slicer.dry_run import dry_run
+
+    with _progress(arguments, job, events=events) as tell:
+        return dry_run(job, profile, on_event=tell)
+
+
+def _insist(verdict: Verdict) -> None:
+    if not verdict.ok:
+        more = f"\n  and {len(verdict.problems) - 1} more problems" if len(verdict.problems) > 1 else ""
+        raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
+
+
+class _progress:  # noqa: N801 - used like a function
+    """Turns events into a progress bar, or into JSON lines; neither where nobody would see it."""
+
+    def __init__(self, arguments: argparse.Namespace, job: Job, *, events: bool) -> None:
+        self._job = job
+        self._verbose = arguments.verbose and not arguments.quiet
+        self._json = arguments.json and events
+        self._bar: Callable[[int], None] | None = None
+        self._close: Callable[[], object] = lambda: None
+        self._wanted = not (arguments.json or arguments.quiet) and sys.stderr.isatty()
+        self._shown = -1
+
+    def __enter__(self) -> Callable[[Event], None]:
+        if self._wanted:
+            self._open_bar()
+        return self._tell
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def _open_bar(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        task = bar.add_task("printing", total=len(self._job.commands))
+        bar.start()
+        self._close = bar.stop
+        last = self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
+
+        def update(done: int) -> None:
+            layer = self._job.layer_of(done)
+            name = f"layer {layer} of {last}" if layer else "starting"
+            bar.update(task, completed=done, description=name)
+
+        self._bar = update
+
+    def _tell(self, event: Event) -> None:
+        if isinstance(event, Accepted):
+            self._advance(event.acknowledged)
+        elif self._json:
+            print(json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True)
+        elif self._verbose and isinstance(event, (Message, ResendAsked, Temperature)):
+            print(event, file=sys.stderr)
+
+    def _advance(self, done: int) -> None:
+        """A hundred steps are enough for people and for programs."""
+        percent = done * 100 // len(self._job.commands)
+        if percent == self._shown:
+            return
+        self._shown = percent
+        if self._json:
+            total = len(self._job.commands)
+            line = {"event": "progress", "done": done, "total": total, "layer": self._job.layer_of(done)}
+            print(json.dumps(line), flush=True)
+        elif self._bar:
+            self._bar(done)
+
+
+def _as_json(verdict: Verdict, job: Job) -> dict[str, object]:
+    report = asdict(verdict.report)
+    report["violations"] = [list(violation) for violation in verdict.report.violations]
+    return {
+        "job": verdict.job,
+        "ok": verdict.ok,
+        "executed_equals_sent": verdict.identical,
+        "commands": verdict.commands,
+        "executed": verdict.executed,
+        "heights_equal_plan": verdict.heights_equal,
+        "heights": list(verdict.heights),
+        "planned": job.plan.top.tolist() if job.plan else None,
+        "modelled_seconds": round(verdict.modelled_seconds, 3),
+        "simulated_seconds": round(verdict.simulated_seconds, 3),
+        "total_seconds": round(verdict.total_seconds, 3),
+        "problems": list(verdict.problems),
+        "printer": report,
+    }
+
+
+def _as_text(verdict: Verdict, profile: Profile) -> str:
+    report = verdict.report
+    ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
+    grams = report.filament * 3.141592653589793 * profile.material.filament_diameter**2 / 4000 * profile.material.density
+    sent = "executed = sent" if verdict.identical else "executed is NOT what was sent"
+    heights = "as planned" if verdict.heights_equal else "NOT as planned"
+    lines = [
+        f"{'verdict':<12}{sent}: {verdict.executed} of {verdict.commands} commands",
+        f"{'layers':<12}plastic at {len(verdict.heights)} heights, {heights}",
+        f"{'time':<12}{spoken(verdict.simulated_seconds)} of motion simulated, {spoken(verdict.modelled_seconds)} modelled"
+        f" ({ratio:+.2%}); {spoken(verdict.total_seconds)} with homing and heating",
+        f"{'filament':<12}{report.filament / 1000:.2f} m, {grams:.1f} g; at most {report.peak_flow:.1f} mm3/s",
+        f"{'wire':<12}{report.resends} resends; the planner ran dry {report.starvations} times,"
+        f" {report.starved_seconds:.2f} s, at {profile.printer.baud} Bd",
+    ]
+    if report.laid_min and report.laid_max:
+        span = " ".join(
+            f"{name} {low:.1f} to {high:.1f}"
+            for name, low, high in zip("xyz", report.laid_min, report.laid_max, strict=True)
+        )
+        lines.append(f"{'plastic':<12}{span} mm")
+    return "\n".join([*lines, *(f"{'problem':<12}{problem}" for problem in verdict.problems)])
+
+
+def sim_command(arguments: argparse.Namespace) -> int:
+    """Serve the simulated printer on a pseudo-terminal until interrupted."""
+    from printer_slicer.dry_run import Comparison, front_end_of, machine_of
+    from printer_slicer.sim.printer import SimulatedPrinter
+    from printer_slicer.sim.pty_server import serve
+
+    printer = profile_from(arguments).printer
+    comparison = Comparison()
+    stopped: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
+
+    def ready(name: str) -> None:
+        say(arguments, f"simulated {printer.name} at {arguments.pty} ({name}); Ctrl-C ends it")
+        sys.stdout.flush()
+
+    report = serve(
+        lambda: SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=comparison),
+        arguments.pty,
+        speed=arguments.speed,
+        stop=lambda: bool(stopped),
+        ready=ready,
+    )
+    result = {
+        **asdict(report),
+        "violations": [list(violation) for violation in report.violations],
+        "print_seconds": report.print_seconds,
+        "job_commands": comparison.executed,
+        "job_digest": comparison.digest,
+    }
+    if arguments.report:
+        write_file(arguments.report, (json.dumps(result) + "\n").encode())
+    if arguments.json:
+        print(json.dumps(result))
+    else:
+        say(
+            arguments,
+            f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights,"
+            f" {spoken(report.print_seconds)} of motion, {report.n_violations} violations",
+        )
+    return 0

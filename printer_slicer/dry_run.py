@@ -1,0 +1,209 @@
+"""Print a job on the simulated printer under an invented clock, over the real protocol, and judge what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from hashlib import sha256
+
+from printer_slicer.gcode import read_moves
+from printer_slicer.jobs import Job
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.profile import Printer, Profile
+from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
+from printer_slicer.sim.heater import HeaterSpec
+from printer_slicer.sim.link import VirtualPort
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.tally import Report
+from printer_slicer.stream.events import Event, Finished, Halted
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.session import run
+
+__all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "machine_of"]
+
+TIME_TOLERANCE = 0.01  # share by which simulated and modelled time may differ
+_LATENCY = 0.001  # s that an answer takes over USB
+_OURS = (b"M105", b"M110", b"M114", b"M115", b"M400")  # what the host asks on its own account
+_SHOWN = 20  # problems told in full
+
+
+def machine_of(printer: Printer) -> Machine:
+    """The machine that a printer's profile describes; what profiles do not say is that of a common printer."""
+    left, front = (-printer.bed_x / 2, -printer.bed_y / 2) if printer.origin == "centre" else (0.0, 0.0)
+    return Machine(
+        limits=limits_of(printer),
+        box_min=(left, front, 0.0),
+        box_max=(left + printer.bed_x, front + printer.bed_y, printer.bed_z + 10),
+        home=(left, front, 0.0),
+        hotend=HeaterSpec(
+            power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=printer.max_nozzle_temperature
+        ),
+        bed=HeaterSpec(
+            power=max(220.0, 0.006 * printer.bed_x * printer.bed_y),
+            heat_capacity=0.0155 * printer.bed_x * printer.bed_y,
+            loss=1.6 * printer.bed_x * printer.bed_y / 220**2,
+            fan_loss=0.2,
+            highest=printer.max_bed_temperature,
+        ),
+    )
+
+
+def front_end_of(printer: Printer) -> FrontEnd:
+    """How the simulated firmware answers; Klipper's own words are accepted where the profile says klipper."""
+    return replace(MARLIN_2_1, ignores_extended=printer.flavour == "klipper")
+
+
+class Comparison:
+    """Compares what a printer executes with what a job holds, command by command.
+
+    Attributes:
+        executed: commands of the job that were executed in their order.
+        strays: the first few commands that were executed and were not next in the job: (how many had been
+            executed before, the command).
+        digest: SHA-256 over the executed commands of the job, each followed by a newline.
+    """
+
+    def __init__(self, commands: tuple[bytes, ...] = ()) -> None:
+        self._commands = commands
+        self._hash = sha256()
+        self.executed = 0
+        self.n_strays = 0
+        self.strays: list[tuple[int, str]] = []
+
+    def __call__(self, text: str) -> None:
+        """One more executed command."""
+        command = text.encode("latin-1")
+        due = self.executed < len(self._commands) and command == self._commands[self.executed]
+        if due or not (self._commands or command.startswith(_OURS)):
+            self.executed += 1
+            self._hash.update(command + b"\n")
+        elif not command.startswith(_OURS):
+            self.n_strays += 1
+            if len(self.strays) < _SHOWN:
+                self.strays.append((self.executed, text))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 so far, in hexadecimal."""
+        return self._hash.hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a simulated print came to. Times in s, lengths in mm.
+
+    Attributes:
+        job: its name.
+        commands: in the job.
+        executed: of these, executed in order.
+        identical: every command was executed once, in order, and nothing else.
+        heights: z values at which the printer laid plastic, in order.
+        heights_equal: they are those of the job and, where it was sliced here, of the layer plan.
+        modelled_seconds: of the time model.
+        simulated_seconds: of the simulated printer.
+        total_seconds: with homing and heating.
+        report: the printer's own account.
+        problems: everything that should not be, in words; empty when all is well.
+    """
+
+    job: str
+    commands: int
+    executed: int
+    identical: bool
+    heights: tuple[float, ...]
+    heights_equal: bool
+    modelled_seconds: float
+    simulated_seconds: float
+    total_seconds: float
+    report: Report
+    problems: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether the job would print as intended."""
+        return not self.problems
+
+
+def dry_run(job: Job, profile: Profile, *, on_event: Callable[[Event], None] = lambda _: None) -> Verdict:
+    """Print a job on the simulated printer that the profile describes.
+
+    Args:
+        job: what to print.
+        profile: its printer part makes the machine, the speed of the port and the window of the host.
+        on_event: is told what the host is told, as it happens.
+    """
+    printer = profile.printer
+    comparison = Comparison(job.commands)
+    simulated = SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=comparison)
+    port = VirtualPort(simulated, baud=printer.baud, latency=_LATENCY)
+    streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
+    ends: list[Event] = []
+
+    def listen(event: Event) -> None:
+        if isinstance(event, (Finished, Halted)):
+            ends.append(event)
+        on_event(event)
+
+    run(streamer, port, port.now, on_event=listen)
+    report = simulated.report()
+    heights_equal = _same_heights(job, report.layers)
+    return Verdict(
+        job=job.name,
+        commands=len(job.commands),
+        executed=comparison.executed,
+        identical=comparison.executed == len(job.commands) and comparison.n_strays == 0,
+        heights=report.layers,
+        heights_equal=heights_equal,
+        modelled_seconds=job.seconds,
+        simulated_seconds=report.print_seconds,
+        total_seconds=port.now(),
+        report=report,
+        problems=tuple(_problems(job, profile, report, comparison, ends)),
+    )
+
+
+def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
+    """Whether the printer laid plastic at the heights of the text, and those are the plan's.
+
+    The start G-code may lay a line at a height of its own; such heights are left out of the comparison with the plan.
+    """
+    if tuple(seen) != job.heights[: len(seen)] or len(seen) != len(job.heights):
+        return False
+    if job.plan is None:
+        return True
+    # Heights of the start G-code: those of the moves before the first layer comment.
+    primed = set(_heights_before(job))
+    planned = [round(float(z), 4) for z in job.plan.top]
+    return set(seen) - primed <= set(planned) and [z for z in seen if z not in primed] == [
+        z for z in planned if z not in primed
+    ]
+
+
+def _heights_before(job: Job) -> list[float]:
+    """z at which the start G-code lays plastic."""
+    first = min(job.marks, default=0)
+    return read_moves(job.commands[:first]).heights()
+
+
+def _problems(
+    job: Job, profile: Profile, report: Report, comparison: Comparison, ends: list[Event]
+) -> list[str]:
+    """Everything that should not be, in words."""
+    problems = [f"the host gave up: {end.reason}" for end in ends if isinstance(end, Halted)]
+    if report.killed:
+        problems.append(f"the printer halted: {report.killed}")
+    if comparison.executed != len(job.commands):
+        problems.append(f"{comparison.executed} of {len(job.commands)} commands were executed")
+    problems += [f"executed out of turn after command {after}: {text}" for after, text in comparison.strays]
+    if not _same_heights(job, report.layers):
+        problems.append(f"the printer laid plastic at {len(report.layers)} heights, the job has {len(job.heights)}")
+    if job.seconds and abs(report.print_seconds / job.seconds - 1) > TIME_TOLERANCE:
+        problems.append(f"{report.print_seconds:.1f} s were simulated, {job.seconds:.1f} s modelled")
+    problems += [f"line {line}: {text}" for line, text in report.violations[:_SHOWN]]
+    if report.n_violations > _SHOWN:
+        problems.append(f"... and {report.n_violations - _SHOWN} more")
+    most = profile.material.max_flow
+    if job.program is None and report.peak_flow > most * 1.5:
+        problems.append(f"{report.peak_flow:.1f} mm3/s of plastic at most; {profile.material.name} melts {most:g}")
+    return problems

@@ -1,0 +1,125 @@
+"""A model or a G-code file as a job: the lines to send, and what is known about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from printer_slicer.errors import UsageError
+from printer_slicer.gcode import read_moves
+from printer_slicer.mesh_io import load_mesh
+from printer_slicer.model import LayerPlan, Program
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.profile import Profile
+
+__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from"]
+
+GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """What is to be printed.
+
+    Attributes:
+        name: of the file it came from, without folder.
+        text: the G-code as it would be written to a file.
+        commands: one per line, without comments and blanks.
+        seconds: modelled time of all moves and dwells, start and end G-code included; homing and heating are not.
+        heights: z at which plastic is laid, mm, in order of the first time; the start G-code's priming included.
+        end: (3,) where the last move ends, mm.
+        program: the moves, if the job was sliced here.
+        marks: command index -> layer (counted from 1), where the text has layer comments.
+    """
+
+    name: str
+    text: bytes
+    commands: tuple[bytes, ...]
+    seconds: float
+    heights: tuple[float, ...]
+    end: tuple[float, float, float]
+    program: Program | None = None
+    marks: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def plan(self) -> LayerPlan | None:
+        """The layer plan, if the job was sliced here."""
+        return self.program.plan if self.program else None
+
+    def layer_of(self, command: int) -> int:
+        """The layer, counted from 1, that the command with this index belongs to; 0 before the first."""
+        index = int(np.searchsorted(list(self.marks), command, side="right")) - 1
+        return list(self.marks.values())[index] if index >= 0 else 0
+
+
+def is_gcode(path: Path) -> bool:
+    """Whether a file is taken for G-code rather than for a model."""
+    return path.suffix.lower() in GCODE_SUFFIXES
+
+
+def job_from(path: Path, profile: Profile, *, report: Report = str) -> Job:
+    """The job that prints a model (sliced now) or a G-code file (as it is).
+
+    Raises:
+        PrinterSlicerError: the file cannot be read, sliced or sent.
+    """
+    if is_gcode(path):
+        report("reading")
+        return _job(path.name, _read(path), profile, None)
+    report("loading")
+    program = slice_part(load_mesh(path), profile, report=report)
+    report("writing")
+    return _job(path.name, gcode_of(program, profile), profile, program)
+
+
+def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> Job:
+    commands, marks = commands_of(text)
+    if not commands:
+        raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
+    moves = read_moves(commands)
+    end = moves.end[-1] if len(moves.end) else np.zeros(3)
+    return Job(
+        name,
+        text,
+        tuple(commands),
+        moves.seconds(limits_of(profile.printer)),
+        tuple(moves.heights()),
+        (float(end[0]), float(end[1]), float(end[2])),
+        program,
+        marks,
+    )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise UsageError(f"{path}: no such file", remedy="check the path") from None
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions") from None
+
+
+def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
+    """The commands of a G-code text without comments and blanks, and where layers begin.
+
+    Returns:
+        The commands, and command index -> layer counted from 1, from `;LAYER_CHANGE` or `;LAYER:` comments.
+    """
+    commands: list[bytes] = []
+    marks: dict[int, int] = {}
+    layer = 0
+    for line in text.split(b"\n"):
+        command, _, comment = line.partition(b";")
+        command = command.strip()
+        if command:
+            commands.append(command)
+        elif comment.startswith((b"LAYER_CHANGE", b"LAYER:")):
+            layer += 1
+            marks[len(commands)] = layer
+    return commands, marks

@@ -1,0 +1,153 @@
+"""The lines in flight: which answer belongs to which, what is in doubt, how many more may go out.
+
+an ok...                                  acknowledges
+with a number                             everything up to it
+with temperatures                         everything up to the oldest question for them
+right behind a refusal, or its remains    nothing
+for a line that was refused               nothing
+any other                                 the oldest line in flight
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.stream.burst import Burst, Verdict
+from printer_slicer.stream.framing import LONGEST
+from printer_slicer.stream.ledger import ASK, Ledger
+from printer_slicer.stream.watch import Watch
+
+if TYPE_CHECKING:
+    from printer_slicer.stream.replies import Ok
+
+__all__ = ["Flight"]
+
+_CAREFUL_LINES: Final = 300
+"""Lines sent one at a time after an error."""
+
+_ECHO: Final = 0.5
+"""s in which a printer that was busy answers the questions that have piled up."""
+
+
+class Flight:
+    """Numbered lines from 1 on, with everything known about their fate.
+
+    Attributes:
+        ledger: the lines.
+        burst: the error that is being settled.
+        watch: the clock over the oldest of them.
+        lost_count: line wanted by a printer that had it or can never have it; None while all is well.
+    """
+
+    def __init__(self, window_lines: int, window_bytes: int, give_up: float) -> None:
+        self.ledger = Ledger()
+        self.burst = Burst()
+        self.watch = Watch(give_up)
+        self.lost_count: int | None = None
+        self._window = (window_lines, window_bytes)
+        self._careful = 0
+        self._requested: int | None = None
+        self._echo_until = -inf
+
+    @property
+    def due(self) -> float | None:
+        """When something must be done if nothing arrives, s; None for never."""
+        if self.burst.active:
+            return self.burst.until
+        return self.watch.due(self.ledger.oldest) if self.ledger.in_flight else None
+
+    def room(self) -> int:
+        """Bytes that the next line may have, with its line break, to join those in flight now."""
+        ledger = self.ledger
+        if not ledger.in_flight:
+            return LONGEST + 1
+        lines, size = self._window
+        if ledger.in_flight >= (1 if self._careful else lines):
+            return 0
+        return size - ledger.bytes_in_flight
+
+    def repeats(self) -> bool:
+        """Whether a line that has its number may go out now."""
+        ledger = self.ledger
+        if ledger.cursor == ledger.top:
+            return False
+        return ledger.cursor == self._requested or len(ledger.next.text) < self.room()
+
+    def overdue(self, now: float) -> bool:
+        """Whether an answer should have come by now."""
+        return self.ledger.in_flight > 0 and now >= self.watch.due(self.ledger.oldest)
+
+    def ask(self, now: float) -> bytes:
+        """Send the next line ahead of its turn, so that the printer must say which line it wants."""
+        self._careful = _CAREFUL_LINES
+        self.burst.swallow = False
+        self.watch.ask(now)
+        return self.ledger.take(now, break_first=True)
+
+    def accept(self, number: int, now: float, *, settled: bool = False) -> int:
+        """Count the lines up to `number` as accepted; entries of the job done then."""
+        ledger = self.ledger
+        self._careful = max(0, self._careful - (number - ledger.accepted))
+        job = ledger.accept(number)
+        self.burst.calm(number)
+        self.watch.answered(now, settled=settled or not ledger.in_flight)
+        return job
+
+    def belongs_to(self, ok: Ok, now: float) -> int | None:
+        """The line up to which an ok acknowledges, None if it acknowledges nothing."""
+        ledger, burst = self.ledger, self.burst
+        if ok.number is not None:
+            return ok.number if ledger.accepted < ok.number < ledger.cursor else None
+        if ok.heat:
+            asked = ledger.find(ASK)
+            if asked is not None:
+                burst.swallow = False
+                self._echo_until = now + _ECHO
+                return asked
+            if now < self._echo_until:
+                return None
+        if burst.claim is not None:
+            # The request between the error and this ok was lost; the error has named the line too.
+            self.request(None, now)
+        if burst.swallow:
+            burst.swallow = False
+            return None
+        oldest = ledger.accepted + 1
+        refused = burst.wanted is not None and oldest >= burst.wanted
+        return oldest if ledger.in_flight and not refused else None
+
+    def settles(self, ok: Ok) -> bool:
+        """Whether such an ok leaves no doubt which lines arrived."""
+        return ok.number is not None or ok.heat
+
+    def request(self, number: int | None, now: float) -> None:
+        """Take note that the printer asks for a line; None: the one that an error has named."""
+        burst, ledger = self.burst, self.ledger
+        if number is None:
+            number = burst.claim
+            verdict = burst.unrequested(ledger, now)
+        else:
+            verdict = burst.request(number, ledger, now)
+        if verdict is Verdict.ASK:
+            self.watch.suspect(now)
+        elif verdict is Verdict.LOST_COUNT:
+            self.lost_count = number
+
+    def stray(self, now: float, *, refusal: bool) -> None:
+        """Something came that answers none of the lines in flight, or that cannot be read.
+
+        Args:
+            now: s.
+            refusal: an ok right behind it would mean no, or nothing.
+        """
+        if self.ledger.in_flight:
+            self.burst.swallow = self.burst.swallow or refusal
+            self.watch.suspect(now)
+
+    def go_back(self, wanted: int, now: float) -> int:
+        """Make `wanted` the next line; entries of the job that stay accepted."""
+        self._requested = wanted
+        self._careful = _CAREFUL_LINES
+        self.watch.answered(now, settled=True)
+        return self.ledger.rewind(wanted)

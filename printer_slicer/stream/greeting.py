@@ -1,0 +1,68 @@
+"""Meeting the printer: line numbers start anew, and it says who it is."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Final
+
+from printer_slicer.stream.events import Identified
+
+__all__ = ["Greeting"]
+
+_RESTART_COUNT: Final = b"\nN0 M110 N0*125\n"
+_AGAIN: Final = 1.0
+
+
+class Greeting:
+    """Asks for line 0 until the printer answers, and collects what it says about itself.
+
+    A board that resets when the port opens hears nothing at first, so asking goes on; its `start` makes the
+    next time at once.
+
+    Attributes:
+        firmware: name of the firmware, None until it is said.
+    """
+
+    def __init__(self, timeout: float) -> None:
+        self._at = -inf
+        self.firmware: str | None = None
+        self._capabilities: dict[str, bool] = {}
+        self._timeout = timeout
+        self._opened: float | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has asked."""
+        return self._opened is not None
+
+    @property
+    def due(self) -> float:
+        """When to ask next, s."""
+        return self._at
+
+    def late(self, now: float) -> bool:
+        """Whether it has asked long enough."""
+        return self._opened is not None and now >= self._opened + self._timeout
+
+    def send(self, now: float) -> bytes:
+        """What to write now."""
+        if self._opened is None:
+            self._opened = now
+        if now < self._at:
+            return b""
+        self._at = now + _AGAIN
+        return _RESTART_COUNT
+
+    def forget(self, now: float) -> None:
+        """The printer has just begun, or does not count as it should: ask at once, within the same time."""
+        self._at = now
+        self.firmware = None
+        self._capabilities.clear()
+
+    def learn(self, name: str, *, enabled: bool) -> None:
+        """Note one capability."""
+        self._capabilities[name] = enabled
+
+    def identified(self) -> Identified:
+        """What it knows about the printer."""
+        return Identified(self.firmware or "", tuple(self._capabilities.items()))

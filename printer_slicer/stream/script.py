@@ -1,0 +1,140 @@
+"""What is sent, in which order: injected commands, the job or the end script, the questions at the end."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.stream.events import Finished, Spot
+from printer_slicer.stream.framing import check_commands, strip
+from printer_slicer.stream.patience import Patience
+from printer_slicer.stream.tracker import Tracker, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from printer_slicer.motion.rules import Limits
+
+__all__ = ["Script"]
+
+_SAME_PLACE: Final = 0.05
+"""mm; the printer says two decimals of single-precision numbers."""
+
+_MOST_LOOKS: Final = 3
+
+
+class Script:
+    """All commands of a print that have no number yet.
+
+    Attributes:
+        taken: entries of the job that have been given out.
+        position: where the printer says it is, None until it says so.
+
+    Raises:
+        UsageError: an entry of the job can never be sent.
+    """
+
+    def __init__(self, commands: Sequence[bytes], limits: Limits | None) -> None:
+        check_commands(commands)
+        self.taken = 0
+        self.position: Spot | None = None
+        self._commands = commands
+        self._end_script: deque[bytes] | None = None
+        self._injected: deque[bytes] = deque()
+        self._motion_ended = False
+        self._looks = 0
+        self._patience = Patience(limits)
+        self._tracker = Tracker()
+
+    def inject(self, command: bytes) -> None:
+        """Give this out next.
+
+        Raises:
+            UsageError: it can never be sent.
+        """
+        check_commands([command])
+        self._injected.append(command)
+        self.reopen()
+
+    def cancel(self, end_script: Sequence[bytes]) -> None:
+        """Give out the end script instead of the rest of the job."""
+        self._end_script = deque(end_script)
+        self._injected.clear()
+
+    def reopen(self) -> None:
+        """The motion goes on: the questions at the end are to be asked again."""
+        self._motion_ended = False
+        self._looks = 0
+
+    def next_injected(self, room: int) -> bytes | None:
+        """The next command that a person wants, None if there is none or it is longer than `room`."""
+        return _next_of(self._injected, room)
+
+    def next_of_job(self, room: int) -> bytes | None:
+        """The next command of the job, or of the end script once cancelled.
+
+        None at its end, and for one that is longer than `room` bytes, which stays the next.
+        """
+        if self._end_script is not None:
+            return _next_of(self._end_script, room)
+        while self.taken < len(self._commands):
+            command = strip(self._commands[self.taken])
+            if len(command) > room:
+                return None
+            self.taken += 1
+            if command:
+                return command
+        return None
+
+    def next_of_closing(self) -> bytes | None:
+        """Wait for the end of the motion, then ask where the printer is; None when nothing is left to ask.
+
+        Only a printer that has executed every line can be where the last one leads.
+        """
+        if not self._motion_ended:
+            self._motion_ended = True
+            return b"M400"
+        # A report may be lost or damaged: look again before believing that something is wrong.
+        if self._looks == 0 or (self._looks < _MOST_LOOKS and not self._satisfied()):
+            self._looks += 1
+            self.position = None
+            return b"M114"
+        return None
+
+    def follow(self, command: bytes) -> float:
+        """Take note of a command that gets its number now; longest time until its ok, s."""
+        word, values = parse(command)
+        move = self._tracker.follow(word, values)
+        return self._patience.allow(word, values, move)
+
+    def finished(self, acknowledged: int) -> Finished:
+        """How the print ended."""
+        return Finished(
+            acknowledged=acknowledged,
+            cancelled=self._end_script is not None,
+            position=self.position,
+            expected=self._tracker.position,
+            verified=self._verified(),
+        )
+
+    def _satisfied(self) -> bool:
+        return self.position is not None and self._verified() is not False
+
+    def _verified(self) -> bool | None:
+        """Whether the printer is where the commands lead, None if that cannot be said."""
+        if self.position is None:
+            return None
+        pairs = zip(self.position, self._tracker.position, strict=True)
+        misses = [abs(is_at - to_be) for is_at, to_be in pairs if is_at is not None and to_be is not None]
+        return max(misses) <= _SAME_PLACE if misses else None
+
+
+def _next_of(commands: deque[bytes], room: int) -> bytes | None:
+    while commands:
+        command = strip(commands[0])
+        if len(command) > room:
+            return None
+        commands.popleft()
+        if command:
+            return command
+    return None

@@ -1,0 +1,180 @@
+"""Serial ports and their look-alikes: opening, errors with a way out, and what is plugged in.
+
+The only file that knows pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that pyserial
+understands (`socket://host:port`, `rfc2217://host:port`, `loop://`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import select
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import serial
+from serial.tools import list_ports as serial_list
+
+from printer_slicer.errors import PortError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from serial.tools.list_ports_common import ListPortInfo
+
+__all__ = ["PortInfo", "SerialPort", "list_ports", "open_port"]
+
+_BY_ID: Final = Path("/dev/serial/by-id")
+_WRITE_TIMEOUT: Final = 5.0
+_CHUNK: Final = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """A serial port of this computer.
+
+    Attributes:
+        device: its name, such as `/dev/ttyACM0`; may be another one after the cable was pulled.
+        by_id: a name that stays with the board, "" if there is none.
+        description: what the board says it is.
+        vid, pid: USB vendor and product, None if it is not on USB.
+        serial: serial number of the board, "" if it has none.
+    """
+
+    device: str
+    by_id: str
+    description: str
+    vid: int | None
+    pid: int | None
+    serial: str
+
+    @property
+    def address(self) -> str:
+        """The name to open it by: the lasting one if there is one."""
+        return self.by_id or self.device
+
+
+def list_ports(by_id: Path = _BY_ID) -> list[PortInfo]:
+    """The serial ports of this computer, those on USB first: a printer hardly ever is on another.
+
+    Args:
+        by_id: folder of lasting names, links to the devices.
+    """
+    names = _lasting_names(by_id)
+    ports = [_port_info(port, names) for port in serial_list.comports()]
+    return sorted(ports, key=lambda port: (port.vid is None, port.device))
+
+
+def _lasting_names(folder: Path) -> dict[str, str]:
+    """Device to lasting name."""
+    if not folder.is_dir():
+        return {}
+    return {str(link.resolve()): str(link) for link in sorted(folder.iterdir())}
+
+
+def _port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
+    return PortInfo(
+        device=port.device,
+        by_id=names.get(str(Path(port.device).resolve()), ""),
+        description=port.description or "",
+        vid=port.vid,
+        pid=port.pid,
+        serial=port.serial_number or "",
+    )
+
+
+def open_port(address: str, baud: int = 115200) -> SerialPort:
+    """The port behind an address, for this program alone.
+
+    Raises:
+        PortError: it does not exist, is in use, may not be opened, or cannot do this speed.
+    """
+    options = {} if "://" in address else {"exclusive": True}
+    try:
+        port = serial.serial_for_url(
+            address, baudrate=baud, timeout=0, write_timeout=_WRITE_TIMEOUT, **options
+        )
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise _refused(address, error) from error
+    # The usual 16 ms of a USB-UART would cost two thirds of the speed. Not every port has the switch.
+    with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
+        port.set_low_latency_mode(True)
+    return SerialPort(port, address)
+
+
+class SerialPort:
+    """A transport over an open port of pyserial."""
+
+    def __init__(self, port: serial.SerialBase, address: str) -> None:
+        self._port = port
+        self._address = address
+        self._descriptor = _descriptor(port)
+
+    def write(self, data: bytes) -> None:
+        """Hand over all bytes.
+
+        Raises:
+            PortError: the printer is gone, or takes nothing for 5 s.
+        """
+        with self._gone():
+            self._port.write(data)
+
+    def read(self, timeout: float) -> bytes:
+        """What has come, as soon as there is something, empty after `timeout` seconds without.
+
+        Raises:
+            PortError: the printer is gone.
+        """
+        with self._gone():
+            if self._descriptor is not None:
+                # Changing pyserial's own timeout would configure the port anew, each time.
+                ready, _, _ = select.select([self._descriptor], [], [], timeout)
+                return bytes(self._port.read(_CHUNK)) if ready else b""
+            self._port.timeout = timeout
+            first = bytes(self._port.read(1))
+            return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
+
+    def close(self) -> None:
+        """Let go of the port."""
+        # A port whose cable was pulled may complain; there is nothing left to lose.
+        with contextlib.suppress(OSError, ValueError):
+            self._port.close()
+
+    @contextlib.contextmanager
+    def _gone(self) -> Iterator[None]:
+        try:
+            yield
+        except serial.SerialTimeoutException as error:
+            message = f"{self._address} takes no bytes"
+            raise PortError(message, remedy="switch the printer off and on, and look at the cable") from error
+        except (OSError, TypeError, ValueError) as error:
+            # pyserial says OSError for a pulled plug, TypeError or ValueError for a port that is closed.
+            message = f"{self._address} is gone: {error}"
+            raise PortError(message, remedy="look at cable and power of the printer") from error
+
+
+def _descriptor(port: serial.SerialBase) -> int | None:
+    """A file descriptor that `select` can wait for, None where there is none."""
+    try:
+        descriptor = port.fileno()
+        select.select([descriptor], [], [], 0.0)
+    except (AttributeError, OSError, ValueError):
+        return None
+    return int(descriptor)
+
+
+def _refused(address: str, error: Exception) -> PortError:
+    """Why a port cannot be opened, and the way out."""
+    code = getattr(error, "errno", None)
+    if code in {errno.EACCES, errno.EPERM}:
+        remedy = "sudo usermod -aG dialout $USER (on Arch: uucp), then log in again"
+        return PortError(f"{address}: you may not open it", remedy=remedy)
+    if code in {errno.EBUSY, errno.EAGAIN}:
+        remedy = "close the other program: a slicer, a monitor, a second copy of this one"
+        return PortError(f"{address} is in use by another program", remedy=remedy)
+    if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
+        ports = ", ".join(port.address for port in list_ports())
+        remedy = f"found: {ports}" if ports else "no serial port was found: look at cable and power"
+        return PortError(f"there is no port {address}", remedy=remedy)
+    return PortError(f"{address} cannot be opened: {error}", remedy="look at the name and the speed")

@@ -1,0 +1,50 @@
+"""The pump between a streamer and a cable: the only place of the host that waits, and it waits in `read`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from printer_slicer.stream.events import Event
+    from printer_slicer.stream.protocol import Streamer
+    from printer_slicer.stream.transport import Transport
+
+__all__ = ["run"]
+
+_LONGEST_WAIT: Final = 0.25
+"""s; so soon does a wish of another thread, to pause or to stop, go out."""
+
+
+def run(
+    streamer: Streamer,
+    transport: Transport,
+    clock: Callable[[], float],
+    *,
+    on_event: Callable[[Event], None] = lambda _: None,
+) -> None:
+    """Stream until the printer is done, or halted; `streamer.state` tells which.
+
+    It may be left by any exception, such as Ctrl-C, and called again with the same streamer: what was cut off
+    on its way is found missing and sent again. So a caller may cancel in between and run the end script.
+
+    Args:
+        streamer: what to say.
+        transport: whom to say it to.
+        clock: seconds, from any beginning, never backwards.
+        on_event: called with each event; it may call the methods of the streamer.
+
+    Raises:
+        PortError: the cable is gone.
+    """
+    while True:
+        if data := streamer.send(clock()):
+            transport.write(data)
+        for event in streamer.events():
+            on_event(event)
+        if streamer.done:
+            return
+        due = streamer.wakeup()
+        wait = _LONGEST_WAIT if due is None else min(max(due - clock(), 0.0), _LONGEST_WAIT)
+        streamer.receive(transport.read(wait), clock())
