@@ -1,1 +1,101 @@
-"""Slice a part with adaptive layer heights, export G-code, print it over USB serial, or dry-run it."""
+"""Slice a part with adaptive layer heights, export G-code, print it over USB serial, or dry-run it.
+
+    import printer_slicer as ps
+
+    profile = ps.load_profile(quality="adaptive")
+    stages = ps.slice_stages(ps.load_mesh("part.stl"), profile)
+    text = ps.gcode_of(stages.program, profile)
+
+Names are imported when they are first used, so importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from printer_slicer.drawing import draw_layer, draw_plan
+    from printer_slicer.dry_run import Verdict, dry_run
+    from printer_slicer.errors import PrinterSlicerError
+    from printer_slicer.extrusion import move_seconds
+    from printer_slicer.jobs import Job, job_from
+    from printer_slicer.mesh_io import export_stl, load_mesh
+    from printer_slicer.model import LayerPlan, Mesh, Program, Sections
+    from printer_slicer.pipeline import Stages, gcode_of, slice_part, slice_stages
+    from printer_slicer.placing import place
+    from printer_slicer.planning import plan_layers
+    from printer_slicer.printing import print_job
+    from printer_slicer.profile import Profile, load_profile, profile_with
+    from printer_slicer.slicing import contours, cut
+
+_HOMES = {
+    "Job": "jobs",
+    "LayerPlan": "model",
+    "Mesh": "model",
+    "PrinterSlicerError": "errors",
+    "Profile": "profile",
+    "Program": "model",
+    "Sections": "model",
+    "Stages": "pipeline",
+    "Verdict": "dry_run",
+    "contours": "slicing",
+    "cut": "slicing",
+    "draw_layer": "drawing",
+    "draw_plan": "drawing",
+    "dry_run": "dry_run",
+    "export_stl": "mesh_io",
+    "gcode_of": "pipeline",
+    "job_from": "jobs",
+    "load_mesh": "mesh_io",
+    "load_profile": "profile",
+    "move_seconds": "extrusion",
+    "place": "placing",
+    "plan_layers": "planning",
+    "print_job": "printing",
+    "profile_with": "profile",
+    "slice_part": "pipeline",
+    "slice_stages": "pipeline",
+}
+
+__all__ = [
+    "Job",
+    "LayerPlan",
+    "Mesh",
+    "PrinterSlicerError",
+    "Profile",
+    "Program",
+    "Sections",
+    "Stages",
+    "Verdict",
+    "contours",
+    "cut",
+    "draw_layer",
+    "draw_plan",
+    "dry_run",
+    "export_stl",
+    "gcode_of",
+    "job_from",
+    "load_mesh",
+    "load_profile",
+    "move_seconds",
+    "place",
+    "plan_layers",
+    "print_job",
+    "profile_with",
+    "slice_part",
+    "slice_stages",
+]
+
+
+def __getattr__(name: str) -> object:
+    """A public name, imported now. The module `dry_run` and its function share a name: the function is public."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"printer_slicer.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -170,11 +170,11 @@ def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
     """
     if tuple(seen) != job.heights[: len(seen)] or len(seen) != len(job.heights):
         return False
-    if job.plan is None:
+    if job.program is None:
         return True
     # Heights of the start G-code: those of the moves before the first layer comment.
     primed = set(_heights_before(job))
-    planned = [round(float(z), 4) for z in job.plan.top]
+    planned = [round(float(z), 4) for z in job.program.plan.top[job.program.printed]]
     return set(seen) - primed <= set(planned) and [z for z in seen if z not in primed] == [
         z for z in planned if z not in primed
     ]

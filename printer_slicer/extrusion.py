@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Toolpaths
+from printer_slicer.geometry import crossed
+from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Sections, Toolpaths
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.whole import durations
 from printer_slicer.profile import Material, Profile
@@ -23,12 +24,13 @@ _ROUNDS = 4  # of slowing down: with acceleration, half the speed is not quite t
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 
 
-def extrude(paths: Toolpaths, profile: Profile) -> Program:
+def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     """The moves that print `paths` in order, with retractions, fan and temperatures.
 
+    The filament is pulled back where a travel leaves the part; what oozes inside is not seen.
     Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
     """
-    rows = _rows(paths, profile)
+    rows = _rows(paths, sections, profile)
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + _APPROACH]),
@@ -74,7 +76,7 @@ class _Rows:
     hop: Float
 
 
-def _rows(paths: Toolpaths, profile: Profile) -> _Rows:
+def _rows(paths: Toolpaths, sections: Sections, profile: Profile) -> _Rows:
     """Which moves there are: for each path some of the five that lead to it, then its beads."""
     printer = profile.printer
     size = np.diff(paths.start)
@@ -83,8 +85,9 @@ def _rows(paths: Toolpaths, profile: Profile) -> _Rows:
     leave = np.concatenate([np.zeros((1, 2)), end[:-1]])
     distance = np.hypot(*(begin - leave).T)
     first = np.arange(paths.n_paths) == 0
-    retract = (distance > printer.retract_before_travel) & ~first & (printer.retract_length > 0)
     new_layer = np.diff(paths.layer, prepend=-1) > 0
+    retract = (distance > printer.retract_before_travel) & ~first & (printer.retract_length > 0)
+    retract[retract] = crossed(sections.solid, leave[retract], begin[retract], paths.layer[retract])
     hop = np.where(first, _APPROACH, np.where(retract, printer.z_hop, 0.0))
     there = {
         _RETRACT: retract,

@@ -21,6 +21,7 @@ __all__ = [
     "Event",
     "Fan",
     "Float",
+    "Gap",
     "Heat",
     "Int",
     "LayerPlan",
@@ -73,8 +74,9 @@ class Mesh:
     @property
     def bounds(self) -> Float:
         """(2, 3) lowest and highest corner of the envelope, mm."""
-        corners = self.triangles.reshape(-1, 3)
-        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+        # Axis by axis: reducing strided columns is twenty times faster than reducing rows of three.
+        columns = [self.triangles[:, :, axis] for axis in range(3)]
+        return np.array([[column.min() for column in columns], [column.max() for column in columns]])
 
     @property
     def size(self) -> Float:
@@ -163,12 +165,32 @@ class Contours:
     repaired: Areas
 
 
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A place where the mesh is open: the contour of a layer had to be closed over `width` mm."""
+
+    layer: int
+    x: float
+    y: float
+    z: float
+    width: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Sections:
-    """The solid area of the part in each layer, simplified to the resolution of the profile."""
+    """The solid area of the part in each layer, simplified to the resolution of the profile.
+
+    Attributes:
+        plan: the layers.
+        solid: clean areas.
+        open_edges: edges of the mesh that lack a neighbour, or whose neighbour faces the other way.
+        gaps: where contours were closed over such edges, widest first.
+    """
 
     plan: LayerPlan
     solid: Areas
+    open_edges: int = 0
+    gaps: tuple[Gap, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,12 +202,14 @@ class Walls:
         width: (L,) extrusion width of each layer's perimeters.
         loops: centre lines, outermost first; one `Areas` per depth.
         inside: the area that skins and infill have to fill.
+        lost: (L,) mm² of each section that is too narrow for a bead and stays empty.
     """
 
     plan: LayerPlan
     width: Float
     loops: tuple[Areas, ...]
     inside: Areas
+    lost: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,6 +223,7 @@ class Regions:
         top_skin: solid, nothing above.
         solid: solid, within the shell thickness of a surface but not at it.
         sparse: to be filled with the infill pattern.
+        bridge_angle: (L,) radians; the direction in which most bridge lines rest on something at both ends.
     """
 
     plan: LayerPlan
@@ -207,6 +232,7 @@ class Regions:
     top_skin: Areas
     solid: Areas
     sparse: Areas
+    bridge_angle: Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -354,6 +380,11 @@ class Program:
     def start(self) -> Float:
         """(K, 3) position at the beginning of each move."""
         return np.concatenate([self.origin[None], self.xyz[:-1]])
+
+    @property
+    def printed(self) -> Int:
+        """The layers that hold plastic; those where the part is narrower than a bead do not."""
+        return np.unique(self.layer[self.role != Role.TRAVEL])
 
     @property
     def filament_used(self) -> float:

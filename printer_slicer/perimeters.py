@@ -30,9 +30,13 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
         loop = offset_open(offset(inside, -step), gap * _CLOSEST / 2)
         loops.append(loop)
         inside, step = loop, gap
+    lost = np.zeros(sections.plan.n_layers)
     if loops:
         inside = offset(loops[-1], -gap / 2)
-    return Walls(sections.plan, width, tuple(loops), inside)
+        covered = offset(loops[0], width / 2).area()
+        # Pointed joins put back a little more than round tools would take away; that is no loss.
+        lost = np.maximum(sections.solid.area() - covered, 0.0)
+    return Walls(sections.plan, width, tuple(loops), inside, lost)
 
 
 def perimeter_paths(walls: Walls) -> Toolpaths:

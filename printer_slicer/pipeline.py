@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
+from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.placing import place
@@ -17,13 +18,25 @@ from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
 
-__all__ = ["gcode_of", "slice_part"]
+__all__ = ["Stages", "gcode_of", "slice_part", "slice_stages"]
 
 Report = Callable[[str], None]
 
 
-def slice_part(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = str) -> Program:
-    """The moves that print a part.
+@dataclass(frozen=True, slots=True, eq=False)
+class Stages:
+    """Every value on the way from a part to its moves."""
+
+    part: Mesh
+    sections: Sections
+    walls: Walls
+    regions: Regions
+    toolpaths: Toolpaths
+    program: Program
+
+
+def slice_stages(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = str) -> Stages:
+    """Slice a part and keep the value of each stage.
 
     Args:
         mesh: the part, anywhere; it is put on the middle of the bed.
@@ -45,11 +58,17 @@ def slice_part(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, r
     report("regions")
     regions = classify(sections, walls, profile)
     report("toolpaths")
-    parts = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
+    paths = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
     report("ordering")
-    toolpaths = order(Toolpaths.joined(plan, parts), sections, profile)
+    toolpaths = order(Toolpaths.joined(plan, paths), sections, profile)
     report("extrusion")
-    return extrude(toolpaths, profile)
+    program = extrude(toolpaths, sections, profile)
+    return Stages(part, sections, walls, regions, toolpaths, program)
+
+
+def slice_part(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = str) -> Program:
+    """The moves that print a part; arguments and errors are those of `slice_stages`."""
+    return slice_stages(mesh, profile, plan=plan, report=report).program
 
 
 def gcode_of(program: Program, profile: Profile) -> bytes:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.bridges import bridge_angles
 from printer_slicer.geometry import difference, intersection, offset, offset_open, union, window_intersection
 from printer_slicer.model import Areas, Float, Int, LayerPlan, Regions, Sections, Walls
 from printer_slicer.profile import Profile
@@ -41,7 +42,14 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
         top_skin=up,
         solid=difference(difference(shell, down), up),
         sparse=difference(inside, shell),
+        bridge_angle=bridge_angles(down, _below(solid), walls.width, np.deg2rad(quality.infill_angle_deg)),
     )
+
+
+def _below(solid: Areas) -> Areas:
+    """For each layer the section of the layer below; nothing under the first."""
+    own = np.arange(solid.n_layers)
+    return window_intersection(solid, own - 1, own)
 
 
 def _window_above(plan: LayerPlan, thickness: float) -> tuple[Int, Int]:

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, normalize, simplify
 from printer_slicer.geometry.planes import Crossings, cross
-from printer_slicer.model import Contours, LayerPlan, Mesh, Sections
+from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, Sections
 
-__all__ = ["Gap", "contours", "cut", "open_places"]
+__all__ = ["contours", "cut", "open_places"]
 
 _LARGEST_GAP = 1.0  # mm; a wider gap in a contour is a missing face, not a crack
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """A place where the mesh is open: a contour had to be closed over `width` mm."""
-
-    layer: int
-    z: float
-    x: float
-    y: float
-    width: float
 
 
 def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
@@ -39,14 +26,14 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
         PartError: the planes meet no material, or the contours cannot be closed.
     """
     crossings = cross(mesh.triangles, plan.cut)
-    rings = _joined(crossings, plan, mesh.name)[0]
+    rings, gaps = _joined(crossings, plan, mesh.name)
     solid = normalize(simplify(rings, resolution))
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
             remedy="the part may be thinner than one layer, or inside out; check its size and units",
         )
-    return Sections(plan, solid)
+    return Sections(plan, solid, crossings.unpaired, tuple(gaps))
 
 
 def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
@@ -60,8 +47,7 @@ def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
 def open_places(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
     """How many edges lack a neighbour, and where contours had to be closed over a gap, widest first."""
     crossings = cross(mesh.triangles, plan.cut)
-    gaps = _joined(crossings, plan, mesh.name)[1]
-    return crossings.unpaired, sorted(gaps, key=lambda gap: -gap.width)
+    return crossings.unpaired, _joined(crossings, plan, mesh.name)[1]
 
 
 def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, list[Gap]]:
@@ -127,15 +113,15 @@ def _close(following: Int, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
             width = float(distance[i, j])
             if width > 0:
                 x, y = crossings.xy[ends[i]]
-                gaps.append(Gap(int(plane), float(plan.cut[plane]), float(x), float(y), width))
+                gaps.append(Gap(int(plane), float(x), float(y), float(plan.cut[plane]), width))
             distance[i], distance[:, j] = np.inf, np.inf
-    return gaps
+    return sorted(gaps, key=lambda gap: -gap.width)
 
 
 def _refuse_wide(gaps: list[Gap], name: str, n_edges: int) -> None:
     """Raise when a contour had to be closed over more than a crack."""
-    wide = max(gaps, key=lambda gap: gap.width, default=None)
-    if wide is not None and wide.width > _LARGEST_GAP:
+    if gaps and gaps[0].width > _LARGEST_GAP:
+        wide = gaps[0]
         raise MeshError(
             f"{name}: the surface is open: {n_edges} edges have no neighbour; the widest gap is {wide.width:.3g} mm "
             f"at x {wide.x:.2f} y {wide.y:.2f} z {wide.z:.2f}",

@@ -130,7 +130,7 @@ PARTS: Final[Mapping[str, Callable[[], Mesh]]] = {
 
 def _mesh(name: str, *surfaces: Float) -> Mesh:
     """Surfaces (n, 3, 3) as one mesh."""
-    rounded: Float = np.round(np.concatenate(surfaces), 4)
+    rounded = np.asarray(np.round(np.concatenate(surfaces), 4), dtype=np.float64)
     return Mesh(rounded + 0.0, name)  # + 0.0 turns -0.0 into 0.0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,18 +16,19 @@ from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import LayerPlan, Mesh, Program
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.model import Mesh, Program
+from printer_slicer.pipeline import gcode_of, slice_part, slice_stages
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.slicing import cut, open_places
+from printer_slicer.slicing import cut
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
 
 __all__ = ["plan_command", "slice_command"]
 
+_WORTH_SAYING = 0.002  # share of the part
 _MOST_RUNS = 6  # stretches of equal height shown per plan
 
 
@@ -37,13 +39,16 @@ def slice_command(arguments: argparse.Namespace) -> int:
     with stages(arguments) as report:
         report("loading")
         mesh = load_mesh(arguments.model)
-        program = slice_part(mesh, profile, report=report)
+        stage = slice_stages(mesh, profile, report=report)
+        program = stage.program
         report("writing")
         write_file(output, gcode_of(program, profile))
         if arguments.picture:
             _draw_layer(program, arguments.layer, arguments.picture)
-    facts = _facts(program, profile)
-    facts["open_edges"], facts["gaps"] = _openness(mesh, program.plan, profile)
+    facts = _facts(program, profile, mesh.volume)
+    facts["lost_mm3"] = round(float((stage.walls.lost * program.plan.height).sum()), 3)
+    facts["empty_layers"] = program.plan.n_layers - len(program.printed)
+    facts["open_edges"], facts["gaps"] = stage.sections.open_edges, [asdict(gap) for gap in stage.sections.gaps[:10]]
     if arguments.json:
         print(json.dumps({"output": str(output), **facts}))
     elif str(output) != "-":
@@ -51,7 +56,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _facts(program: Program, profile: Profile) -> dict[str, object]:
+def _facts(program: Program, profile: Profile, volume: float) -> dict[str, object]:
     """What people want to know about a sliced part."""
     seconds = float(move_seconds(program, profile).sum())
     area = np.pi * profile.material.filament_diameter**2 / 4
@@ -63,14 +68,8 @@ def _facts(program: Program, profile: Profile) -> dict[str, object]:
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
+        "volume_mm3": round(volume, 3),
     }
-
-
-def _openness(mesh: Mesh, plan: LayerPlan, profile: Profile) -> tuple[int, list[dict[str, float]]]:
-    """How many edges of the mesh have no neighbour, and the widest places closed over."""
-    edges, gaps = open_places(place(mesh, profile.printer), plan)
-    named = ("x", "y", "z", "width")
-    return edges, [{name: round(getattr(gap, name), 4) for name in named} for gap in gaps[:10]]
 
 
 def _tell(arguments: argparse.Namespace, output: Path, facts: dict[str, object]) -> None:
@@ -82,6 +81,10 @@ def _tell(arguments: argparse.Namespace, output: Path, facts: dict[str, object])
         f"  {spoken(float(str(facts['seconds'])))} of printing, {float(str(facts['filament_mm'])) / 1000:.2f} m"
         f" of filament, {facts['filament_g']} g",
     )
+    if facts["empty_layers"]:
+        say(arguments, f"  {facts['empty_layers']} layers stay empty: the part is narrower than a bead there")
+    if float(str(facts["lost_mm3"])) > _WORTH_SAYING * float(str(facts["volume_mm3"])):
+        say(arguments, f"  {facts['lost_mm3']} mm3 of the part are too narrow for a bead and stay empty")
     if facts["open_edges"]:
         gaps = facts["gaps"]
         assert isinstance(gaps, list)

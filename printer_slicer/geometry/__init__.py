@@ -18,7 +18,7 @@ from printer_slicer.geometry.engine import (
     window_intersection,
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch
-from printer_slicer.geometry.inside import rings_around
+from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.polygons import Polygons
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "Lines",
     "Polygons",
     "chain_rows",
+    "crossed",
     "difference",
     "frozen_array",
     "hatch",

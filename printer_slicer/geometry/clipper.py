@@ -56,6 +56,15 @@ def store(layers: list[Rings]) -> Areas:
 
 def combine(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
     """Union, difference or intersection of two lists of layers, entry by entry."""
+    result = _combined(operation, a, b)
+    if operation == "union":
+        # Shells that touch along a side are now and then left apart (1 in 1000 layers of random rectangles),
+        # and an offset would open a gap between them. A second union joined them in 20 000 of 20 000 trials.
+        result = _combined("union", result, [[] for _ in result])
+    return result
+
+
+def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
     clipper = clipper2.Clipper64()
     clipper.preserve_collinear = False
     kind, result = CLIP_TYPES[operation], []

@@ -1,4 +1,4 @@
-"""Points in rings."""
+"""Points in rings, lines across rings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
-__all__ = ["rings_around"]
+__all__ = ["crossed", "rings_around"]
 
 
 def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
@@ -40,3 +40,31 @@ def _inside(ring: Float, points: Float) -> Bool:
         right = ax + (y - ay) / (by - ay) * (bx - ax) > x
     inside[inside] = (crosses & right).sum(axis=1) % 2 == 1
     return inside
+
+
+def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
+    """(P,) whether the straight way from `begin` to `end` (P, 2) crosses a ring of its `layer` (P,) ascending."""
+    result = np.zeros(len(begin), np.bool_)
+    ring_points = outlines.ring_start[outlines.layer_start]
+    following = outlines.following
+    ways_of = np.searchsorted(layer, np.arange(outlines.n_layers + 1))
+    for k in np.unique(layer).tolist():
+        points = slice(int(ring_points[k]), int(ring_points[k + 1]))
+        a, b = outlines.xy[points], outlines.xy[following[points]]
+        ways = slice(int(ways_of[k]), int(ways_of[k + 1]))
+        result[ways] = _any_crossing(begin[ways], end[ways], a, b)
+    return result
+
+
+def _any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
+    """(P,) whether each way (P, 2) to (P, 2) properly crosses one of the edges (E, 2) to (E, 2)."""
+    way, edge = end - begin, b - a
+    gap_x = a[None, :, 0] - begin[:, None, 0]
+    gap_y = a[None, :, 1] - begin[:, None, 1]
+    turn = way[:, None, 0] * edge[None, :, 1] - way[:, None, 1] * edge[None, :, 0]
+    along = gap_x * edge[None, :, 1] - gap_y * edge[None, :, 0]
+    across = gap_x * way[:, None, 1] - gap_y * way[:, None, 0]
+    # Both parameters along/turn and across/turn lie strictly between 0 and 1, without dividing.
+    sign = np.sign(turn)
+    along, across, size = along * sign, across * sign, np.abs(turn)
+    return np.asarray(((along > 0) & (along < size) & (across > 0) & (across < size)).any(axis=1))

@@ -28,19 +28,19 @@ def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
     gap = bead.spacing(width, plan.height)
     angle = np.deg2rad(quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
     density = quality.infill_density
-    jobs: list[tuple[Role, Areas, Pattern, Float]] = [
-        (Role.BRIDGE, regions.bridge, rectilinear_lines, gap),
-        (Role.BOTTOM_SKIN, regions.bottom_skin, rectilinear_lines, gap),
-        (Role.SOLID, regions.solid, rectilinear_lines, gap),
-        (Role.TOP_SKIN, regions.top_skin, rectilinear_lines, gap),
+    jobs: list[tuple[Role, Areas, Pattern, Float, Float]] = [
+        (Role.BRIDGE, regions.bridge, rectilinear_lines, gap, regions.bridge_angle),
+        (Role.BOTTOM_SKIN, regions.bottom_skin, rectilinear_lines, gap, angle),
+        (Role.SOLID, regions.solid, rectilinear_lines, gap, angle),
+        (Role.TOP_SKIN, regions.top_skin, rectilinear_lines, gap, angle),
     ]
     if density > 0:
-        jobs.append((Role.SPARSE, regions.sparse, PATTERNS[quality.infill], gap / density))
+        jobs.append((Role.SPARSE, regions.sparse, PATTERNS[quality.infill], gap / density, angle))
     parts = []
     overlap = quality.infill_overlap * width if quality.perimeters else 0.0
-    for role, region, pattern, spacing in jobs:
+    for role, region, pattern, spacing, direction in jobs:
         # The centre lines stay half a bead inside; the turns at their ends fill the half bead that is left.
-        xy, size, layer = pattern(offset(region, overlap - gap / 2), spacing, angle)
+        xy, size, layer = pattern(offset(region, overlap - gap / 2), spacing, direction)
         n_paths = len(layer)
         parts.append(
             Toolpaths.gathered(

@@ -7,6 +7,9 @@ from printer_slicer.profile import Printer
 
 __all__ = ["limits_of"]
 
+# Marlin plans 16 moves ahead. Klipper plans about a second ahead, which is never fewer moves than this.
+_BLOCKS = {"marlin": 16, "klipper": 1000}
+
 
 def limits_of(printer: Printer) -> Limits:
     """What the firmware of this printer obeys: speeds mm/s, accelerations mm/s²."""
@@ -26,4 +29,5 @@ def limits_of(printer: Printer) -> Limits:
         jerk=(printer.jerk_xy, printer.jerk_xy, printer.jerk_z, printer.jerk_e),
         square_corner_velocity=printer.square_corner_velocity,
         minimum_cruise_ratio=printer.minimum_cruise_ratio,
+        planner_blocks=_BLOCKS[printer.flavour],
     )

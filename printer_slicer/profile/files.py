@@ -22,7 +22,7 @@ __all__ = ["DEFAULT_NAMES", "KINDS", "load_profile", "profile_paths", "profile_w
 
 KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
 _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
-DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "standard"}
+DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "adaptive"}
 _PLANNERS: Mapping[str, type[msgspec.Struct]] = {"uniform": UniformPlanner, "area": AreaPlanner}
 
 

@@ -13,7 +13,7 @@ from printer_slicer.motion.rules import Axes, Block, make_block
 from printer_slicer.sim.machine import AXES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from printer_slicer.sim.board import Board, Steps
     from printer_slicer.sim.machine import Position
@@ -164,7 +164,7 @@ def _centre(board: Board, command: Command, goal: Axes) -> tuple[float, float] |
     return x + dx / 2.0 - dy * side, y + dy / 2.0 + dx * side
 
 
-def _arc_points(start: Axes, goal: Axes, centre: tuple[float, float], *, clockwise: bool) -> list[Axes]:
+def _arc_points(start: Axes, goal: Axes, centre: tuple[float, float], *, clockwise: bool) -> Iterator[Axes]:
     """Ends of the chords; a start that is also the end makes a full circle."""
     ax, ay = start[0] - centre[0], start[1] - centre[1]
     radius = hypot(ax, ay)
@@ -176,17 +176,15 @@ def _arc_points(start: Axes, goal: Axes, centre: tuple[float, float], *, clockwi
         sweep = 2.0 * pi
     chord = min(max(radius * 2.0 * pi / CHORDS_PER_TURN, SHORTEST_CHORD), LONGEST_CHORD)
     pieces = max(1, ceil(radius * abs(sweep) / chord))
-    points: list[Axes] = []
     for piece in range(1, pieces):
         share = piece / pieces
         angle = begin + share * sweep
         z, e = (start[k] + share * (goal[k] - start[k]) for k in (2, 3))
-        points.append((centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), z, e))
-    points.append(goal)
-    return points
+        yield centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), z, e
+    yield goal
 
 
-def _chords(board: Board, points: list[Axes]) -> Steps:
+def _chords(board: Board, points: Iterator[Axes]) -> Steps:
     """Push the chords one after the other, waiting for places."""
     stops = board.stops
     for point in points:

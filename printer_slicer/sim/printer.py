@@ -189,7 +189,7 @@ class SimulatedPrinter:
         if self._steps is not None:
             due = min(due, max(self._resume_at, self._ready), self._next_busy)
         elif not self._queue:
-            due = min(due, self._next_wait)
+            due = min(due, max(self._next_wait, self._ready))
         if self._ready > board.now and (self._queue or self._asking or self._reader.waiting):
             due = min(due, self._ready)
         return due
@@ -232,6 +232,7 @@ class SimulatedPrinter:
         if number is None and text[:4] in _URGENT_CODES and not self._front_end.emergency_parser:
             self._act_urgently(text[:4])
         self._queue.append(line)
+        self._ready = max(self._ready, self._board.now) + self._front_end.seconds_per_line
 
     def _parse_emergencies(self, data: bytes) -> None:
         """Act on urgent commands as soon as their line is complete."""
@@ -328,6 +329,5 @@ class SimulatedPrinter:
             board.say(f"ok{name} P{board.mover.room} B{free}")
         else:
             board.out.append("ok\n")
-        self._ready = max(self._ready, board.now) + front_end.seconds_per_line
         if front_end.wait_seconds:
             self._next_wait = board.now + front_end.wait_seconds

@@ -2,8 +2,8 @@
 
 With k lines in flight behind the bad one, firmware with flow control refuses each of them too (1 + k
 requests); firmware that empties its buffer asks once. So the streamer waits until all are there, or a moment
-has passed without one, and goes back once. The number of a refused line is said twice, in the error and in the
-request: only when both agree, or the same is said again, is a surprising number believed.
+has passed without one, and goes back once. The number of a refused line is said twice, in the error and in
+the request: only when both agree, or the same is said again, is a surprising number believed.
 
     request names a line          in flight, next   accepted   certainly accepted, never made
     alone                         go back           ask        ask

@@ -60,7 +60,7 @@ class Flight:
     def room(self) -> int:
         """Bytes that the next line may have, with its line break, to join those in flight now."""
         ledger = self.ledger
-        if not ledger.in_flight:
+        if not ledger.in_flight or ledger.cursor == self._requested:
             return LONGEST + 1
         lines, size = self._window
         if ledger.in_flight >= (1 if self._careful else lines):
@@ -68,11 +68,8 @@ class Flight:
         return size - ledger.bytes_in_flight
 
     def repeats(self) -> bool:
-        """Whether a line that has its number may go out now."""
-        ledger = self.ledger
-        if ledger.cursor == ledger.top:
-            return False
-        return ledger.cursor == self._requested or len(ledger.next.text) < self.room()
+        """Whether the next line, which has its number already, may go out now."""
+        return len(self.ledger.next.text) < self.room()
 
     def overdue(self, now: float) -> bool:
         """Whether an answer should have come by now."""

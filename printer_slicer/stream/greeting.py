@@ -6,6 +6,7 @@ from math import inf
 from typing import Final
 
 from printer_slicer.stream.events import Identified
+from printer_slicer.stream.replies import Capability, Identity
 
 __all__ = ["Greeting"]
 
@@ -59,9 +60,12 @@ class Greeting:
         self.firmware = None
         self._capabilities.clear()
 
-    def learn(self, name: str, *, enabled: bool) -> None:
-        """Note one capability."""
-        self._capabilities[name] = enabled
+    def hear(self, said: Identity | Capability) -> None:
+        """Note what the printer says about itself."""
+        if isinstance(said, Identity):
+            self.firmware = said.firmware
+        else:
+            self._capabilities[said.name] = said.enabled
 
     def identified(self) -> Identified:
         """What it knows about the printer."""

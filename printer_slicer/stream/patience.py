@@ -33,11 +33,15 @@ _MARGIN: Final = 1.5
 _WIDE_MARGIN: Final = 30.0
 """s, when it is not: the acceleration and the true speeds hide in here."""
 
+_AT_ONCE: Final = frozenset({b"M105", b"M115"})
+_SOON: Final = 3.0
+"""s for these: they only read, so they wait for nothing."""
+
 _SLOWEST_Z: Final = 2.0
 """mm/s; firmware holds z back whatever the file asks for."""
 
-_SLOWEST: Final = 0.05
-"""mm/s; where the file names no speed at all."""
+_UNNAMED_SPEED: Final = 5.0
+"""mm/s; below what any firmware takes before a file names a speed."""
 
 _HEAT: Final = 1800.0
 _HOME: Final = 600.0
@@ -91,6 +95,8 @@ class Patience:
             self._planned.append(self._duration(move) * self._slowdown)
             # Twice: firmware that cuts a move into pieces waits for the one before and for its own pieces.
             return 2 * max(self._planned) + self._margin
+        if word in _AT_ONCE:
+            return _SOON
         if word == b"M220" and values.get(b"S", 0.0) > 0.0:
             self._slowdown = 100.0 / values[b"S"]
         longest = sum(self._planned) + self._margin
@@ -102,7 +108,7 @@ class Patience:
 
     def _duration(self, move: Move) -> float:
         """Upper bound of the time of a move, s."""
-        speed = max(move.speed, _SLOWEST)
+        speed = move.speed or _UNNAMED_SPEED
         if self._limits is None:
             x, y, z, e = move.delta
             return 2 * max(max(hypot(x, y, z), abs(e)) / speed, abs(z) / _SLOWEST_Z)

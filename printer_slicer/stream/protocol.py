@@ -83,6 +83,7 @@ class Streamer:
         self._flight_rules = (window_lines, window_bytes, give_up)
         self._flight = Flight(*self._flight_rules)
         self._state = State.CONNECTING
+        self._ended = False
         self._events: list[Event] = []
         self._partial = b""
         self._urgent = b""
@@ -95,17 +96,15 @@ class Streamer:
             replies.Started: self._on_started,
             replies.Stopped: self._on_stopped,
             replies.Unknown: self._on_unknown,
-            replies.Identity: self._on_identity,
-            replies.Capability: self._on_capability,
+            replies.Identity: self._on_introduction,
+            replies.Capability: self._on_introduction,
             replies.Position: self._on_position,
             replies.Garbled: self._on_garbled,
             Temperature: self._on_temperature,
             Busy: self._on_busy,
             Action: self._on_action,
-            Message: self._on_message,
+            Message: self._on_text,
         }
-
-    # What the owner may know.
 
     @property
     def state(self) -> State:
@@ -115,7 +114,7 @@ class Streamer:
     @property
     def done(self) -> bool:
         """Whether nothing is left to send or to wait for."""
-        return self._state in ENDED and not self._urgent
+        return self._ended and not self._urgent
 
     @property
     def acknowledged(self) -> int:
@@ -126,8 +125,6 @@ class Streamer:
         """What happened since the last call, in order."""
         events, self._events = self._events, []
         return events
-
-    # What the owner may want.
 
     def pause(self) -> None:
         """Send no more of the job until `resume`; lines in flight are not taken back."""
@@ -154,15 +151,13 @@ class Streamer:
         check_commands(end_script)
         if self._apply(Trigger.CANCEL):
             self._script.cancel(end_script)
-            if self._state is State.HALTED:
+            if self._ended:
                 self._events.append(Halted("cancelled before anything was printed", self._acknowledged))
 
     def emergency_stop(self) -> None:
         """Kill the printer: M112 goes out ahead of everything, and nothing after it."""
         self._urgent = _EMERGENCY
         self._halt("emergency stop")
-
-    # The three methods of a peer.
 
     def receive(self, data: bytes, now: float) -> None:
         """Take what arrived."""
@@ -173,7 +168,7 @@ class Streamer:
             self._partial = b""
         for line in lines:
             for reply in replies.read_reply(line.rstrip(b"\r")):
-                if self._state not in ENDED:
+                if not self._ended:
                     self._handlers[type(reply)](reply, now)
         if self._acknowledged > before:
             self._events.append(Accepted(self._acknowledged))
@@ -181,16 +176,14 @@ class Streamer:
     def send(self, now: float) -> bytes:
         """What to write now; may be empty."""
         urgent, self._urgent = self._urgent, b""
-        if self._state in ENDED:
+        if self._ended:
             return urgent
         if self._state is State.CONNECTING:
             return urgent + self._greet(now)
-        if self._flight.burst.active:
-            if not self._flight.burst.ready(now):
-                return urgent
-            self._go_back(now)
+        if self._flight.burst.active and not self._go_back(now):
+            return urgent
         out = [urgent]
-        if self._state not in ENDED and self._flight.overdue(now):
+        if self._flight.overdue(now):
             out.append(self._ask(now))
         while self._has_next():
             out.append(self._flight.ledger.take(now))
@@ -200,7 +193,7 @@ class Streamer:
         """When to call `send` even if nothing arrives; None for never."""
         if self._urgent:
             return 0.0
-        if self._state in ENDED:
+        if self._ended:
             return None
         due = self._greeting.due if self._state is State.CONNECTING else self._flight.due
         return due if due is not None and isfinite(due) else None
@@ -213,26 +206,29 @@ class Streamer:
             return b""
         return self._greeting.send(now)
 
-    def _go_back(self, now: float) -> None:
-        """The error has settled: what the printer wants goes out next."""
+    def _go_back(self, now: float) -> bool:
+        """Whether sending may go on: the error has settled, and what the printer wants is next."""
         flight, burst = self._flight, self._flight.burst
+        if not burst.ready(now):
+            return False
         if burst.claim is not None:
             # The request behind this error never came; the error has named the line too.
             flight.request(None, now)
             self._check_count(now)
         wanted = burst.wanted
         if wanted is None:
-            return
+            return not self._ended
         if not burst.end():
             self._halt(f"the printer does not accept line {wanted}, whatever is sent")
-            return
+            return False
         self._acknowledged = min(self._acknowledged, flight.go_back(wanted, now))
         self._events.append(ResendAsked(wanted))
+        return True
 
     def _ask(self, now: float) -> bytes:
         """Ask which line the printer wants."""
         flight, ledger = self._flight, self._flight.ledger
-        if flight.watch.given_up(now):
+        if flight.watch.given_up(ledger.oldest, now):
             self._halt("the printer has stopped answering")
             return b""
         if ledger.cursor == ledger.top:
@@ -243,7 +239,7 @@ class Streamer:
     def _has_next(self) -> bool:
         """Whether a line may go out now; gives the next command its number if need be."""
         flight = self._flight
-        if self._state in ENDED or self._state is State.CONNECTING:
+        if self._ended or self._state is State.CONNECTING:
             return False
         if flight.ledger.cursor < flight.ledger.top:
             return flight.repeats()
@@ -260,18 +256,24 @@ class Streamer:
         if self._state is State.IDENTIFYING:
             return b"M115" if self._flight.ledger.top == 1 else None
         command = script.next_injected(room)
-        if command is None and self._state in {State.STREAMING, State.CANCELLING}:
+        if command is None and (self._state is State.STREAMING or self._state is State.CANCELLING):
             command = script.next_of_job(room)
             if command is None and idle:
-                self._acknowledged = script.taken
-                script.reopen()
-                self._apply(Trigger.ACCEPTED)
+                self._accept_all()
         if command is None and self._state is State.FINISHING and idle:
             command = script.next_of_closing()
             if command is None:
                 self._apply(Trigger.FINISH)
                 self._events.append(script.finished(self._acknowledged))
         return command
+
+    def _accept_all(self) -> None:
+        """The printer took the last line; comments may stand behind it."""
+        if self._script.taken > self._acknowledged:
+            self._acknowledged = self._script.taken
+            self._events.append(Accepted(self._acknowledged))
+        self._script.reopen()
+        self._apply(Trigger.ACCEPTED)
 
     def _number(self, command: bytes) -> None:
         self._flight.ledger.add(command, self._script.taken, self._script.follow(command))
@@ -294,7 +296,8 @@ class Streamer:
         if number is None:
             return
         self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=settled))
-        if self._apply(Trigger.IDENTIFIED):
+        if self._state is State.IDENTIFYING:
+            self._apply(Trigger.IDENTIFIED)
             flight.ledger.prove(1)
             self._events.append(self._greeting.identified())
 
@@ -313,9 +316,12 @@ class Streamer:
             self._check_count(now)
 
     def _check_count(self, now: float) -> None:
-        wanted = self._flight.lost_count
-        if wanted is not None:
-            self._restarted(f"it wants line {wanted}, and line {self._flight.ledger.cursor} is next", now)
+        flight = self._flight
+        if flight.lost_count is not None:
+            evidence = f"it wants line {flight.lost_count}, and line {flight.ledger.cursor} is next"
+            self._restarted(evidence, now)
+            # The ok of this refusal is still to come; it must not pass for an answer to a greeting.
+            self._flight.burst.swallow = flight.burst.swallow
 
     def _on_line_error(self, error: replies.LineError, now: float) -> None:
         if self._state is not State.CONNECTING:
@@ -332,7 +338,7 @@ class Streamer:
     def _restarted(self, evidence: str, now: float) -> None:
         """The printer knows nothing any more: begin anew if nothing was printed, else never."""
         self._apply(Trigger.RESTARTED)
-        if self._state is State.HALTED:
+        if self._ended:
             self._events.append(Halted(f"the printer was reset: {evidence}", self._acknowledged))
         else:
             self._flight = Flight(*self._flight_rules)
@@ -344,25 +350,21 @@ class Streamer:
         self._halt(f"the printer stopped: {stopped.text}{because}")
 
     def _on_unknown(self, unknown: replies.Unknown, now: float) -> None:
-        self._say(unknown.text, now)
+        self._on_text(unknown, now)
         if not self._flight.ledger.sent(unknown.command):
             # It read the remains of a line as a line of its own: the ok behind this answers none of ours.
             self._flight.stray(now, refusal=True)
 
-    def _on_identity(self, identity: replies.Identity, _: float) -> None:
+    def _on_introduction(self, said: replies.Identity | replies.Capability, _: float) -> None:
         if self._state is State.IDENTIFYING:
-            self._greeting.firmware = identity.firmware
-
-    def _on_capability(self, capability: replies.Capability, _: float) -> None:
-        if self._state is State.IDENTIFYING:
-            self._greeting.learn(capability.name, enabled=capability.enabled)
+            self._greeting.hear(said)
 
     def _on_position(self, position: replies.Position, now: float) -> None:
         self._script.position = (position.x, position.y, position.z)
-        self._say(position.text, now)
+        self._on_text(position, now)
 
     def _on_garbled(self, garbled: replies.Garbled, now: float) -> None:
-        self._say(garbled.text, now)
+        self._on_text(garbled, now)
         self._flight.stray(now, refusal=garbled.refusal)
 
     def _on_temperature(self, temperature: Temperature, now: float) -> None:
@@ -381,12 +383,9 @@ class Streamer:
             self.resume()
         self._events.append(action)
 
-    def _on_message(self, message: Message, now: float) -> None:
-        self._say(message.text, now)
-
-    def _say(self, text: str, now: float) -> None:
-        self._said = (now, text)
-        self._events.append(Message(text))
+    def _on_text(self, said: Message | replies.WithText, now: float) -> None:
+        self._said = (now, said.text)
+        self._events.append(Message(said.text))
 
     # Changing state.
 
@@ -396,6 +395,7 @@ class Streamer:
         if state is None:
             return False
         self._state = state
+        self._ended = state in ENDED
         return True
 
     def _halt(self, reason: str) -> None:

@@ -28,6 +28,7 @@ __all__ = [
     "Stopped",
     "Unknown",
     "Wait",
+    "WithText",
     "read_reply",
 ]
 
@@ -131,6 +132,10 @@ Reply: TypeAlias = (
     | Message
 )
 
+WithText: TypeAlias = Unknown | Position | Garbled
+"""Replies that are also shown as they came."""
+
+_PLAIN_OK: Final = (Ok(),)  # nearly every line is this one
 _NUMBER: Final = rb"(-?\d+(?:\.\d*)?)"
 _OK: Final = re.compile(rb"ok(?: N(\d+))?(?: P\d+)?(?: B\d+)?")
 _OK_AND: Final = re.compile(rb"ok\s")
@@ -181,6 +186,8 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
 
     Two things at once come in the order in which they count: `ok T:...` is a report and then an ok.
     """
+    if line == b"ok":
+        return _PLAIN_OK
     if found := _OK.fullmatch(line):
         return (Ok(int(found[1]) if found[1] else None),)
     line = line.strip()

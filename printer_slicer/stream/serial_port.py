@@ -1,7 +1,7 @@
 """Serial ports and their look-alikes: opening, errors with a way out, and what is plugged in.
 
-The only file that knows pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that pyserial
-understands (`socket://host:port`, `rfc2217://host:port`, `loop://`).
+The only file that knows pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that
+pyserial understands (`socket://host:port`, `rfc2217://host:port`, `loop://`).
 """
 
 from __future__ import annotations
@@ -90,10 +90,11 @@ def open_port(address: str, baud: int = 115200) -> SerialPort:
     Raises:
         PortError: it does not exist, is in use, may not be opened, or cannot do this speed.
     """
-    options = {} if "://" in address else {"exclusive": True}
+    # Nobody else can write into a TCP connection, and its handler would ignore the wish.
+    exclusive = None if "://" in address else True
     try:
         port = serial.serial_for_url(
-            address, baudrate=baud, timeout=0, write_timeout=_WRITE_TIMEOUT, **options
+            address, baudrate=baud, timeout=0, write_timeout=_WRITE_TIMEOUT, exclusive=exclusive
         )
     except (serial.SerialException, OSError, ValueError) as error:
         raise _refused(address, error) from error
@@ -106,7 +107,7 @@ def open_port(address: str, baud: int = 115200) -> SerialPort:
 class SerialPort:
     """A transport over an open port of pyserial."""
 
-    def __init__(self, port: serial.SerialBase, address: str) -> None:
+    def __init__(self, port: serial.Serial, address: str) -> None:
         self._port = port
         self._address = address
         self._descriptor = _descriptor(port)
@@ -137,6 +138,7 @@ class SerialPort:
 
     def close(self) -> None:
         """Let go of the port."""
+        self._descriptor = None
         # A port whose cable was pulled may complain; there is nothing left to lose.
         with contextlib.suppress(OSError, ValueError):
             self._port.close()
@@ -154,7 +156,7 @@ class SerialPort:
             raise PortError(message, remedy="look at cable and power of the printer") from error
 
 
-def _descriptor(port: serial.SerialBase) -> int | None:
+def _descriptor(port: serial.Serial) -> int | None:
     """A file descriptor that `select` can wait for, None where there is none."""
     try:
         descriptor = port.fileno()

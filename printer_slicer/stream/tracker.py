@@ -79,7 +79,9 @@ class Tracker:
         return None
 
     def _move(self, word: bytes, values: dict[bytes, float]) -> Move:
-        self._speed = values.get(b"F", self._speed * 60) / 60
+        feed = values.get(b"F", 0.0)
+        if feed > 0.0:
+            self._speed = feed / 60
         delta = [0.0, 0.0, 0.0, 0.0]
         for axis, letter in enumerate(_AXES):
             value = values.get(letter)

@@ -79,16 +79,23 @@ class Watch:
 
     def due(self, oldest: Line) -> float:
         """When to ask, or to ask again, while `oldest` waits for its answer, s; infinite for never."""
-        if self.asked:
-            pause = min(_ASK_AGAIN * 2 ** (self.asked - 1), _ASK_AGAIN_LONGEST)
-            again = self._asked_last + pause if self.asked < _MOST_QUESTIONS else inf
-            return min(again, self._asked_first + self._give_up)
-        since = max(oldest.sent, self._heard)
-        return min(since + min(oldest.patience, self._quiet), self._hint)
+        if not self.asked:
+            return min(self._overdue(oldest), self._hint)
+        pause = min(_ASK_AGAIN * 2 ** (self.asked - 1), _ASK_AGAIN_LONGEST)
+        again = self._asked_last + pause if self.asked < _MOST_QUESTIONS else inf
+        return min(again, self._last_chance(oldest))
 
-    def given_up(self, now: float) -> bool:
+    def given_up(self, oldest: Line, now: float) -> bool:
         """Whether it has been asked long enough."""
-        return self.asked > 0 and now >= self._asked_first + self._give_up
+        return self.asked > 0 and now >= self._last_chance(oldest)
+
+    def _overdue(self, oldest: Line) -> float:
+        """When the answer should have come."""
+        return max(oldest.sent, self._heard) + min(oldest.patience, self._quiet)
+
+    def _last_chance(self, oldest: Line) -> float:
+        """When questions have remained unanswered for too long. A busy printer may not read them at all."""
+        return max(self._asked_first, self._overdue(oldest)) + self._give_up
 
     def ask(self, now: float) -> None:
         """A question goes out."""

@@ -75,6 +75,18 @@ def test_shells_that_share_an_edge_merge_without_leaving_points_on_it(engine: st
 
 
 @engines
+def test_a_shell_that_touches_another_along_a_side_is_joined_to_it(engine: str) -> None:
+    # One of the rare cases in which a single pass of Clipper2 leaves the two apart.
+    holes = [box(2, 3, 2.5, 6.5)[::-1], box(2, 0, 6, 1.5)[::-1]]
+    solids = [box(0.5, 2, 2, 3.5), box(2, 1, 3, 3.5)]
+    with using_engine(engine):
+        joined = normalize(Areas.from_rings([holes + solids]))
+
+        assert joined.n_rings == 1
+        assert joined.area() == pytest.approx([1.5 * 1.5 + 2 * 1 - 0.5 * 0.5])
+
+
+@engines
 def test_only_the_lobe_of_a_figure_eight_that_runs_to_the_left_stays(engine: str) -> None:
     eight = np.array([[0, 0], [2, 2], [2, 0], [0, 2]], dtype=float)
     with using_engine(engine):
@@ -505,7 +517,7 @@ def test_the_twins_agree_on_offsets(join: Join, stack: Areas, distances: list[in
         with using_engine(engine):
             results.append(offset(stack, by, join=join))
 
-    # Chords may lie differently on the circle; GEOS leaves out points that matter less than 1 % of the distance.
+    # Chords may lie differently on the circle; GEOS leaves out points that matter less than 1 % of it.
     chords = ROUND_TOLERANCE * float(results[0].ring_length().sum()) if join == "round" else 0.0
     allowed = 1e-3 + 1e-3 * float(stack.area().max()) + chords
     assert results[0].area() == pytest.approx(results[1].area(), abs=allowed)

@@ -41,16 +41,16 @@ class Console:
         data = "".join(f"{line}\n" for line in lines).encode("latin-1")
         for piece in [bytes([byte]) for byte in data] if self.bytewise else [data]:
             self.printer.receive(piece, self.now)
-        return self._heard()
+        return self.heard()
 
     def wait(self, seconds: float) -> list[tuple[float, str]]:
         """What is said in the next seconds, each line with the seconds that had passed."""
         began, heard = self.now, []
         while (due := self.printer.wakeup()) is not None and due <= began + seconds:
             self.now = due
-            heard += [(due - began, line) for line in self._heard()]
+            heard += [(due - began, line) for line in self.heard()]
         self.now = began + seconds
-        return heard + [(seconds, line) for line in self._heard()]
+        return heard + [(seconds, line) for line in self.heard()]
 
     def do(self, *lines: str, limit: float = 10_000.0) -> list[str]:
         """Send lines one after the other, each when the one before was answered with ok; all answers."""
@@ -63,9 +63,10 @@ class Console:
                 assert due is not None, f"{line!r} is never answered"
                 assert due <= end, f"{line!r} is not answered in time"
                 self.now = due
-                heard += self._heard()
+                heard += self.heard()
             answers += heard
         return answers
 
-    def _heard(self) -> list[str]:
+    def heard(self) -> list[str]:
+        """What was said up to now and not heard yet."""
         return self.printer.send(self.now).decode("latin-1").splitlines()

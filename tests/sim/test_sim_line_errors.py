@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from random import Random
+from itertools import pairwise
+from random import Random  # noqa: TID251 - seeded
 
 import pytest
 from hypothesis import given
@@ -56,9 +57,20 @@ def test_good_lines_around_a_damaged_one_are_answered_in_order() -> None:
     console.say("M110 N8")
     bad = spoilt(numbered(11, "G90"))
 
-    heard = console.say(*(numbered(n, "G90") for n in (9, 10)), bad, *(numbered(n, "G90") for n in (11, 12, 13)))
+    heard = console.say(
+        *(numbered(n, "G90") for n in (9, 10)), bad, *(numbered(n, "G90") for n in (11, 12, 13))
+    )
 
-    assert heard == ["ok", "ok", "Error:checksum mismatch, Last Line: 10", "Resend: 11", "ok", "ok", "ok", "ok"]
+    assert heard == [
+        "ok",
+        "ok",
+        "Error:checksum mismatch, Last Line: 10",
+        "Resend: 11",
+        "ok",
+        "ok",
+        "ok",
+        "ok",
+    ]
 
 
 @pytest.mark.parametrize("repeat", [1, 2])
@@ -89,7 +101,9 @@ def test_a_resend_without_its_ok_where_the_firmware_has_none() -> None:
     assert console.say(numbered(7, "G90"))[1:] == ["Resend: 1"]
 
 
-def test_too_much_at_once_overflows_the_small_buffer_in_silence_and_the_next_line_is_glued_to_a_stump() -> None:
+def test_too_much_at_once_overflows_the_small_buffer_in_silence_and_the_next_line_is_glued_to_a_stump() -> (
+    None
+):
     # Recorded from an ATmega2560: 40 lines of 37 bytes and newline pasted at 115200 Bd gave 22 oks.
     printer = SimulatedPrinter(Machine(), MARLIN_2_0_AVR, boots=False)
     port = VirtualPort(printer, baud=115_200)
@@ -117,12 +131,9 @@ def test_a_printer_with_flow_control_loses_nothing_however_much_comes_at_once() 
 
 
 def test_what_a_flush_leaves_of_a_line_can_be_a_command_of_its_own_and_is_executed() -> None:
-    # The error text takes 38 byte times to say, in which line 2 and the number of line 3 arrive and are thrown away.
-    printer = SimulatedPrinter(Machine(), MARLIN_2_0_AVR, boots=False)
-    port = VirtualPort(printer, baud=115_200)
-    port.write(f"{numbered(1, 'G91')}\n".encode())
-    until(port, 1.0)
-    executed = []
+    # The error text takes 38 byte times to say; what arrives until then, line 3 and the beginning of line 4,
+    # is thrown away with it. Where line 4 is cut depends on the length of line 3.
+    executed: list[str] = []
     for padding in range(16):
         printer = SimulatedPrinter(Machine(), MARLIN_2_0_AVR, on_executed=executed.append, boots=False)
         port = VirtualPort(printer, baud=115_200)
@@ -218,14 +229,17 @@ def test_m410_without_emergency_parser_acts_when_read_and_again_when_executed() 
 
 def test_a_move_that_waits_for_a_place_is_lost_with_m410() -> None:
     console = Console(MARLIN_2_1_ADVANCED)
-    console.say(*[f"G1 X{n} F300" for n in range(1, 20)])
+    console.say(*[f"G1 X{n} F300" for n in range(1, 24)])
     console.wait(1.0)
     console.say("M410")
-    console.wait(5.0)
+    console.wait(0.9)
+    before = console.printer.report().motion_seconds
+    console.wait(10.0)
 
-    x = float(console.say("M114")[0].split()[0][2:])
-    assert x < 15.0 or x == 19.0  # 16 was waiting and is lost; 17 to 19 were only queued and run
-    assert console.printer.report().motion_seconds < 20.0
+    assert console.say("M114")[0].startswith("X:23.00 ")
+    # Stopped at 5 mm; the moves from 6 to 20 mm were planned or waiting, those from 21 mm on only queued.
+    assert before == pytest.approx(1.0, abs=0.01)
+    assert console.printer.report().motion_seconds == pytest.approx(23.0 / 5.0, abs=0.02)
 
 
 def test_a_reset_forgets_everything_but_the_warmth_and_the_account() -> None:
@@ -233,30 +247,32 @@ def test_a_reset_forgets_everything_but_the_warmth_and_the_account() -> None:
     console.do("G28", "M109 R60", numbered(1, "G1 X50 F3000"))
     console.printer.reset(console.now)
 
-    banner = console._heard()
+    banner = console.heard()
 
     assert banner[0] == "start"
     assert console.say(numbered(2, "M105"))[1] == "Resend: 1"
-    assert console.say(numbered(1, "M105"))[0].startswith("ok T:60.")
+    assert console.say(numbered(1, "M105"))[0].startswith("ok T:59.97 /0.00 ")
     assert console.say("M114")[0].startswith("X:0.00 ")
     report = console.printer.report()
     assert report.resets == 1
     assert report.lines == 5
 
 
-def test_the_printer_reads_any_bytes_and_lives() -> None:
+@pytest.mark.parametrize("front_end", [MARLIN_2_1, MARLIN_2_1_ADVANCED, QUICK_AVR], ids=lambda x: x.name[:12])
+def test_the_printer_survives_any_bytes(front_end: FrontEnd) -> None:
     chance = Random(7)
-    for front_end in (MARLIN_2_1, MARLIN_2_1_ADVANCED, QUICK_AVR):
-        console = Console(front_end)
-        for _ in range(300):
-            noise = bytes(chance.choice(b"NGMTXYZEF*;01239.- \n\r\xff\x00()") for _ in range(40))
-            console.printer.receive(noise, console.now)
-            console.now += 0.5
-            console._heard()
-        console.printer.receive(b"\n", console.now)
-        console.wait(3600.0)
+    console = Console(front_end)
+    for _ in range(400):
+        noise = bytes(chance.choice(b"NGMTXYZEFIJRSP*;01239.- \n\r\xff\x00()") for _ in range(40))
+        console.printer.receive(noise, console.now)
+        console.now += 0.5
+        console.heard()
+        due = console.printer.wakeup()
+        assert due is None or due > console.now
+    console.printer.reset(console.now)
+    console.heard()
 
-        assert console.say("M118 alive")[0] == "alive"
+    assert console.say("M118 alive")[0] == "alive"
 
 
 @given(st.binary(max_size=128))
@@ -273,21 +289,28 @@ LINES = st.lists(
         st.sampled_from(["M105", "", "; note", "G91", "M110 N3", "N1 M105", "M118 " + "y" * 120, "\rM31\r"]),
         st.integers(0, 5).map(lambda n: numbered(n, "G1 X1 F60")),
         st.integers(0, 5).map(lambda n: spoilt(numbered(n, "G90"))),
-        st.text(alphabet="N123 *;GM.", max_size=12),
+        # Without a 1 none of the commands that an emergency parser sees ahead of what arrived with them.
+        st.text(alphabet="N023 *;GM.", max_size=12),
     ),
     max_size=12,
 )
 
 
-@given(lines=LINES, cuts=st.lists(st.integers(0, 600)), front_end=st.sampled_from([MARLIN_2_1, MARLIN_2_1_ADVANCED]))
-def test_how_the_bytes_are_cut_changes_nothing(lines: list[str], cuts: list[int], front_end: FrontEnd) -> None:
+@given(
+    lines=LINES,
+    cuts=st.lists(st.integers(0, 600)),
+    front_end=st.sampled_from([MARLIN_2_1, MARLIN_2_1_ADVANCED]),
+)
+def test_how_the_bytes_are_cut_changes_nothing(
+    lines: list[str], cuts: list[int], front_end: FrontEnd
+) -> None:
     whole, cut = Console(front_end), Console(front_end)
     data = "".join(f"{line}\n" for line in lines).encode()
     whole.printer.receive(data, 0.0)
     edges = [0, *sorted(min(at, len(data)) for at in cuts), len(data)]
-    for start, end in zip(edges, edges[1:], strict=False):
+    for start, end in pairwise(edges):
         cut.printer.receive(data[start:end], 0.0)
 
-    assert cut._heard() == whole._heard()
+    assert cut.heard() == whole.heard()
     assert cut.executed == whole.executed
     assert cut.printer.report() == whole.printer.report()

@@ -1,0 +1,317 @@
+"""Our `slice` against PrusaSlicer: whole processes side by side, same part, same settings.
+
+    python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--json FILE] [part ...]
+
+One round runs each program once, one after the other, so that whatever else the machine does meets all of them; a ratio is
+taken within a round, and the median over the rounds is shown with its extremes. The first run of each is a warm-up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from statistics import median
+
+from processes import SAMPLES, WORK, Cost, RunFailed, machine_note, ours, run, spread
+
+PEER = "prusa-slicer"
+MODELS = ("benchy", "crazyradio", "ringing_tower")
+"""Parts taken from the models folder when none is named."""
+
+VARIANTS: Mapping[str, tuple[str, ...]] = {
+    "default": (),
+    "lean": (
+        *("--perimeter-generator", "classic", "--seam-position", "rear"),
+        *("--no-extra-perimeters", "--resolution", "0.0125"),
+    ),
+}
+"""What is added to the common settings of PrusaSlicer; everything else is as it comes."""
+
+CPU_TARGET, PEAK_TARGET = 0.25, 1.5
+"""On benchy, against PrusaSlicer with its other settings at their defaults."""
+
+_EXPORT = "import sys, trimesh; trimesh.load(sys.argv[1], force='mesh').export(sys.argv[2], file_type='stl')"
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a G-code file would lay, from its first layer comment on.
+
+    Attributes:
+        moves: G1 lines with E and X or Y.
+        filament: mm fed by them.
+        layers: layer comments.
+    """
+
+    moves: int
+    filament: float
+    layers: int
+
+
+@dataclass(slots=True)
+class Result:
+    """One part: the cost of every program in every round, and what each wrote."""
+
+    part: str
+    costs: dict[str, list[Cost]] = field(default_factory=dict)
+    facts: dict[str, Facts] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)
+
+    def ratios(self, peer: str, what: Callable[[Cost], float]) -> list[float]:
+        """Ours divided by theirs, round by round."""
+        return [what(a) / what(b) for a, b in zip(self.costs["ours"], self.costs[peer], strict=True)]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the comparison; 1 if one of our own runs failed."""
+    options = _options(argv)
+    WORK.mkdir(exist_ok=True)
+    peers = dict(VARIANTS) if shutil.which(PEER) else {}
+    print(machine_note() + (f", {_peer_version()}" if peers else ""))
+    if not peers:
+        print(f"{PEER} is not installed: only our own times")
+    results = []
+    for model in _parts(options.models, options.parts):
+        results.append(_measure(model, peers, options.rounds, options.quality))
+        print(f"measured {results[-1].part}", file=sys.stderr)
+    for name in peers or [""]:
+        print("\n" + _table(results, name))
+    for result in results:
+        for program, reason in result.failures.items():
+            print(f"{result.part}: {program} failed: {reason}")
+    _judge(results)
+    if options.json:
+        note = {"machine": machine_note(), "rounds": options.rounds, "quality": options.quality}
+        options.json.write_text(json.dumps({**note, "parts": [asdict(r) for r in results]}, indent=1) + "\n")
+    return int(any("ours" in result.failures for result in results))
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Our slice against PrusaSlicer, whole processes side by side.")
+    parser.add_argument("parts", nargs="*", help="names without extension; default: all")
+    parser.add_argument("--rounds", type=int, default=5, help="measured runs of each program (default 5)")
+    parser.add_argument("--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)")
+    parser.add_argument("--quality", default="standard", help="our quality profile (default standard)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every single measurement")
+    options = parser.parse_args(argv)
+    if options.rounds < 1:
+        parser.error("--rounds must be at least 1")
+    if options.models is None and os.environ.get("PRINTER_SLICER_MODELS"):
+        options.models = Path(os.environ["PRINTER_SLICER_MODELS"])
+    if options.models is not None and not options.models.is_dir():
+        parser.error(f"--models {options.models}: no such folder")
+    return options
+
+
+# Which parts
+
+
+def _parts(models: Path | None, wanted: Sequence[str]) -> list[Path]:
+    """The parts to slice: large ones from the models folder, then the sample parts."""
+    known: dict[str, Path] = {}
+    for folder in (models, SAMPLES):
+        for path in sorted(folder.iterdir()) if folder else []:
+            if path.suffix.lower() in (".stl", ".3mf", ".obj"):
+                known.setdefault(path.stem, path)
+    samples = [name for name, path in known.items() if path.parent == SAMPLES]
+    names = list(wanted) or [*(name for name in MODELS if name in known), *samples]
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        sys.exit(f"no part {', '.join(unknown)}; there are {', '.join(known)}")
+    return [_as_stl(known[name]) for name in names]
+
+
+def _as_stl(path: Path) -> Path:
+    """The part as STL, so that both programs read the same triangles; converted once."""
+    if path.suffix.lower() == ".stl":
+        return path
+    target = WORK / f"{path.stem}.stl"
+    if not target.exists() or target.stat().st_mtime < path.stat().st_mtime:
+        run([sys.executable, "-c", _EXPORT, str(path), str(target)])
+    return target
+
+
+# Measuring
+
+
+def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, quality: str) -> Result:
+    """Warm up every program, then let them take turns."""
+    result = Result(model.stem)
+    outputs = {name: WORK / f"{model.stem}_{name}.gcode" for name in ("ours", *peers)}
+    commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), "--quality", quality)}
+    if not _warm_up(result, "ours", commands, outputs):
+        return result
+    common = _matched(_settings(outputs["ours"]))
+    for name, changes in peers.items():
+        commands[name] = [PEER, "--export-gcode", str(model), "-o", str(outputs[name]), *common, *changes]
+        _warm_up(result, name, commands, outputs)
+    for _ in range(rounds):
+        for name in result.facts:
+            result.costs.setdefault(name, []).append(run(commands[name]))
+    return result
+
+
+def _warm_up(result: Result, name: str, commands: Mapping[str, list[str]], outputs: Mapping[str, Path]) -> bool:
+    """Run one program once and look at what it wrote; whether it did its work."""
+    outputs[name].unlink(missing_ok=True)
+    try:
+        run(commands[name])
+        result.facts[name] = _facts(outputs[name])
+    except (RunFailed, FileNotFoundError) as error:
+        result.failures[name] = str(error)
+    return name in result.facts
+
+
+def _settings(gcode: Path) -> dict[str, str]:
+    """The settings that our G-code ends with."""
+    found = re.findall(r"^; ([a-z_.]+) = (.*)$", gcode.read_text("ascii").partition("\n; settings\n")[2], re.MULTILINE)
+    return dict(found)
+
+
+def _matched(settings: Mapping[str, str]) -> list[str]:
+    """Our settings as arguments for PrusaSlicer, as far as both have them."""
+    printer, material, quality, speeds = (
+        {key.removeprefix(group): value for key, value in settings.items() if key.startswith(group)}
+        for group in ("printer.", "material.", "quality.", "quality.speeds.")
+    )
+    height, nozzle = float(quality["layer_height"]), float(printer["nozzle_diameter"])
+    width = float(quality["extrusion_width"]) or 1.125 * nozzle
+    bed_x, bed_y = float(printer["bed_x"]), float(printer["bed_y"])
+    same = {
+        "bed-shape": f"0x0,{bed_x:g}x0,{bed_x:g}x{bed_y:g},0x{bed_y:g}",
+        "center": f"{bed_x / 2:g},{bed_y / 2:g}",
+        "max-print-height": printer["bed_z"],
+        "nozzle-diameter": printer["nozzle_diameter"],
+        "retract-length": printer["retract_length"],
+        "retract-speed": printer["retract_speed"],
+        "deretract-speed": printer["deretract_speed"],
+        "retract-before-travel": printer["retract_before_travel"],
+        "filament-diameter": material["filament_diameter"],
+        "temperature": str(round(float(material["nozzle_temperature"]))),
+        "first-layer-temperature": str(round(float(material["first_layer_nozzle_temperature"]))),
+        "bed-temperature": str(round(float(material["bed_temperature"]))),
+        "first-layer-bed-temperature": str(round(float(material["first_layer_bed_temperature"]))),
+        "slowdown-below-layer-time": str(round(float(material["min_layer_time"]))),
+        "min-print-speed": material["min_speed"],
+        "layer-height": quality["layer_height"],
+        "first-layer-height": str(float(quality["first_layer_height"]) or height),
+        "extrusion-width": f"{width:g}",
+        "first-layer-extrusion-width": f"{width:g}",
+        "perimeters": quality["perimeters"],
+        "bottom-solid-layers": str(round(float(quality["bottom_thickness"]) / height)),
+        "top-solid-layers": str(round(float(quality["top_thickness"]) / height)),
+        "fill-pattern": quality["infill"],
+        "fill-density": f"{float(quality['infill_density']) * 100:g}%",
+        "fill-angle": quality["infill_angle_deg"],
+        "skirts": quality["skirt_loops"],
+        "skirt-distance": quality["skirt_distance"],
+        "perimeter-speed": speeds["inner_perimeter"],
+        "external-perimeter-speed": speeds["outer_perimeter"],
+        "infill-speed": speeds["sparse"],
+        "solid-infill-speed": speeds["solid"],
+        "top-solid-infill-speed": speeds["top_skin"],
+        "bridge-speed": speeds["bridge"],
+        "first-layer-speed": speeds["first_layer"],
+        "travel-speed": speeds["travel"],
+    }
+    return [word for key, value in same.items() for word in (f"--{key}", value)]
+
+
+def _facts(gcode: Path) -> Facts:
+    """Count what a G-code file lays; E may be absolute or relative."""
+    text = gcode.read_text("utf-8", "replace")
+    words = re.compile(r"([XYE])(-?[\d.]+)")
+    moves, layers, filament, last, relative = 0, 0, 0.0, 0.0, False
+    for line in text.splitlines():
+        if line.startswith(";LAYER_CHANGE"):
+            layers += 1
+        elif line.startswith(("M82", "M83")):
+            relative = line.startswith("M83")
+        elif line.startswith(("G1 ", "G92 ")):
+            values = {letter: float(number) for letter, number in words.findall(line.partition(";")[0])}
+            if "E" not in values:
+                continue
+            fed = values["E"] if relative else values["E"] - last
+            last = values["E"]
+            if layers and line.startswith("G1 ") and len(values) > 1:
+                moves += 1
+                filament += fed
+    return Facts(moves, filament, layers)
+
+
+# Saying it
+
+
+def _table(results: Sequence[Result], peer: str) -> str:
+    """One row per part: ours against one variant of PrusaSlicer, or ours alone."""
+    if not peer:
+        lines = ["| part | CPU s | wall s | peak MiB | moves | filament m | layers |", "|---|" + "---:|" * 6]
+        return "\n".join(lines + [_row_alone(result) for result in results if result.costs])
+    lines = [
+        f"ours / {PEER}, its other settings {peer}; median [min..max] of pairwise ratios",
+        "",
+        "| part | CPU s | CPU ratio | wall ratio | peak memory ratio | moves | filament m | layers |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    return "\n".join(lines + [_row(result, peer) for result in results if peer in result.costs])
+
+
+def _row(result: Result, peer: str) -> str:
+    one, two = result.facts["ours"], result.facts[peer]
+    cpu = [median(cost.cpu for cost in result.costs[name]) for name in ("ours", peer)]
+    cells = [
+        result.part,
+        f"{cpu[0]:.2f} / {cpu[1]:.2f}",
+        spread(result.ratios(peer, lambda cost: cost.cpu), ".2f"),
+        spread(result.ratios(peer, lambda cost: cost.wall), ".2f"),
+        spread(result.ratios(peer, lambda cost: cost.peak), ".2f"),
+        f"{one.moves} / {two.moves}",
+        f"{one.filament / 1000:.3f} / {two.filament / 1000:.3f}",
+        f"{one.layers} / {two.layers}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _row_alone(result: Result) -> str:
+    costs, facts = result.costs["ours"], result.facts["ours"]
+    cells = [
+        result.part,
+        spread([cost.cpu for cost in costs], ".2f"),
+        spread([cost.wall for cost in costs], ".2f"),
+        spread([cost.peak for cost in costs], ".0f"),
+        str(facts.moves),
+        f"{facts.filament / 1000:.3f}",
+        str(facts.layers),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _judge(results: Sequence[Result]) -> None:
+    """Whether the target for benchy is met, if it was measured."""
+    for result in results:
+        if result.part == "benchy" and {"ours", "default"} <= result.costs.keys():
+            cpu = median(result.ratios("default", lambda cost: cost.cpu))
+            peak = median(result.ratios("default", lambda cost: cost.peak))
+            met = "met" if cpu <= CPU_TARGET and peak <= PEAK_TARGET else "MISSED"
+            print(
+                f"\ntarget on benchy, at most {CPU_TARGET:g} of the CPU and {PEAK_TARGET:g} of the peak memory:"
+                f" {cpu:.3f} and {peak:.2f}: {met}"
+            )
+
+
+def _peer_version() -> str:
+    """As the program itself says it."""
+    text = os.popen(f"{PEER} --help 2>/dev/null").read(400)  # noqa: S605 - a fixed command
+    found = re.search(r"PrusaSlicer-[\w.]+", text)
+    return found.group() if found else PEER
+
+
+if __name__ == "__main__":
+    sys.exit(main())

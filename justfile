@@ -1,0 +1,44 @@
+# Tasks. `just check` is what CI runs. Tools come from .venv when there is one.
+
+export PATH := justfile_directory() / ".venv/bin" + ":" + env("PATH")
+
+# everything that must hold before a change lands
+check: format lint types contracts test twin
+
+# formatting, without changing anything
+format:
+    ruff format --check .
+
+lint:
+    ruff check .
+
+types:
+    mypy
+
+# the rooms import only from rooms below them
+contracts:
+    lint-imports
+
+test *ARGS:
+    python -m pytest {{ARGS}}
+
+# the geometry and everything that stands on it once more, with the shapely engine
+twin:
+    PRINTER_SLICER_GEOMETRY=planar python -m pytest tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py
+
+# put formatting and simple lint right
+fix:
+    ruff format .
+    ruff check --fix .
+
+cover:
+    python -m pytest --cov --cov-report=term
+
+# whole processes, side by side with PrusaSlicer if it is installed
+bench *ARGS:
+    python benchmarks/compare.py {{ARGS}}
+
+# sample parts and the picture of the README
+parts:
+    python sample_parts/make.py
+    printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study --picture docs/case_study.svg --quiet
