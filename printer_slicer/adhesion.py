@@ -13,7 +13,7 @@ __all__ = ["adhesion_paths"]
 
 
 def adhesion_paths(sections: Sections, profile: Profile) -> Toolpaths:
-    """Skirt loops around the first layer, then brim loops from the outside to the part; empty if neither is asked for."""
+    """Skirt loops around the first layer, then brim loops from the outside to the part; none if not asked for."""
     quality, plan = profile.quality, sections.plan
     width = profile.extrusion_width
     gap = float(bead.spacing(width, float(plan.height[0])))

@@ -13,7 +13,9 @@ from printer_slicer.model import Areas, Float, LayerPlan, Program, Role, Section
 __all__ = ["draw_layer", "draw_plan"]
 
 # Thin to thick layers, dark to light; readable for colour-blind people (after the viridis map).
-_STOPS: Final = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], np.float64)
+_STOPS: Final = np.array(
+    [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], np.float64
+)
 _ROLE_COLOURS: Final = {
     Role.SKIRT: "#999999",
     Role.BRIM: "#777777",
@@ -80,7 +82,11 @@ def draw_layer(program: Program, layer: int) -> str:
     parts = []
     for (x0, y0), (x1, y1), why, wide in zip(a, b, role, width, strict=True):
         colour = _ROLE_COLOURS.get(Role(int(why)), "#4477aa")
-        stroke = f'stroke-width="{wide * scale * 0.92:.2f}" stroke-linecap="round"' if wide else 'stroke-dasharray="1 3"'
+        stroke = (
+            f'stroke-width="{wide * scale * 0.92:.2f}" stroke-linecap="round"'
+            if wide
+            else 'stroke-dasharray="1 3"'
+        )
         parts.append(f'<path d="M{x0:.2f} {y0:.2f}L{x1:.2f} {y1:.2f}" stroke="{colour}" {stroke}/>')
     z = float(program.plan.top[layer])
     parts.append(_text(6, 16, f"layer {layer + 1} of {program.plan.n_layers}, z {z:g} mm", 13))
@@ -136,10 +142,14 @@ def _height_curve(plan: LayerPlan, scale: float, floor: float) -> list[str]:
         for h, bottom, top in zip(plan.height, plan.bottom, plan.top, strict=True)
         for z in (bottom, top)
     ]
-    parts = [f'<path d="M{left} {floor}V{floor - scale * plan.top[-1]:.1f}M{left} {floor}H{left + wide}" stroke="#444"/>']
+    parts = [
+        f'<path d="M{left} {floor}V{floor - scale * plan.top[-1]:.1f}M{left} {floor}H{left + wide}" stroke="#444"/>'
+    ]
     for mark in _marks(highest, 4):
         x = left + wide * mark / highest
-        parts.append(f'<path d="M{x:.1f} {floor}v4" stroke="#444"/>{_text(x, floor + 18, f"{mark:g}", 11, "middle")}')
+        parts.append(
+            f'<path d="M{x:.1f} {floor}v4" stroke="#444"/>{_text(x, floor + 18, f"{mark:g}", 11, "middle")}'
+        )
     parts.append(f'<polyline points="{" ".join(points)}" fill="none" stroke="#31688e" stroke-width="1.2"/>')
     return [*parts, _text(left + wide, floor + 34, "layer height mm", 11, "end")]
 
@@ -151,7 +161,9 @@ def _legend(plan: LayerPlan) -> list[str]:
     parts = [_text(560, 62, f"{plan.n_layers} layers, planner {plan.planner}", 13)]
     for row, i in enumerate(most):
         y = 82 + 18 * row
-        parts.append(f'<rect x="560" y="{y - 10}" width="14" height="12" fill="{_colour(float(heights[i]), plan)}"/>')
+        parts.append(
+            f'<rect x="560" y="{y - 10}" width="14" height="12" fill="{_colour(float(heights[i]), plan)}"/>'
+        )
         parts.append(_text(580, y, f"{counts[i]} x {heights[i]:g} mm", 12))
     return parts
 

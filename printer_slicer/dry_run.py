@@ -197,7 +197,9 @@ def _problems(
         problems.append(f"{comparison.executed} of {len(job.commands)} commands were executed")
     problems += [f"executed out of turn after command {after}: {text}" for after, text in comparison.strays]
     if not _same_heights(job, report.layers):
-        problems.append(f"the printer laid plastic at {len(report.layers)} heights, the job has {len(job.heights)}")
+        problems.append(
+            f"the printer laid plastic at {len(report.layers)} heights, the job has {len(job.heights)}"
+        )
     if job.seconds and abs(report.print_seconds / job.seconds - 1) > TIME_TOLERANCE:
         problems.append(f"{report.print_seconds:.1f} s were simulated, {job.seconds:.1f} s modelled")
     problems += [f"line {line}: {text}" for line, text in report.violations[:_SHOWN]]
@@ -205,5 +207,7 @@ def _problems(
         problems.append(f"... and {report.n_violations - _SHOWN} more")
     most = profile.material.max_flow
     if job.program is None and report.peak_flow > most * 1.5:
-        problems.append(f"{report.peak_flow:.1f} mm3/s of plastic at most; {profile.material.name} melts {most:g}")
+        problems.append(
+            f"{report.peak_flow:.1f} mm3/s of plastic at most; {profile.material.name} melts {most:g}"
+        )
     return problems

@@ -34,7 +34,7 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + _APPROACH]),
-        xyz=_positions(paths, rows, profile),
+        xyz=_positions(paths, rows),
         filament=_filament(paths, rows, profile),
         speed=_speeds(paths, rows, profile),
         layer=np.append(paths.layer[rows.path], paths.layer[-1:]),
@@ -118,7 +118,7 @@ def _points(paths: Toolpaths, path: Int, kind: Int) -> Int:
     return np.asarray(paths.start[:-1][path] + nth % np.maximum(size[path], 1), np.int64)
 
 
-def _positions(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
+def _positions(paths: Toolpaths, rows: _Rows) -> Float:
     """(K + 1, 3) where each move ends."""
     z = paths.plan.top[paths.layer]
     xyz = np.zeros((len(rows.path) + 1, 3))
@@ -203,8 +203,14 @@ def _heat(program: Program, material: Material) -> list[Event]:
     above = np.flatnonzero(program.layer > 0)
     if len(above) == 0:
         return []
-    nozzle = material.nozzle_temperature if material.nozzle_temperature != material.first_layer_nozzle_temperature else None
-    bed = material.bed_temperature if material.bed_temperature != material.first_layer_bed_temperature else None
+    nozzle = (
+        material.nozzle_temperature
+        if material.nozzle_temperature != material.first_layer_nozzle_temperature
+        else None
+    )
+    bed = (
+        material.bed_temperature if material.bed_temperature != material.first_layer_bed_temperature else None
+    )
     return [Heat(int(above[0]), nozzle, bed)] if nozzle is not None or bed is not None else []
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,14 +13,12 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.pipeline import Report, gcode_of, quiet, slice_part
 from printer_slicer.profile import Profile
 
 __all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from"]
 
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
-
-Report = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +61,7 @@ def is_gcode(path: Path) -> bool:
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
-def job_from(path: Path, profile: Profile, *, report: Report = str) -> Job:
+def job_from(path: Path, profile: Profile, *, report: Report = quiet) -> Job:
     """The job that prints a model (sliced now) or a G-code file (as it is).
 
     Raises:
@@ -102,7 +100,9 @@ def _read(path: Path) -> bytes:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file", remedy="check the path") from None
     except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions") from None
+        raise UsageError(
+            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
+        ) from None
 
 
 def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:

@@ -53,7 +53,9 @@ class Role(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """The surface of the part as loose triangles, as an STL file has them; neighbours share coordinates exactly.
+    """The surface of the part as loose triangles, as an STL file has them.
+
+    Neighbours share the coordinates of their corners exactly.
 
     Attributes:
         triangles: (F, 3, 3) mm; corners counter-clockwise seen from outside.
@@ -270,8 +272,16 @@ class Toolpaths:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @classmethod
-    def gathered(
-        cls, plan: LayerPlan, *, xy: Float, size: Int, layer: Int, role: Int, width: Float, closed: bool | Bool
+    def gathered(  # noqa: PLR0913 - one argument per column
+        cls,
+        plan: LayerPlan,
+        *,
+        xy: Float,
+        size: Int,
+        layer: Int,
+        role: Int,
+        width: Float,
+        closed: bool | Bool,
     ) -> Toolpaths:
         """Paths given one after the other with `size` (M,) points each, in any order of layers."""
         if (np.diff(layer) < 0).any():

@@ -23,6 +23,10 @@ __all__ = ["Stages", "gcode_of", "slice_part", "slice_stages"]
 Report = Callable[[str], None]
 
 
+def quiet(stage: str) -> None:
+    """A `report` that says nothing."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Stages:
     """Every value on the way from a part to its moves."""
@@ -35,7 +39,9 @@ class Stages:
     program: Program
 
 
-def slice_stages(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = str) -> Stages:
+def slice_stages(
+    mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = quiet
+) -> Stages:
     """Slice a part and keep the value of each stage.
 
     Args:
@@ -66,7 +72,9 @@ def slice_stages(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None,
     return Stages(part, sections, walls, regions, toolpaths, program)
 
 
-def slice_part(mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = str) -> Program:
+def slice_part(
+    mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = quiet
+) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
     return slice_stages(mesh, profile, plan=plan, report=report).program
 

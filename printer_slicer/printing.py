@@ -91,7 +91,9 @@ def print_job(
         raise Cancelled(_stopped(job, streamer, "cancelled; heaters and fan are off", checkpoint))
     if not isinstance(end, Finished):
         reason = end.reason if isinstance(end, Halted) else "stopped"
-        raise PrintError(_stopped(job, streamer, reason, checkpoint), remedy="look at the printer before you go on")
+        raise PrintError(
+            _stopped(job, streamer, reason, checkpoint), remedy="look at the printer before you go on"
+        )
     return Done(len(job.commands), monotonic() - begun, end.verified)
 
 
@@ -103,7 +105,13 @@ def _stopped(job: Job, streamer: Streamer, reason: str, checkpoint: Path | None)
     message = f"{job.name}: {reason} ({where})"
     if checkpoint is None:
         return message
-    state = {"job": job.name, "reason": reason, "acknowledged": done, "commands": len(job.commands), "layer": layer}
+    state = {
+        "job": job.name,
+        "reason": reason,
+        "acknowledged": done,
+        "commands": len(job.commands),
+        "layer": layer,
+    }
     if done < len(job.commands):
         state["next"] = job.commands[done].decode("latin-1")
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry import Areas, Float, Int, normalize, simplify
+from printer_slicer.geometry import Areas, Int, normalize, simplify
 from printer_slicer.geometry.planes import Crossings, cross
 from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, Sections
 
@@ -127,5 +127,3 @@ def _refuse_wide(gaps: list[Gap], name: str, n_edges: int) -> None:
             f"at x {wide.x:.2f} y {wide.y:.2f} z {wide.z:.2f}",
             remedy="close the mesh in the program that made it (look for missing or flipped faces there)",
         )
-
-

@@ -177,12 +177,12 @@ def without(mesh: Mesh, *facets: int) -> Mesh:
 
 
 @cache
-def _profile(names: tuple[str | None, str | None, str | None], changes: tuple[tuple[str, object], ...]) -> Profile:
+def _profile(names: tuple[str, str, str], changes: tuple[tuple[str, object], ...]) -> Profile:
     return load_profile(*names, dict(changes))
 
 
 def profile(
-    printer: str | None = None, material: str | None = None, quality: str | None = None, **changes: object
+    printer: str = "marlin_220", material: str = "pla", quality: str = "standard", **changes: object
 ) -> Profile:
     """A shipped profile with changes; `__` in a keyword stands for the dot: `planner__kind="area"`."""
     named = tuple((key.replace("__", "."), value) for key, value in changes.items())
@@ -190,6 +190,7 @@ def profile(
 
 
 def plain(**changes: object) -> Profile:
-    """The default profile without skirt, start and end G-code, and without slowing down."""
-    still = {"skirt_loops": 0, "start_gcode": "", "end_gcode": "", "min_layer_time": 0}
-    return profile(**(still | changes))
+    """A profile with uniform layers, without skirt, start and end G-code, and without slowing down."""
+    still: dict[str, object] = {"skirt_loops": 0, "start_gcode": "", "end_gcode": "", "min_layer_time": 0}
+    named = tuple((key.replace("__", "."), value) for key, value in (still | changes).items())
+    return _profile(("marlin_220", "pla", "standard"), named)

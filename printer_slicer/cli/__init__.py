@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output has gone (`| head`); point stdout at nothing so that closing it cannot fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception as error:  # noqa: BLE001 - people get a message, never a traceback
+    except Exception as error:  # people get a message, never a traceback
         if os.environ.get("PRINTER_SLICER_TRACEBACK"):
             raise
         return _fail(

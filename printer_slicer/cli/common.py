@@ -34,7 +34,9 @@ def profile_from(arguments: argparse.Namespace) -> Profile:
     for change in arguments.set:
         key, equals, value = change.partition("=")
         if not equals or not key:
-            raise UsageError(f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2")
+            raise UsageError(
+                f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2"
+            )
         changes[key.strip()] = value.strip()
     return load_profile(
         arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None), changes
@@ -82,7 +84,9 @@ def write_file(path: Path, data: bytes) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder", remedy="name a file in it")
     if not path.parent.is_dir():
-        raise OutputError(f"{path}: the folder {path.parent} does not exist", remedy=f"mkdir -p {path.parent}")
+        raise OutputError(
+            f"{path}: the folder {path.parent} does not exist", remedy=f"mkdir -p {path.parent}"
+        )
     if path.exists() and not path.is_file():  # a device or a pipe: there is nothing to keep
         _write(path, data)
         return
@@ -100,5 +104,6 @@ def _write(path: Path, data: bytes) -> None:
         path.write_bytes(data)
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written: {error.strerror}", remedy="check free space and permissions, or use -o"
+            f"{path}: cannot be written: {error.strerror}",
+            remedy="check free space and permissions, or use -o",
         ) from None

@@ -49,7 +49,7 @@ class _Version(str):
     __slots__ = ()
 
     def __mod__(self, _: object) -> str:
-        from importlib.metadata import version  # noqa: PLC0415 - costs more than the rest of the parser
+        from importlib.metadata import version  # costs more than the rest of the parser
 
         return f"printer-slicer {version('printer-slicer')}"
 
@@ -105,7 +105,9 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12",
     )
     parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
-    parser.add_argument("-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the model; - for stdout")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the model; - for stdout"
+    )
     parser.add_argument("--picture", metavar="FILE", type=Path, help="draw one layer's beads as SVG")
     parser.add_argument("--layer", metavar="N", type=int, default=1, help="which layer to draw, from 1")
     _common(parser)
@@ -133,7 +135,9 @@ def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "print on a simulated printer, in seconds, and say what would happen",
         "  printer-slicer dry-run part.stl\n  printer-slicer dry-run part.gcode --printer marlin_220 --json",
     )
-    parser.add_argument("model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer")
+    parser.add_argument(
+        "model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer"
+    )
     _common(parser)
     parser.set_defaults(run=_later("printing", "dry_run_command"))
 
@@ -147,8 +151,12 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "  printer-slicer print part.gcode --port socket://192.168.1.7:8888 --json\n"
         "  printer-slicer print part.stl --port sim:          simulated printer, virtual clock",
     )
-    parser.add_argument("model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer")
-    parser.add_argument("--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:")
+    parser.add_argument(
+        "model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer"
+    )
+    parser.add_argument(
+        "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
+    )
     parser.add_argument("--baud", type=int, metavar="N", help="default: as the printer's profile says")
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
@@ -163,9 +171,15 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "  printer-slicer print part.stl --port /tmp/printer\n"
         "  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send",
     )
-    parser.add_argument("--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it")
-    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="times real time; 0: do not wait at all")
-    parser.add_argument("--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end")
+    parser.add_argument(
+        "--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it"
+    )
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
+    )
+    parser.add_argument(
+        "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
+    )
     parser.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
     parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting")
     _output(parser)
@@ -185,7 +199,9 @@ def _profiles(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         "list the shipped profiles and all settings",
         "  printer-slicer profiles\n  printer-slicer profiles settings\n  printer-slicer profiles printer marlin_220",
     )
-    parser.add_argument("what", nargs="?", choices=("list", "settings", "printer", "material", "quality"), default="list")
+    parser.add_argument(
+        "what", nargs="?", choices=("list", "settings", "printer", "material", "quality"), default="list"
+    )
     parser.add_argument("name", nargs="?", help="which one to show")
     _output(parser)
     parser.set_defaults(run=_later("profiles", "profiles_command"))

@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -141,7 +142,9 @@ class _progress:  # noqa: N801 - used like a function
         if isinstance(event, Accepted):
             self._advance(event.acknowledged)
         elif self._json:
-            print(json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True)
+            print(
+                json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
+            )
         elif self._verbose and isinstance(event, (Message, ResendAsked, Temperature)):
             print(event, file=sys.stderr)
 
@@ -182,18 +185,21 @@ def _as_json(verdict: Verdict, job: Job) -> dict[str, object]:
 def _as_text(verdict: Verdict, profile: Profile) -> str:
     report = verdict.report
     ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
-    grams = report.filament * 3.141592653589793 * profile.material.filament_diameter**2 / 4000 * profile.material.density
+    cm3 = report.filament * pi * profile.material.filament_diameter**2 / 4000
     sent = "executed = sent" if verdict.identical else "executed is NOT what was sent"
     heights = "as planned" if verdict.heights_equal else "NOT as planned"
-    lines = [
-        f"{'verdict':<12}{sent}: {verdict.executed} of {verdict.commands} commands",
-        f"{'layers':<12}plastic at {len(verdict.heights)} heights, {heights}",
-        f"{'time':<12}{spoken(verdict.simulated_seconds)} of motion simulated, {spoken(verdict.modelled_seconds)} modelled"
-        f" ({ratio:+.2%}); {spoken(verdict.total_seconds)} with homing and heating",
-        f"{'filament':<12}{report.filament / 1000:.2f} m, {grams:.1f} g; at most {report.peak_flow:.1f} mm3/s",
-        f"{'wire':<12}{report.resends} resends; the planner ran dry {report.starvations} times,"
-        f" {report.starved_seconds:.2f} s, at {profile.printer.baud} Bd",
-    ]
+    simulated, modelled = spoken(verdict.simulated_seconds), spoken(verdict.modelled_seconds)
+    length, grams = report.filament / 1000, cm3 * profile.material.density
+    dry = f"the planner ran dry {report.starvations} times, {report.starved_seconds:.2f} s"
+    facts = {
+        "verdict": f"{sent}: {verdict.executed} of {verdict.commands} commands",
+        "layers": f"plastic at {len(verdict.heights)} heights, {heights}",
+        "time": f"{simulated} of motion simulated, {modelled} modelled ({ratio:+.2%})",
+        "in all": f"{spoken(verdict.total_seconds)} with homing and heating",
+        "filament": f"{length:.2f} m, {grams:.1f} g; at most {report.peak_flow:.1f} mm3/s",
+        "wire": f"{report.resends} resends; {dry}, at {profile.printer.baud} Bd",
+    }
+    lines = [f"{name:<12}{text}" for name, text in facts.items()]
     if report.laid_min and report.laid_max:
         span = " ".join(
             f"{name} {low:.1f} to {high:.1f}"

@@ -28,7 +28,11 @@ def _list(arguments: argparse.Namespace) -> int:
 
     known = {kind: profile_paths(kind) for kind in KINDS}
     if arguments.json:
-        print(json.dumps({kind: {name: str(path) for name, path in paths.items()} for kind, paths in known.items()}))
+        print(
+            json.dumps(
+                {kind: {name: str(path) for name, path in paths.items()} for kind, paths in known.items()}
+            )
+        )
         return 0
     for kind, paths in known.items():
         print(f"--{kind}")
@@ -45,7 +49,9 @@ def _show(arguments: argparse.Namespace) -> int:
     # A part is shown as it is used: with what it inherits and the defaults. The other two parts play no role.
     profile = load_profile(**{arguments.what: arguments.name})
     chosen = {
-        key.partition(".")[2]: value for key, value in settings_text(profile) if key.startswith(f"{arguments.what}.")
+        key.partition(".")[2]: value
+        for key, value in settings_text(profile)
+        if key.startswith(f"{arguments.what}.")
     }
     if arguments.json:
         print(json.dumps(chosen))

@@ -48,7 +48,10 @@ def slice_command(arguments: argparse.Namespace) -> int:
     facts = _facts(program, profile, mesh.volume)
     facts["lost_mm3"] = round(float((stage.walls.lost * program.plan.height).sum()), 3)
     facts["empty_layers"] = program.plan.n_layers - len(program.printed)
-    facts["open_edges"], facts["gaps"] = stage.sections.open_edges, [asdict(gap) for gap in stage.sections.gaps[:10]]
+    facts["open_edges"], facts["gaps"] = (
+        stage.sections.open_edges,
+        [asdict(gap) for gap in stage.sections.gaps[:10]],
+    )
     if arguments.json:
         print(json.dumps({"output": str(output), **facts}))
     elif str(output) != "-":
@@ -141,7 +144,9 @@ def _compare(part: Mesh, profile: Profile, report: Stages) -> list[dict[str, obj
         f"uniform {height:g} mm": profile_with(
             profile, {"quality.planner.kind": "uniform", "quality.layer_height": height}
         )
-        for height in sorted({thin, thick} if chosen != "uniform" else {thin, thick, profile.quality.layer_height})
+        for height in sorted(
+            {thin, thick} if chosen != "uniform" else {thin, thick, profile.quality.layer_height}
+        )
     }
     if chosen != "uniform":
         jobs[f"{chosen} {thin:g} to {thick:g} mm"] = profile
@@ -186,10 +191,9 @@ def _as_text(name: str, table: dict[str, object], rows: list[dict[str, object]])
     for row in rows:
         heights = row["heights"]
         assert isinstance(heights, list)
-        lines.append(
-            f"  {row['plan']:<24}{row['layers']:>8}{_percent(row['layers_saved']):>9}"
-            f"{spoken(float(str(row['seconds']))):>14}{_percent(row['time_saved']):>9}   {_runs([(n, h) for n, h in heights])}"
-        )
+        layers = f"{row['layers']:>8}{_percent(row['layers_saved']):>9}"
+        time = f"{spoken(float(str(row['seconds']))):>14}{_percent(row['time_saved']):>9}"
+        lines.append(f"  {row['plan']:<24}{layers}{time}   {_runs([(n, h) for n, h in heights])}")
     return "\n".join(lines)
 
 

@@ -13,9 +13,14 @@ __all__ = ["KLIPPER"]
 def _limits(printer: Printer) -> list[str]:
     """SET_VELOCITY_LIMIT; the limits of z and extruder are part of Klipper's own configuration."""
     return [
-        f"SET_VELOCITY_LIMIT ACCEL={number(printer.acceleration)}"
-        f" SQUARE_CORNER_VELOCITY={number(printer.square_corner_velocity)}"
-        f" MINIMUM_CRUISE_RATIO={number(printer.minimum_cruise_ratio)}"
+        " ".join(
+            [
+                "SET_VELOCITY_LIMIT",
+                f"ACCEL={number(printer.acceleration)}",
+                f"SQUARE_CORNER_VELOCITY={number(printer.square_corner_velocity)}",
+                f"MINIMUM_CRUISE_RATIO={number(printer.minimum_cruise_ratio)}",
+            ]
+        )
     ]
 
 

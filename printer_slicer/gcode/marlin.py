@@ -20,11 +20,11 @@ def _limits(printer: Printer) -> list[str]:
         corner = f"M205 X{xy} Y{xy} Z{z} E{e} ; mm/s"
     else:
         corner = f"M205 J{number(printer.junction_deviation)} ; mm"
+    print_, retract = number(printer.acceleration), number(printer.retract_acceleration)
     return [
         f"M201 {acceleration} ; mm/s^2",
         f"M203 {speed} ; mm/s",
-        f"M204 P{number(printer.acceleration)} R{number(printer.retract_acceleration)}"
-        f" T{number(printer.travel_acceleration)} ; mm/s^2",
+        f"M204 P{print_} R{retract} T{number(printer.travel_acceleration)} ; mm/s^2",
         corner,
     ]
 

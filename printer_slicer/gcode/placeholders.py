@@ -24,7 +24,9 @@ def values(program: Program, profile: Profile) -> dict[str, str]:
         owner, _, name = key.partition(".")
         if name.endswith("_gcode"):
             continue
-        text = number(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+        text = (
+            number(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+        )
         known[key] = text
         if name != "name":
             known.setdefault(name, text)

@@ -52,7 +52,11 @@ class Moves:
             return self.dwell_seconds
         extrudes = self.delta[:, 3] != 0
         travels = (self.delta[:, :3] != 0).any(axis=1)
-        usual = np.where(extrudes, np.where(travels, limits.acceleration, limits.retract_acceleration), limits.travel_acceleration)
+        usual = np.where(
+            extrudes,
+            np.where(travels, limits.acceleration, limits.retract_acceleration),
+            limits.travel_acceleration,
+        )
         acceleration = np.where(np.isnan(self.acceleration), usual, self.acceleration)
         each = durations(self.delta, self.speed, limits, stop_after=self.stop, acceleration=acceleration)
         return float(each.sum()) + self.dwell_seconds

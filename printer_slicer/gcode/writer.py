@@ -35,7 +35,14 @@ def write_program(program: Program, profile: Profile, dialect: Dialect, seconds:
     start = fill_in(profile.printer.start_gcode, known, f"printer {profile.printer.name!r}: start_gcode")
     end = fill_in(profile.printer.end_gcode, known, f"printer {profile.printer.name!r}: end_gcode")
     relative = profile.printer.relative_extrusion
-    before = [*_header(program, profile, seconds), "G21 ; mm", "G90", "M83", *dialect.limits(profile.printer), *start]
+    before = [
+        *_header(program, profile, seconds),
+        "G21 ; mm",
+        "G90",
+        "M83",
+        *dialect.limits(profile.printer),
+        *start,
+    ]
     before += ["G90", "M83" if relative else "M82", "G92 E0"]
     after = [*end, *_settings(profile)]
     return b"".join([_lines(before), *_body(program, dialect, relative=relative), _lines(after)])
@@ -64,7 +71,11 @@ def _notes(program: Program, dialect: Dialect) -> dict[int, list[str]]:
     height = plan.height
     for move in np.flatnonzero(np.diff(program.layer, prepend=-1) > 0).tolist():
         layer = int(program.layer[move])
-        notes[move] = [";LAYER_CHANGE", f";Z:{number(float(plan.top[layer]))}", f";HEIGHT:{number(float(height[layer]))}"]
+        notes[move] = [
+            ";LAYER_CHANGE",
+            f";Z:{number(float(plan.top[layer]))}",
+            f";HEIGHT:{number(float(height[layer]))}",
+        ]
     for event in program.events:
         lines = notes.setdefault(event.index, [])
         if isinstance(event, Fan):

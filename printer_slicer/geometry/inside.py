@@ -39,7 +39,7 @@ def _inside(ring: Float, points: Float) -> Bool:
     with np.errstate(divide="ignore", invalid="ignore"):
         right = ax + (y - ay) / (by - ay) * (bx - ax) > x
     inside[inside] = (crosses & right).sum(axis=1) % 2 == 1
-    return inside
+    return np.asarray(inside)
 
 
 def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:

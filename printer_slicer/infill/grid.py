@@ -31,5 +31,7 @@ def grid_lines(area: Areas, spacing: Float, angle: Float) -> tuple[Float, Int, I
         parts.append((xy, np.diff(start), layer))
     layer = np.concatenate([part[2] for part in parts])
     order = np.argsort(layer, kind="stable")
-    xy, size = reordered(np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), order)
+    xy, size = reordered(
+        np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), order
+    )
     return xy, size, layer[order]

@@ -60,7 +60,9 @@ def _literal(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlan
     first = steps.first or thin
     pitch = int(np.gcd.reduce([first, thin, thick]))
     # Every plane the march can reach is a multiple of the pitch, so all areas come from one pass over the facets.
-    area = section_areas(mesh.triangles, np.arange(steps.part // pitch + thick // pitch + 2) * pitch * steps.size)
+    area = section_areas(
+        mesh.triangles, np.arange(steps.part // pitch + thick // pitch + 2) * pitch * steps.size
+    )
     heights, plane = [first], first
     while plane < steps.part:
         reach = np.arange(plane + thin, plane + (thick if settings.guarded else thin) + 1, thin)
@@ -92,10 +94,13 @@ def _stretches(mesh: Mesh, steps: Steps, thick: int, settings: AreaPlanner) -> t
     constant everywhere between them. Only stretches near a pair of equal areas half a thick layer apart are looked at:
     no run of constant area with room for a thick layer is without such a pair.
     """
-    level = np.unique(np.clip(np.round(np.unique(mesh.triangles[:, :, 2]) / steps.size), 0, steps.part).astype(np.int64))
+    level = np.unique(
+        np.clip(np.round(np.unique(mesh.triangles[:, :, 2]) / steps.size), 0, steps.part).astype(np.int64)
+    )
     level = np.union1d(level, [0, steps.part])
     pitch = thick / 2
-    coarse = section_areas(mesh.triangles, np.arange(0.5, steps.part / pitch) * pitch * steps.size)
+    planes = np.asarray(np.arange(0.5, steps.part / pitch) * (pitch * steps.size), dtype=np.float64)
+    coarse = section_areas(mesh.triangles, planes)
     pairs = np.flatnonzero(_equal(coarse[:-1], coarse[1:], settings))
     first = np.searchsorted(level[1:], (pairs - 0.5) * pitch, side="right")
     last = np.searchsorted(level[:-1], (pairs + 2.5) * pitch)
@@ -148,5 +153,8 @@ def _regions(level: Int, constant: Bool, flats: Int, steps: Steps) -> tuple[list
     if not ends and steps.part > steps.first:
         ends.append(steps.part)
     begins = [steps.first, *ends[:-1]]
-    inside = [thick_from[:-1][(level[:-1] < end) & (level[1:] > begin)] for begin, end in zip(begins, ends, strict=True)]
+    inside = [
+        thick_from[:-1][(level[:-1] < end) & (level[1:] > begin)]
+        for begin, end in zip(begins, ends, strict=True)
+    ]
     return ends, [bool(part.all()) for part in inside]

@@ -1,8 +1,8 @@
 """The settings: what they are (`settings`), where they come from (`files`), what they mean together (`checks`)."""
 
 from printer_slicer.profile.files import (
-    KINDS,
     DEFAULT_NAMES,
+    KINDS,
     load_profile,
     profile_paths,
     profile_with,

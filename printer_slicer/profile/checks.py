@@ -25,7 +25,9 @@ def _check_layers(profile: Profile) -> None:
     """Every layer height that a planner may use lies within the printer's limits and on its z steps."""
     printer, quality = profile.printer, profile.quality
     if printer.min_layer > printer.max_layer:
-        raise ProfileError(f"printer.min_layer {printer.min_layer:g} is over printer.max_layer {printer.max_layer:g}")
+        raise ProfileError(
+            f"printer.min_layer {printer.min_layer:g} is over printer.max_layer {printer.max_layer:g}"
+        )
     if profile.thinnest > profile.thickest:
         raise ProfileError(
             f"quality.thinnest_layer {profile.thinnest:g} is over quality.thickest_layer {profile.thickest:g}"
@@ -59,7 +61,11 @@ def _check_widths(profile: Profile) -> None:
     """Beads are at least as wide as high, and the nozzle can press them flat."""
     nozzle, width = profile.printer.nozzle_diameter, profile.extrusion_width
     variable = profile.quality.planner.__struct_config__.tag != "uniform"
-    highest = profile.thickest if variable else max(profile.quality.layer_height, profile.quality.first_layer_height)
+    highest = (
+        profile.thickest
+        if variable
+        else max(profile.quality.layer_height, profile.quality.first_layer_height)
+    )
     if highest > 1.0 * nozzle + 1e-9:
         raise ProfileError(
             f"layers of {highest:g} mm are higher than the nozzle is wide ({nozzle:g} mm)",

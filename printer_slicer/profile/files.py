@@ -16,9 +16,25 @@ import msgspec
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.checks import check_together
-from printer_slicer.profile.settings import AreaPlanner, Material, Printer, Profile, Quality, Speeds, UniformPlanner
+from printer_slicer.profile.settings import (
+    AreaPlanner,
+    Material,
+    Printer,
+    Profile,
+    Quality,
+    Speeds,
+    UniformPlanner,
+)
 
-__all__ = ["DEFAULT_NAMES", "KINDS", "load_profile", "profile_paths", "profile_with", "settings_table", "settings_text"]
+__all__ = [
+    "DEFAULT_NAMES",
+    "KINDS",
+    "load_profile",
+    "profile_paths",
+    "profile_with",
+    "settings_table",
+    "settings_text",
+]
 
 KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
 _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
@@ -37,7 +53,9 @@ def profile_root() -> Path:
     """The folder of the shipped profiles: beside the package in a checkout, inside it when installed."""
     package = Path(__file__).resolve().parent.parent
     beside = package.parent / "profiles"
-    return beside if (package.parent / "pyproject.toml").is_file() and beside.is_dir() else package / "profiles"
+    return (
+        beside if (package.parent / "pyproject.toml").is_file() and beside.is_dir() else package / "profiles"
+    )
 
 
 def profile_paths(kind: str) -> dict[str, Path]:
@@ -111,7 +129,11 @@ def _row(key: str, entry: msgspec.inspect.Field) -> tuple[str, str, str, str, st
         meaning = str((kind.extra_json_schema or {}).get("description", ""))
         kind = kind.type
     names = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
-    limits = [f"{sign} {getattr(kind, name):g}" for name, sign in names.items() if getattr(kind, name, None) is not None]
+    limits = [
+        f"{sign} {getattr(kind, name):g}"
+        for name, sign in names.items()
+        if getattr(kind, name, None) is not None
+    ]
     if isinstance(kind, msgspec.inspect.LiteralType):
         limits = [" | ".join(map(str, kind.values))]
     default = "required" if entry.default is msgspec.NODEFAULT else str(entry.default)
@@ -131,7 +153,9 @@ def _find(kind: str, name: str, asked_by: str) -> Path:
     if name.endswith(".toml") or "/" in name:
         path = Path(name)
         if not path.is_file():
-            raise ProfileError(f"{path}: no such {kind} profile", remedy="check the path, or name a shipped profile")
+            raise ProfileError(
+                f"{path}: no such {kind} profile", remedy="check the path, or name a shipped profile"
+            )
         return path
     known = profile_paths(kind)
     if name in known:
@@ -139,7 +163,8 @@ def _find(kind: str, name: str, asked_by: str) -> Path:
     near = get_close_matches(name, known, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
-        f"{asked_by}unknown {kind} {name!r}", remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file"
+        f"{asked_by}unknown {kind} {name!r}",
+        remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file",
     )
 
 
@@ -147,13 +172,19 @@ def _read_chain(kind: str, name: str, seen: tuple[Path, ...]) -> _Source:
     """The settings of a file over those of the file it inherits from."""
     path = _find(kind, name, f"{seen[-1]}: inherits: " if seen else "")
     if path in seen:
-        raise ProfileError(f"{path}: inherits from itself by way of {seen[-1].name}", remedy="break the circle")
+        raise ProfileError(
+            f"{path}: inherits from itself by way of {seen[-1].name}", remedy="break the circle"
+        )
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ProfileError(f"{path}: not valid TOML: {error}", remedy="mend the line that the message names") from None
+        raise ProfileError(
+            f"{path}: not valid TOML: {error}", remedy="mend the line that the message names"
+        ) from None
     except OSError as error:
-        raise ProfileError(f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions") from None
+        raise ProfileError(
+            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
+        ) from None
     parent = values.pop("inherits", None)
     if parent is not None and not isinstance(parent, str):
         raise ProfileError(f"{path}: inherits: expected the name of a profile, got {parent!r}")
@@ -167,8 +198,11 @@ def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     result = dict(base)
     for key, value in over.items():
         old = result.get(key)
-        both = isinstance(value, dict) and isinstance(old, dict)
-        if both and value.get("kind", old.get("kind")) == old.get("kind"):
+        if (
+            isinstance(value, dict)
+            and isinstance(old, dict)
+            and value.get("kind", old.get("kind")) == old.get("kind")
+        ):
             result[key] = _merge(old, value)
         else:
             result[key] = value
@@ -211,7 +245,9 @@ def _resolve(sources: Mapping[str, _Source], key: str) -> tuple[str, str]:
     everything = {f"{kind}.{path}" for kind, path in known} | {path for _, path in known}
     near = get_close_matches(key, sorted(everything), n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    raise ProfileError(f"--set {key}: no such setting", remedy=f"{hint}`printer-slicer profiles` lists all settings")
+    raise ProfileError(
+        f"--set {key}: no such setting", remedy=f"{hint}`printer-slicer profiles` lists all settings"
+    )
 
 
 def _build(sources: Mapping[str, _Source]) -> Profile:
@@ -239,8 +275,23 @@ def _convert(kind: str, source: _Source) -> Any:
         raise ProfileError(f"{place}: {kind}.{path}: no such setting", remedy=hint) from None
     place = source.places.get(path) or next(reversed(source.places.values()), kind)
     given = _lookup(source.values, path)
-    remedy = "see `printer-slicer profiles` for type, unit and bounds of each setting"
-    raise ProfileError(f"{place}: {kind}.{path}: {problem.replace('`', '')}{given}".replace(".:", ":"), remedy=remedy)
+    choices = _choices(KINDS[kind], path)
+    remedy = (
+        f"choose one of: {choices}"
+        if choices
+        else "`printer-slicer profiles settings` tells type, unit and bounds"
+    )
+    what = f"{kind}.{path}" if path else kind
+    raise ProfileError(f"{place}: {what}: {problem.replace('`', '')}{given}", remedy=remedy) from None
+
+
+def _choices(struct: type[msgspec.Struct], path: str) -> str:
+    """The allowed values of a setting that is one of a few words; nothing for other settings."""
+    if path == "planner.kind":
+        return ", ".join(_PLANNERS)
+    rows = {row[0]: row for row in _describe("", struct)}
+    row = rows.get(f".{path}")
+    return row[3].replace(" |", ",") if row and row[1] == "literal" else ""
 
 
 def _lookup(values: Mapping[str, Any], path: str) -> str:

@@ -35,8 +35,12 @@ class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     z_step: Annotated[float, _meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
     min_layer: Annotated[float, _meta("thinnest layer the machine prints", "mm", ge=0.01, le=1)] = 0.08
     max_layer: Annotated[float, _meta("thickest layer the machine prints", "mm", ge=0.02, le=1.6)] = 0.32
-    max_nozzle_temperature: Annotated[float, _meta("never heat the nozzle over this", "°C", ge=100, le=500)] = 275
-    max_bed_temperature: Annotated[float, _meta("never heat the bed over this; 0: not heated", "°C", ge=0, le=200)] = 110
+    max_nozzle_temperature: Annotated[
+        float, _meta("never heat the nozzle over this", "°C", ge=100, le=500)
+    ] = 275
+    max_bed_temperature: Annotated[
+        float, _meta("never heat the bed over this; 0: not heated", "°C", ge=0, le=200)
+    ] = 110
     max_speed_x: Annotated[float, _meta("limit of the x axis", "mm/s", gt=0, le=2000)] = 500
     max_speed_y: Annotated[float, _meta("limit of the y axis", "mm/s", gt=0, le=2000)] = 500
     max_speed_z: Annotated[float, _meta("limit of the z axis", "mm/s", gt=0, le=500)] = 10
@@ -47,7 +51,9 @@ class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     max_acceleration_e: Annotated[float, _meta("limit of the extruder", "mm/s²", gt=0, le=100000)] = 5000
     acceleration: Annotated[float, _meta("while printing", "mm/s²", gt=0, le=100000)] = 1000
     travel_acceleration: Annotated[float, _meta("while travelling", "mm/s²", gt=0, le=100000)] = 1000
-    retract_acceleration: Annotated[float, _meta("while only the extruder turns", "mm/s²", gt=0, le=100000)] = 1000
+    retract_acceleration: Annotated[
+        float, _meta("while only the extruder turns", "mm/s²", gt=0, le=100000)
+    ] = 1000
     corner: Annotated[
         Literal["junction_deviation", "jerk", "square_corner"], _meta("how the firmware finds corner speeds")
     ] = "junction_deviation"
@@ -64,7 +70,9 @@ class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     z_hop: Annotated[float, _meta("lift during a retracted travel", "mm", ge=0, le=5)] = 0
     relative_extrusion: Annotated[bool, _meta("E words are differences (M83)")] = True
     baud: Annotated[int, _meta("speed of the serial port", "Bd", ge=1200, le=12000000)] = 115200
-    receive_buffer: Annotated[int, _meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)] = 128
+    receive_buffer: Annotated[
+        int, _meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
+    ] = 128
     start_gcode: Annotated[str, _meta("G-code before the part; {placeholders} are filled in")] = ""
     end_gcode: Annotated[str, _meta("G-code after the part; {placeholders} are filled in")] = ""
 
@@ -82,7 +90,9 @@ class Material(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True)
     first_layer_bed_temperature: Annotated[float, _meta("bed, first layer", "°C", ge=0, le=200)] = 60
     max_flow: Annotated[float, _meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200)] = 12
     fan_ratio: Annotated[float, _meta("part fan when layers take long", "0-1", ge=0, le=1)] = 0.5
-    fan_ratio_max: Annotated[float, _meta("part fan when a layer takes the minimum time", "0-1", ge=0, le=1)] = 1
+    fan_ratio_max: Annotated[
+        float, _meta("part fan when a layer takes the minimum time", "0-1", ge=0, le=1)
+    ] = 1
     fan_ratio_bridge: Annotated[float, _meta("part fan on bridges", "0-1", ge=0, le=1)] = 1
     fan_off_below: Annotated[float, _meta("no fan below this z", "mm", ge=0, le=100)] = 0.3
     fan_full_above: Annotated[float, _meta("the fan has ramped up at this z", "mm", ge=0, le=100)] = 0.8
@@ -104,16 +114,22 @@ class Speeds(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     travel: Annotated[float, _meta("travels", "mm/s", gt=0, le=2000)] = 150
 
 
-class UniformPlanner(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="uniform", tag_field="kind"):
+class UniformPlanner(
+    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="uniform", tag_field="kind"
+):
     """All layers equally high, as `layer_height` says."""
 
 
-class AreaPlanner(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="area", tag_field="kind"):
+class AreaPlanner(
+    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="area", tag_field="kind"
+):
     """The area test of the paper: thick where the area of the section does not change, thin elsewhere."""
 
     tolerance: Annotated[float, _meta("areas that differ by less are equal", "mm²", ge=0, le=1000)] = 1e-6
     relative_tolerance: Annotated[float, _meta("the same as a share of the area", "ratio", ge=0, le=1)] = 1e-6
-    aligned: Annotated[bool, _meta("test whole regions between the z levels of the part, end layers on them")] = False
+    aligned: Annotated[
+        bool, _meta("test whole regions between the z levels of the part, end layers on them")
+    ] = False
     guarded: Annotated[bool, _meta("go thick only if the area at the far plane is equal too")] = False
 
 
@@ -127,19 +143,31 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     planner: Planner = field(default_factory=UniformPlanner)
     layer_height: Annotated[float, _meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
     first_layer_height: Annotated[float, _meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
-    thinnest_layer: Annotated[float, _meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)] = 0
-    thickest_layer: Annotated[float, _meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)] = 0
-    resolution: Annotated[float, _meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = 0.0125
-    extrusion_width: Annotated[float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)] = 0
+    thinnest_layer: Annotated[
+        float, _meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+    ] = 0
+    thickest_layer: Annotated[
+        float, _meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+    ] = 0
+    resolution: Annotated[float, _meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = (
+        0.0125
+    )
+    extrusion_width: Annotated[
+        float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
     perimeters: Annotated[int, _meta("perimeters around each section", ge=0, le=100)] = 2
     outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
     seam: Annotated[Literal["aligned", "nearest", "rear"], _meta("where perimeters begin")] = "aligned"
-    bottom_thickness: Annotated[float, _meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = 0.6
+    bottom_thickness: Annotated[float, _meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
+        0.6
+    )
     top_thickness: Annotated[float, _meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
     infill: Annotated[Literal["rectilinear", "grid"], _meta("pattern of the sparse infill")] = "grid"
     infill_density: Annotated[float, _meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
     infill_angle_deg: Annotated[float, _meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
-    infill_overlap: Annotated[float, _meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)] = 0.15
+    infill_overlap: Annotated[
+        float, _meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+    ] = 0.15
     skirt_loops: Annotated[int, _meta("loops around the part on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
     brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0

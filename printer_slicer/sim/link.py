@@ -38,8 +38,7 @@ class Damage:
     bursts; no byte is repeated, delayed or overtaken, and a written chunk is never lost as a whole. A flip
     turns one of the eight bits, an insertion puts any of the 256 bytes in front. The checksum of a line is
     one exclusive or: two flips of the same bit, or two equal bytes lost, pass it, so altered lines can be
-        executed; how many to expect
-    follows from the rates.
+    executed; how many to expect follows from the rates.
 
     Attributes:
         flipped, dropped, inserted: how many bytes so far, both directions together.

@@ -20,9 +20,8 @@ Modelled:
 
 Not modelled: steps and their rounding, pressure advance, filament and its melting, a bed that is not flat,
 sensors that fail or are noisy, thermal runaway and every other fault of the machine, EEPROM, SD card,
-display, more than one extruder, backspaces and quoting in lines, non-printing time of the firmware other than
-the main loop's, and a speed
-within a move: the position in the middle of a move is taken by its share of time.
+display, more than one extruder, backspaces and quoting in lines, and the speed within a move: the position
+in the middle of a move is taken by its share of time.
 """
 
 from __future__ import annotations

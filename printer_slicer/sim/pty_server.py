@@ -1,8 +1,7 @@
 """The simulated printer as a device file: any host that can open a serial port can print to it.
 
 The printer lives behind a pseudo-terminal; a symbolic link gives it a name that can be told to a host. Baud
-rate and
-parity that a host sets mean nothing here.
+rate and parity that a host sets mean nothing here.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import contextlib
 import os
 import select
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from math import inf
 from pathlib import Path
 from time import monotonic
@@ -72,27 +71,39 @@ def serve(
             "this system has no pseudo-terminals",
             remedy="Use the dry run, which needs no port, or serve the printer from Linux or macOS.",
         )
-    master, slave = pty.openpty()
-    linked = False
-    try:
-        # Open at this end too: without it the settings, and bytes in flight, would be lost when a host
-        # closes.
-        tty.setraw(slave)
-        os.set_blocking(master, False)
-        name = os.ttyname(slave)
-        _link(link_path, name)
-        linked = True
+    with _terminal() as (master, name), _linked(link_path, name):
         ready(name)
         printer = printer_factory()
         # Ctrl-C is how a person ends it.
         with contextlib.suppress(KeyboardInterrupt):
             _carry(printer, Cable(printer, baud=baud), master, _Clock(speed), stop)
         return printer.report()
+
+
+@contextlib.contextmanager
+def _terminal() -> Iterator[tuple[int, str]]:
+    """A pseudo-terminal that passes bytes unchanged: our end, and the name of the other."""
+    master, slave = pty.openpty()
+    try:
+        # The other end stays open here too, or its settings would be lost whenever a host closes it.
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        yield master, os.ttyname(slave)
     finally:
-        if linked and link_path.is_symlink() and link_path.readlink() == Path(name):
-            link_path.unlink()
         os.close(master)
         os.close(slave)
+
+
+@contextlib.contextmanager
+def _linked(path: Path, target: str) -> Iterator[None]:
+    """A symbolic link for as long as it is needed."""
+    _link(path, target)
+    try:
+        yield
+    finally:
+        # Somebody else may have put another one in its place.
+        if path.is_symlink() and path.readlink() == Path(target):
+            path.unlink()
 
 
 def _link(path: Path, target: str) -> None:

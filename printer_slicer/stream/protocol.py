@@ -20,18 +20,8 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
+from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
-from printer_slicer.stream.events import (
-    Accepted,
-    Action,
-    Asked,
-    Busy,
-    Event,
-    Halted,
-    Message,
-    ResendAsked,
-    Temperature,
-)
 from printer_slicer.stream.flight import Flight
 from printer_slicer.stream.framing import check_commands, command_room
 from printer_slicer.stream.greeting import Greeting
@@ -84,7 +74,7 @@ class Streamer:
         self._flight = Flight(*self._flight_rules)
         self._state = State.CONNECTING
         self._ended = False
-        self._events: list[Event] = []
+        self._events: list[told.Event] = []
         self._partial = b""
         self._urgent = b""
         self._said: tuple[float, str] = (-inf, "")
@@ -100,10 +90,10 @@ class Streamer:
             replies.Capability: self._on_introduction,
             replies.Position: self._on_position,
             replies.Garbled: self._on_garbled,
-            Temperature: self._on_temperature,
-            Busy: self._on_busy,
-            Action: self._on_action,
-            Message: self._on_text,
+            told.Temperature: self._on_temperature,
+            told.Busy: self._on_busy,
+            told.Action: self._on_action,
+            told.Message: self._on_text,
         }
 
     @property
@@ -121,7 +111,7 @@ class Streamer:
         """Entries of the job that the printer took: `commands[:acknowledged]` need not be sent again."""
         return self._acknowledged
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[told.Event]:
         """What happened since the last call, in order."""
         events, self._events = self._events, []
         return events
@@ -152,7 +142,7 @@ class Streamer:
         if self._apply(Trigger.CANCEL):
             self._script.cancel(end_script)
             if self._ended:
-                self._events.append(Halted("cancelled before anything was printed", self._acknowledged))
+                self._events.append(told.Halted("cancelled before anything was printed", self._acknowledged))
 
     def emergency_stop(self) -> None:
         """Kill the printer: M112 goes out ahead of everything, and nothing after it."""
@@ -171,7 +161,7 @@ class Streamer:
                 if not self._ended:
                     self._handlers[type(reply)](reply, now)
         if self._acknowledged > before:
-            self._events.append(Accepted(self._acknowledged))
+            self._events.append(told.Accepted(self._acknowledged))
 
     def send(self, now: float) -> bytes:
         """What to write now; may be empty."""
@@ -222,7 +212,7 @@ class Streamer:
             self._halt(f"the printer does not accept line {wanted}, whatever is sent")
             return False
         self._acknowledged = min(self._acknowledged, flight.go_back(wanted, now))
-        self._events.append(ResendAsked(wanted))
+        self._events.append(told.ResendAsked(wanted))
         return True
 
     def _ask(self, now: float) -> bytes:
@@ -233,7 +223,7 @@ class Streamer:
             return b""
         if ledger.cursor == ledger.top:
             self._number(ASK)
-        self._events.append(Asked(ledger.cursor))
+        self._events.append(told.Asked(ledger.cursor))
         return flight.ask(now)
 
     def _has_next(self) -> bool:
@@ -271,7 +261,7 @@ class Streamer:
         """The printer took the last line; comments may stand behind it."""
         if self._script.taken > self._acknowledged:
             self._acknowledged = self._script.taken
-            self._events.append(Accepted(self._acknowledged))
+            self._events.append(told.Accepted(self._acknowledged))
         self._script.reopen()
         self._apply(Trigger.ACCEPTED)
 
@@ -326,7 +316,7 @@ class Streamer:
     def _on_line_error(self, error: replies.LineError, now: float) -> None:
         if self._state is not State.CONNECTING:
             self._flight.burst.error(error.wanted, now)
-        self._events.append(Message(error.text))
+        self._events.append(told.Message(error.text))
 
     def _on_wait(self, _: replies.Wait, now: float) -> None:
         if self._flight.ledger.in_flight:
@@ -339,7 +329,7 @@ class Streamer:
         """The printer knows nothing any more: begin anew if nothing was printed, else never."""
         self._apply(Trigger.RESTARTED)
         if self._ended:
-            self._events.append(Halted(f"the printer was reset: {evidence}", self._acknowledged))
+            self._events.append(told.Halted(f"the printer was reset: {evidence}", self._acknowledged))
         else:
             self._flight = Flight(*self._flight_rules)
             self._greeting.forget(now)
@@ -367,25 +357,25 @@ class Streamer:
         self._on_text(garbled, now)
         self._flight.stray(now, refusal=garbled.refusal)
 
-    def _on_temperature(self, temperature: Temperature, now: float) -> None:
+    def _on_temperature(self, temperature: told.Temperature, now: float) -> None:
         if temperature.waiting:
             self._flight.watch.answered(now)
         self._events.append(temperature)
 
-    def _on_busy(self, busy: Busy, now: float) -> None:
+    def _on_busy(self, busy: told.Busy, now: float) -> None:
         self._flight.watch.busy(now)
         self._events.append(busy)
 
-    def _on_action(self, action: Action, _: float) -> None:
+    def _on_action(self, action: told.Action, _: float) -> None:
         if action.name in {"pause", "paused"}:
             self.pause()
         elif action.name in {"resume", "resumed"}:
             self.resume()
         self._events.append(action)
 
-    def _on_text(self, said: Message | replies.WithText, now: float) -> None:
+    def _on_text(self, said: told.Message | replies.WithText, now: float) -> None:
         self._said = (now, said.text)
-        self._events.append(Message(said.text))
+        self._events.append(told.Message(said.text))
 
     # Changing state.
 
@@ -400,4 +390,4 @@ class Streamer:
 
     def _halt(self, reason: str) -> None:
         if self._apply(Trigger.HALT):
-            self._events.append(Halted(reason, self._acknowledged))
+            self._events.append(told.Halted(reason, self._acknowledged))

@@ -1,0 +1,109 @@
+"""CPU time of each stage of slicing one part, in one process, and relative to a fixed numpy loop.
+
+    python benchmarks/stages.py [MODEL] [--quality NAME] [--printer NAME] [--rounds N]
+
+The stages are those that `printer_slicer.pipeline` reports, under its names, with reading the file before and writing the
+text after them. The last column divides by the time of a loop that never changes, so it can be compared between machines
+and between days.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import median
+from time import process_time
+
+import numpy as np
+from printer_slicer.mesh_io import load_mesh
+from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.profile import Profile, load_profile
+from processes import SAMPLES, machine_note
+
+_NUMBERS = 400_000
+_PASSES = 1
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print one line per stage."""
+    options = _options(argv)
+    profile = load_profile(options.printer, None, options.quality)
+    _calibration()
+    _times_of(options.model, profile)
+    calibrations: list[float] = []
+    rounds: list[dict[str, float]] = []
+    for _ in range(options.rounds):
+        calibrations.append(_calibration())
+        rounds.append(_times_of(options.model, profile))
+    print(machine_note())
+    print(f"{options.model.name}, {options.printer or 'default printer'}, quality {options.quality}")
+    print(_table(rounds, median(calibrations)))
+    return 0
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="CPU time of each stage of slicing one part.")
+    parser.add_argument("model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase")
+    parser.add_argument("--quality", default="standard", help="our quality profile (default standard)")
+    parser.add_argument("--printer", help="our printer profile")
+    parser.add_argument("--rounds", type=int, default=7, help="measured runs (default 7)")
+    return parser.parse_args(argv)
+
+
+def _times_of(model: Path, profile: Profile) -> dict[str, float]:
+    """Stage -> CPU seconds, all threads, of one run."""
+    times: dict[str, float] = {}
+    switch = _stopwatch(times)
+    switch("loading")
+    mesh = load_mesh(model)
+    program = slice_part(mesh, profile, report=switch)
+    switch("writing")
+    gcode_of(program, profile)
+    switch("")
+    return times
+
+
+def _stopwatch(times: dict[str, float]) -> Callable[[str], None]:
+    """A function that is told which stage begins, and books the time since then to the one before."""
+    current, since = "", process_time()
+
+    def switch(stage: str) -> None:
+        nonlocal current, since
+        now = process_time()
+        if current:
+            times[current] = times.get(current, 0.0) + now - since
+        current, since = stage, process_time()
+
+    return switch
+
+
+def _calibration() -> float:
+    """CPU seconds of fixed work of the kinds that slicing consists of: sort, gather, scan, search, count."""
+    values = (np.arange(_NUMBERS, dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)).astype(np.float64)
+    begun = process_time()
+    for _ in range(_PASSES):
+        order = np.argsort(values, kind="stable")
+        ascending = values[order]
+        place = np.searchsorted(ascending, values)
+        sums = np.cumsum(np.hypot(ascending, values))
+        np.bincount(place % 1000, weights=sums[place])
+    return process_time() - begun
+
+
+def _table(rounds: Sequence[dict[str, float]], unit: float) -> str:
+    """One row per stage, and their sum."""
+    total = median(sum(times.values()) for times in rounds)
+    rows = [(stage, [times[stage] for times in rounds]) for stage in rounds[0]]
+    rows.append(("all", [sum(times.values()) for times in rounds]))
+    lines = ["| stage | CPU ms, median [min..max] | share | in calibration loops |", "|---|---:|---:|---:|"]
+    for stage, seconds in rows:
+        low, middle, high = min(seconds) * 1000, median(seconds) * 1000, max(seconds) * 1000
+        share, loops = middle / 1000 / total, middle / 1000 / unit
+        lines.append(f"| {stage} | {middle:.1f} [{low:.1f}..{high:.1f}] | {share:.0%} | {loops:.2f} |")
+    return "\n".join([*lines, f"calibration loop: {unit * 1000:.1f} ms"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,136 @@
+"""How fast lines go to the printer: the host's protocol and the simulated printer in one process, under an invented clock.
+
+    python benchmarks/wire.py [MODEL] [--lines N] [--rounds N]
+
+Three answers: how much CPU a line costs on a cable that takes no time; how many lines a second a real cable would carry, in
+simulated time, with one line in flight and with two; and how much CPU a dry run of a whole job takes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+from pathlib import Path
+from statistics import median
+from time import process_time
+
+from printer_slicer.dry_run import dry_run
+from printer_slicer.jobs import Job, job_from
+from printer_slicer.motion.rules import Limits
+from printer_slicer.profile import load_profile
+from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, FrontEnd
+from printer_slicer.sim.link import VirtualPort
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.session import run
+from processes import SAMPLES, machine_note, spread
+
+BAUD, LATENCY = 115_200, 0.001
+"""Of the real cable: Bd, and s that each byte takes in addition in each direction."""
+
+# So quick that only the cable limits how fast lines go.
+_QUICK = Limits(
+    max_speed=(1000.0, 1000.0, 50.0, 500.0),
+    max_acceleration=(1e5, 1e5, 1e4, 1e5),
+    acceleration=1e5,
+    travel_acceleration=1e5,
+    retract_acceleration=1e5,
+    corner="junction_deviation",
+    junction_deviation=0.1,
+    jerk=(10.0, 10.0, 0.4, 5.0),
+    square_corner_velocity=5.0,
+)
+_RADIUS, _CHORD = 20.0, 0.05  # mm
+
+
+@dataclass(frozen=True, slots=True)
+class Streamed:
+    """One job over the simulated cable: CPU seconds of both ends together, and simulated seconds."""
+
+    cpu: float
+    seconds: float
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the three answers; 1 if the dry run found the job wanting."""
+    options = _options(argv)
+    short, long = _circle(options.lines), _circle(2 * options.lines)
+    print(machine_note())
+    size = sum(len(command) for command in long[1:]) / (len(long) - 1)
+    print(f"lines such as {long[-1].decode()}, {size:.1f} bytes on average without number and checksum")
+    clean = [_stream(long, MARLIN_2_1, baud=None, latency=0.0, window=2) for _ in range(options.rounds + 1)][1:]
+    rates = [len(long) / streamed.cpu for streamed in clean]
+    print(f"clean cable, no time on the wire: {spread(rates, ',.0f')} lines per second of CPU, both ends together")
+    for front_end in (MARLIN_2_1, MARLIN_2_0_AVR):
+        for window in (1, 2):
+            print(_on_the_wire(short, long, front_end, window))
+    job = job_from(options.model, load_profile(None, None, "standard"))
+    return _print_dry_run(job, options.rounds)
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Lines per second of the protocol, and CPU of a dry run.")
+    parser.add_argument("model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase")
+    parser.add_argument("--lines", type=int, default=10_000, help="of the shorter job (default 10000)")
+    parser.add_argument("--rounds", type=int, default=3, help="measured runs (default 3)")
+    return parser.parse_args(argv)
+
+
+def _circle(lines: int) -> list[bytes]:
+    """Short moves around a circle, over and over, as a slicer writes them."""
+    commands = [b"M83", b"G1 X120 Y100 F6000"]
+    for i in range(1, lines + 1):
+        angle = i * _CHORD / _RADIUS % (2 * pi)
+        x, y = 100 + _RADIUS * cos(angle), 100 + _RADIUS * sin(angle)
+        commands.append(b"G1 X%.3f Y%.3f E%.5f" % (x, y, 0.033 * _CHORD))
+    return commands
+
+
+def _stream(
+    commands: list[bytes], front_end: FrontEnd, *, baud: int | None, latency: float, window: int
+) -> Streamed:
+    """Stream a job; an error unless every line was executed once and in order."""
+    executed: list[str] = []
+    machine = Machine(limits=_QUICK, coldest_extrusion=0.0)
+    printer = SimulatedPrinter(machine, front_end, on_executed=executed.append)
+    port = VirtualPort(printer, baud=baud, latency=latency)
+    begun = process_time()
+    run(Streamer(commands, limits=_QUICK, window_lines=window), port, port.now)
+    cpu = process_time() - begun
+    if [text for text in executed if text.startswith("G1")] != [line.decode() for line in commands[1:]]:
+        sys.exit("the lines were not executed once and in order")
+    return Streamed(cpu, port.now())
+
+
+def _on_the_wire(short: list[bytes], long: list[bytes], front_end: FrontEnd, window: int) -> str:
+    """Lines per simulated second; the difference of two jobs, so that greeting and end do not count."""
+    one, two = (
+        _stream(commands, front_end, baud=BAUD, latency=LATENCY, window=window) for commands in (short, long)
+    )
+    rate = (len(long) - len(short)) / (two.seconds - one.seconds)
+    name = "Marlin 2.0, 8 bits" if front_end is MARLIN_2_0_AVR else "Marlin 2.1"
+    return f"{BAUD} Bd, {LATENCY * 1000:g} ms, {name}, window {window}: {rate:.0f} lines per simulated second"
+
+
+def _print_dry_run(job: Job, rounds: int) -> int:
+    """CPU of dry-running a job; 1 if it would not print as intended."""
+    profile = load_profile(None, None, "standard")
+    times = []
+    for _ in range(rounds + 1):
+        begun = process_time()
+        verdict = dry_run(job, profile)
+        times.append(process_time() - begun)
+    times = times[1:]
+    print(
+        f"dry run of {job.name}: {len(job.commands)} lines, {verdict.total_seconds:.0f} s simulated in {spread(times, '.2f')} s"
+        f" of CPU, {len(job.commands) / median(times):,.0f} lines/s: {'ok' if verdict.ok else '; '.join(verdict.problems)}"
+    )
+    return int(not verdict.ok)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
