@@ -16,6 +16,7 @@ from printer_slicer.stream.events import Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
+from printer_slicer.stream.transport import Transport
 
 __all__ = ["Done", "print_job"]
 
@@ -60,7 +61,8 @@ def print_job(
     Raises:
         PortError: the port cannot be opened.
         PrintError: the printer stopped, or the port went away; the checkpoint is written.
-        Cancelled: Ctrl-C; heaters are off and the checkpoint is written.
+        Cancelled: Ctrl-C; heaters are off and the checkpoint is written. A second Ctrl-C halts the printer (M112),
+            which is a PrintError.
     """
     printer = profile.printer
     streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
@@ -74,11 +76,7 @@ def print_job(
     begun = monotonic()
     transport = open_port(port, baud or printer.baud)
     try:
-        try:
-            run(streamer, transport, monotonic, on_event=listen)
-        except KeyboardInterrupt:
-            streamer.cancel(_STOP_SCRIPT)
-            run(streamer, transport, monotonic, on_event=listen)
+        _run_until_stopped(streamer, transport, listen)
     except PortError as error:
         raise PrintError(
             _stopped(job, streamer, str(error).splitlines()[0], checkpoint),
@@ -95,6 +93,20 @@ def print_job(
             _stopped(job, streamer, reason, checkpoint), remedy="look at the printer before you go on"
         )
     return Done(len(job.commands), monotonic() - begun, end.verified)
+
+
+def _run_until_stopped(streamer: Streamer, transport: Transport, listen: Callable[[Event], None]) -> None:
+    """Stream to the end; the first Ctrl-C ends the print in good order, the second one at once."""
+    try:
+        run(streamer, transport, monotonic, on_event=listen)
+        return
+    except KeyboardInterrupt:
+        streamer.cancel(_STOP_SCRIPT)
+    try:
+        run(streamer, transport, monotonic, on_event=listen)
+    except KeyboardInterrupt:
+        streamer.emergency_stop()
+        run(streamer, transport, monotonic, on_event=listen)
 
 
 def _stopped(job: Job, streamer: Streamer, reason: str, checkpoint: Path | None) -> str:

@@ -7,8 +7,9 @@ from functools import cache
 from math import cos, pi, sin
 
 import numpy as np
+import shapely
 
-from printer_slicer.model import Float, Mesh
+from printer_slicer.model import Areas, Float, Mesh
 from printer_slicer.profile import Profile, load_profile
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "box",
     "box_with_hole",
     "case_study",
+    "cone",
     "fin_on_a_box",
     "joined",
     "loft",
@@ -23,6 +25,7 @@ __all__ = [
     "prism",
     "profile",
     "pyramid",
+    "shape",
     "sheared_prism",
     "sphere",
     "sphere_area",
@@ -68,9 +71,20 @@ def prism(ring: Sequence[tuple[float, float]] | Float, height: float) -> Mesh:
 
 def pyramid(side: float = 20.0, height: float = 20.0) -> Mesh:
     """Square foot, one tip: the section at z is a square of side (1 - z / height) * side."""
-    foot = np.column_stack([_rectangle(side, side, (-side / 2, -side / 2)), np.zeros(4)])
-    walls = np.stack([foot, np.roll(foot, -1, axis=0), np.broadcast_to((0, 0, height), (4, 3))], axis=1)
-    return Mesh(np.concatenate([walls, _fan(foot)[:, ::-1]]), "pyramid")
+    return _tipped(_rectangle(side, side, (-side / 2, -side / 2)), height, "pyramid")
+
+
+def cone(radius: float = 10.0, height: float = 20.0, sides: int = 64) -> Mesh:
+    """A pyramid over a regular polygon."""
+    turn = 2 * pi * np.arange(sides) / sides
+    return _tipped(radius * np.column_stack([np.cos(turn), np.sin(turn)]), height, "cone")
+
+
+def _tipped(ring: Float, height: float, name: str) -> Mesh:
+    foot = np.column_stack([ring, np.zeros(len(ring))])
+    tip = np.broadcast_to((0, 0, height), foot.shape)
+    walls = np.stack([foot, np.roll(foot, -1, axis=0), tip], axis=1)
+    return Mesh(np.concatenate([walls, _fan(foot)[:, ::-1]]), name)
 
 
 _PARALLELS, _MERIDIANS = 16, 24
@@ -194,3 +208,13 @@ def plain(**changes: object) -> Profile:
     still: dict[str, object] = {"skirt_loops": 0, "start_gcode": "", "end_gcode": "", "min_layer_time": 0}
     named = tuple((key.replace("__", "."), value) for key, value in (still | changes).items())
     return _profile(("marlin_220", "pla", "standard"), named)
+
+
+def shape(areas: Areas, layer: int) -> shapely.Geometry:
+    """The area of one layer as shapely sees it: rings put on or cut out from the largest to the smallest."""
+    rings = sorted((shapely.LinearRing(ring) for ring in areas.rings(layer)), key=lambda r: -shapely.area(shapely.Polygon(r)))
+    result = shapely.Polygon()
+    for ring in rings:
+        one = shapely.Polygon(ring)
+        result = shapely.union(result, one) if shapely.is_ccw(ring) else shapely.difference(result, one)
+    return result

@@ -60,9 +60,8 @@ def _literal(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlan
     first = steps.first or thin
     pitch = int(np.gcd.reduce([first, thin, thick]))
     # Every plane the march can reach is a multiple of the pitch, so all areas come from one pass over the facets.
-    area = section_areas(
-        mesh.triangles, np.arange(steps.part // pitch + thick // pitch + 2) * pitch * steps.size
-    )
+    planes = np.asarray(np.arange(steps.part // pitch + thick // pitch + 2) * (pitch * steps.size), np.float64)
+    area = section_areas(mesh.triangles, planes)
     heights, plane = [first], first
     while plane < steps.part:
         reach = np.arange(plane + thin, plane + (thick if settings.guarded else thin) + 1, thin)

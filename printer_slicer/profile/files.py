@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile.checks import check_together
+from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.settings import (
     AreaPlanner,
     Material,
@@ -254,7 +254,10 @@ def _build(sources: Mapping[str, _Source]) -> Profile:
     """The checked profile."""
     parts = {kind: _convert(kind, source) for kind, source in sources.items()}
     profile = Profile(**parts)
-    check_together(profile)
+    for key, problem, remedy in conflicts(profile):
+        kind, _, path = key.partition(".")
+        place = sources[kind].places.get(path, f"the default of {kind} {getattr(profile, kind).name!r}")
+        raise ProfileError(f"{place}: {key}: {problem}", remedy=remedy)
     return profile
 
 

@@ -186,13 +186,13 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
 
     Two things at once come in the order in which they count: `ok T:...` is a report and then an ok.
     """
+    line = line.strip()
     if line == b"ok":
         return _PLAIN_OK
-    if found := _OK.fullmatch(line):
-        return (Ok(int(found[1]) if found[1] else None),)
-    line = line.strip()
     if not line:
         return ()
+    if found := _OK.fullmatch(line):
+        return (Ok(int(found[1]) if found[1] else None),)
     if _OK_AND.match(line):
         told = tuple(reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message))
         return (*told, Ok(heat=any(isinstance(reply, Temperature) for reply in told)))

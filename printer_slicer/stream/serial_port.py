@@ -176,7 +176,11 @@ def _refused(address: str, error: Exception) -> PortError:
         remedy = "close the other program: a slicer, a monitor, a second copy of this one"
         return PortError(f"{address} is in use by another program", remedy=remedy)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
-        ports = ", ".join(port.address for port in list_ports())
-        remedy = f"found: {ports}" if ports else "no serial port was found: look at cable and power"
-        return PortError(f"there is no port {address}", remedy=remedy)
+        return PortError(f"there is no port {address}", remedy=_what_is_there(list_ports()))
     return PortError(f"{address} cannot be opened: {error}", remedy="look at the name and the speed")
+
+
+def _what_is_there(ports: list[PortInfo]) -> str:
+    if not ports:
+        return "no serial port was found: look at cable and power"
+    return "found: " + ", ".join(port.address for port in ports)

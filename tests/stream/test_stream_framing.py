@@ -50,7 +50,7 @@ def test_a_command_that_passes_the_check_fits_into_the_line_buffer_whatever_its_
         (b"  G28\r\n", b"G28"),
         (b"", b""),
         (b"N12 G1 X10*33", b"G1 X10"),
-        (b"N12G28 * 7", b"G28 *"),
+        (b"N12G28 *7", b"G28"),
         (b"M110 N5", b""),
         (b"M110", b""),
         (b"M1100", b"M1100"),
