@@ -2,8 +2,8 @@
 
     python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--json FILE] [part ...]
 
-One round runs each program once, one after the other, so that whatever else the machine does meets all of them; a ratio is
-taken within a round, and the median over the rounds is shown with its extremes. The first run of each is a warm-up.
+One round runs each program once, one after the other, so that whatever else the machine does meets all of them; a ratio
+is taken within a round, and the median over the rounds is shown with its extremes. The first run of each is a warm-up.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 
-from processes import SAMPLES, WORK, Cost, RunFailed, machine_note, ours, run, spread
+from processes import SAMPLES, WORK, Cost, RunError, machine_note, ours, run, spread
 
 PEER = "prusa-slicer"
 MODELS = ("benchy", "crazyradio", "ringing_tower")
@@ -33,6 +34,36 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     ),
 }
 """What is added to the common settings of PrusaSlicer; everything else is as it comes."""
+
+SAME: Mapping[str, str] = {
+    "max-print-height": "printer.bed_z",
+    "nozzle-diameter": "printer.nozzle_diameter",
+    "retract-length": "printer.retract_length",
+    "retract-speed": "printer.retract_speed",
+    "deretract-speed": "printer.deretract_speed",
+    "retract-before-travel": "printer.retract_before_travel",
+    "filament-diameter": "material.filament_diameter",
+    "temperature": "material.nozzle_temperature",
+    "first-layer-temperature": "material.first_layer_nozzle_temperature",
+    "bed-temperature": "material.bed_temperature",
+    "first-layer-bed-temperature": "material.first_layer_bed_temperature",
+    "slowdown-below-layer-time": "material.min_layer_time",
+    "min-print-speed": "material.min_speed",
+    "layer-height": "quality.layer_height",
+    "perimeters": "quality.perimeters",
+    "fill-angle": "quality.infill_angle_deg",
+    "skirts": "quality.skirt_loops",
+    "skirt-distance": "quality.skirt_distance",
+    "perimeter-speed": "quality.speeds.inner_perimeter",
+    "external-perimeter-speed": "quality.speeds.outer_perimeter",
+    "infill-speed": "quality.speeds.sparse",
+    "solid-infill-speed": "quality.speeds.solid",
+    "top-solid-infill-speed": "quality.speeds.top_skin",
+    "bridge-speed": "quality.speeds.bridge",
+    "first-layer-speed": "quality.speeds.first_layer",
+    "travel-speed": "quality.speeds.travel",
+}
+"""Settings that PrusaSlicer gets as ours has them: its name, our name."""
 
 CPU_TARGET, PEAK_TARGET = 0.25, 1.5
 """On benchy, against PrusaSlicer with its other settings at their defaults."""
@@ -70,11 +101,11 @@ class Result:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the comparison; 1 if one of our own runs failed."""
+    """Run the comparison; 1 if a part could not be measured."""
     options = _options(argv)
     WORK.mkdir(exist_ok=True)
     peers = dict(VARIANTS) if shutil.which(PEER) else {}
-    print(machine_note() + (f", {_peer_version()}" if peers else ""))
+    print(machine_note() + (f", {_peer_version()}" if peers else ""), flush=True)
     if not peers:
         print(f"{PEER} is not installed: only our own times")
     results = []
@@ -90,14 +121,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.json:
         note = {"machine": machine_note(), "rounds": options.rounds, "quality": options.quality}
         options.json.write_text(json.dumps({**note, "parts": [asdict(r) for r in results]}, indent=1) + "\n")
-    return int(any("ours" in result.failures for result in results))
+    return int(any(not result.costs for result in results))
 
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Our slice against PrusaSlicer, whole processes side by side.")
+    parser = argparse.ArgumentParser(
+        description="Our slice against PrusaSlicer, whole processes side by side."
+    )
     parser.add_argument("parts", nargs="*", help="names without extension; default: all")
     parser.add_argument("--rounds", type=int, default=5, help="measured runs of each program (default 5)")
-    parser.add_argument("--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)")
+    parser.add_argument(
+        "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
+    )
     parser.add_argument("--quality", default="standard", help="our quality profile (default standard)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every single measurement")
     options = parser.parse_args(argv)
@@ -152,76 +187,58 @@ def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, quali
     for name, changes in peers.items():
         commands[name] = [PEER, "--export-gcode", str(model), "-o", str(outputs[name]), *common, *changes]
         _warm_up(result, name, commands, outputs)
-    for _ in range(rounds):
-        for name in result.facts:
-            result.costs.setdefault(name, []).append(run(commands[name]))
+    try:
+        costs = [{name: run(commands[name]) for name in result.facts} for _ in range(rounds)]
+    except RunError as error:  # it worked a moment ago: nothing of this part can be trusted
+        result.failures["a measured run"] = str(error)
+        return result
+    result.costs = {name: [cost[name] for cost in costs] for name in result.facts}
     return result
 
 
-def _warm_up(result: Result, name: str, commands: Mapping[str, list[str]], outputs: Mapping[str, Path]) -> bool:
+def _warm_up(
+    result: Result, name: str, commands: Mapping[str, list[str]], outputs: Mapping[str, Path]
+) -> bool:
     """Run one program once and look at what it wrote; whether it did its work."""
     outputs[name].unlink(missing_ok=True)
     try:
         run(commands[name])
         result.facts[name] = _facts(outputs[name])
-    except (RunFailed, FileNotFoundError) as error:
+    except (RunError, FileNotFoundError) as error:
         result.failures[name] = str(error)
     return name in result.facts
 
 
 def _settings(gcode: Path) -> dict[str, str]:
     """The settings that our G-code ends with."""
-    found = re.findall(r"^; ([a-z_.]+) = (.*)$", gcode.read_text("ascii").partition("\n; settings\n")[2], re.MULTILINE)
+    found = re.findall(
+        r"^; ([a-z_.]+) = (.*)$", gcode.read_text("ascii").partition("\n; settings\n")[2], re.MULTILINE
+    )
     return dict(found)
 
 
 def _matched(settings: Mapping[str, str]) -> list[str]:
     """Our settings as arguments for PrusaSlicer, as far as both have them."""
-    printer, material, quality, speeds = (
-        {key.removeprefix(group): value for key, value in settings.items() if key.startswith(group)}
-        for group in ("printer.", "material.", "quality.", "quality.speeds.")
-    )
-    height, nozzle = float(quality["layer_height"]), float(printer["nozzle_diameter"])
-    width = float(quality["extrusion_width"]) or 1.125 * nozzle
-    bed_x, bed_y = float(printer["bed_x"]), float(printer["bed_y"])
-    same = {
+
+    def value(key: str) -> float:
+        return float(settings[key])
+
+    height = value("quality.layer_height")
+    width = value("quality.extrusion_width") or 1.125 * value("printer.nozzle_diameter")
+    bed_x, bed_y = value("printer.bed_x"), value("printer.bed_y")
+    same = {theirs: f"{value(key):g}" for theirs, key in SAME.items()} | {
         "bed-shape": f"0x0,{bed_x:g}x0,{bed_x:g}x{bed_y:g},0x{bed_y:g}",
         "center": f"{bed_x / 2:g},{bed_y / 2:g}",
-        "max-print-height": printer["bed_z"],
-        "nozzle-diameter": printer["nozzle_diameter"],
-        "retract-length": printer["retract_length"],
-        "retract-speed": printer["retract_speed"],
-        "deretract-speed": printer["deretract_speed"],
-        "retract-before-travel": printer["retract_before_travel"],
-        "filament-diameter": material["filament_diameter"],
-        "temperature": str(round(float(material["nozzle_temperature"]))),
-        "first-layer-temperature": str(round(float(material["first_layer_nozzle_temperature"]))),
-        "bed-temperature": str(round(float(material["bed_temperature"]))),
-        "first-layer-bed-temperature": str(round(float(material["first_layer_bed_temperature"]))),
-        "slowdown-below-layer-time": str(round(float(material["min_layer_time"]))),
-        "min-print-speed": material["min_speed"],
-        "layer-height": quality["layer_height"],
-        "first-layer-height": str(float(quality["first_layer_height"]) or height),
+        "first-layer-height": f"{value('quality.first_layer_height') or height:g}",
         "extrusion-width": f"{width:g}",
         "first-layer-extrusion-width": f"{width:g}",
-        "perimeters": quality["perimeters"],
-        "bottom-solid-layers": str(round(float(quality["bottom_thickness"]) / height)),
-        "top-solid-layers": str(round(float(quality["top_thickness"]) / height)),
-        "fill-pattern": quality["infill"],
-        "fill-density": f"{float(quality['infill_density']) * 100:g}%",
-        "fill-angle": quality["infill_angle_deg"],
-        "skirts": quality["skirt_loops"],
-        "skirt-distance": quality["skirt_distance"],
-        "perimeter-speed": speeds["inner_perimeter"],
-        "external-perimeter-speed": speeds["outer_perimeter"],
-        "infill-speed": speeds["sparse"],
-        "solid-infill-speed": speeds["solid"],
-        "top-solid-infill-speed": speeds["top_skin"],
-        "bridge-speed": speeds["bridge"],
-        "first-layer-speed": speeds["first_layer"],
-        "travel-speed": speeds["travel"],
+        "bottom-solid-layers": f"{value('quality.bottom_thickness') / height:.0f}",
+        "top-solid-layers": f"{value('quality.top_thickness') / height:.0f}",
+        "fill-pattern": settings["quality.infill"],
+        "solid-infill-below-area": "0",  # we fill small areas with the pattern too
+        "fill-density": f"{value('quality.infill_density') * 100:g}%",
     }
-    return [word for key, value in same.items() for word in (f"--{key}", value)]
+    return [word for key, text in same.items() for word in (f"--{key}", text)]
 
 
 def _facts(gcode: Path) -> Facts:
@@ -308,8 +325,8 @@ def _judge(results: Sequence[Result]) -> None:
 
 def _peer_version() -> str:
     """As the program itself says it."""
-    text = os.popen(f"{PEER} --help 2>/dev/null").read(400)  # noqa: S605 - a fixed command
-    found = re.search(r"PrusaSlicer-[\w.]+", text)
+    said = subprocess.run([PEER, "--help"], capture_output=True, text=True, check=False).stdout
+    found = re.search(r"PrusaSlicer-[\w.]+", said)
     return found.group() if found else PEER
 
 

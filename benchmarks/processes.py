@@ -19,7 +19,7 @@ from platform import python_version
 from statistics import median
 from time import perf_counter
 
-__all__ = ["HERE", "SAMPLES", "WORK", "Cost", "RunFailed", "machine_note", "ours", "run", "spread"]
+__all__ = ["HERE", "SAMPLES", "WORK", "Cost", "RunError", "machine_note", "ours", "run", "spread"]
 
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "sample_parts"
@@ -29,7 +29,7 @@ WORK = HERE / "work"
 _PER_MIB = 2**20 if sys.platform == "darwin" else 2**10  # ru_maxrss is in bytes there and in KiB elsewhere
 
 
-class RunFailed(Exception):
+class RunError(Exception):
     """A process ended with an exit code other than 0; the message has the end of what it said."""
 
 
@@ -56,14 +56,16 @@ def run(command: Sequence[str], *, folder: Path | None = None) -> Cost:
         folder: where it runs; None is the current one.
 
     Raises:
-        RunFailed: it does not exist or its exit code is not 0.
+        RunError: it does not exist or its exit code is not 0.
     """
     with tempfile.TemporaryFile() as said:
         begun = perf_counter()
         try:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=folder)
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=folder
+            )
         except OSError as error:
-            raise RunFailed(f"{command[0]}: {error.strerror}") from error
+            raise RunError(f"{command[0]}: {error.strerror}") from error
         _, status, usage = os.wait4(process.pid, 0)
         wall = perf_counter() - begun
         # Popen must know that the process is gone, or it warns that nobody waited for it.
@@ -71,7 +73,7 @@ def run(command: Sequence[str], *, folder: Path | None = None) -> Cost:
         if process.returncode:
             said.seek(0)
             tail = said.read()[-500:].decode("utf-8", "replace").strip()
-            raise RunFailed(f"{Path(command[0]).name} ended with code {process.returncode}: {tail}")
+            raise RunError(f"{Path(command[0]).name} ended with code {process.returncode}: {tail}")
     return Cost(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / _PER_MIB)
 
 

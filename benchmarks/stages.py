@@ -2,9 +2,9 @@
 
     python benchmarks/stages.py [MODEL] [--quality NAME] [--printer NAME] [--rounds N]
 
-The stages are those that `printer_slicer.pipeline` reports, under its names, with reading the file before and writing the
-text after them. The last column divides by the time of a loop that never changes, so it can be compared between machines
-and between days.
+The stages are those that `printer_slicer.pipeline` reports, under its names, with reading the file before and writing
+the text after them. The last column divides by the time of a loop that never changes, so it can be compared between
+machines and between days.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from statistics import median
 from time import process_time
 
 import numpy as np
-from printer_slicer.mesh_io import load_mesh
-from printer_slicer.pipeline import gcode_of, slice_part
-from printer_slicer.profile import Profile, load_profile
 from processes import SAMPLES, machine_note
+
+from printer_slicer import Profile, gcode_of, load_mesh, load_profile, slice_part
 
 _NUMBERS = 400_000
 _PASSES = 1
@@ -45,7 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="CPU time of each stage of slicing one part.")
-    parser.add_argument("model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase")
+    parser.add_argument(
+        "model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase"
+    )
     parser.add_argument("--quality", default="standard", help="our quality profile (default standard)")
     parser.add_argument("--printer", help="our printer profile")
     parser.add_argument("--rounds", type=int, default=7, help="measured runs (default 7)")
@@ -81,7 +82,9 @@ def _stopwatch(times: dict[str, float]) -> Callable[[str], None]:
 
 def _calibration() -> float:
     """CPU seconds of fixed work of the kinds that slicing consists of: sort, gather, scan, search, count."""
-    values = (np.arange(_NUMBERS, dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)).astype(np.float64)
+    values = (np.arange(_NUMBERS, dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)).astype(
+        np.float64
+    )
     begun = process_time()
     for _ in range(_PASSES):
         order = np.argsort(values, kind="stable")

@@ -42,8 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             "printer-slicer slice box.stl": ours("slice", box, "-o", out),
         }
         costs: dict[str, list[Cost]] = {name: [] for name in commands}
-        for name in commands:
-            run(commands[name])
+        for command in commands.values():
+            run(command)
         for _ in range(rounds):
             for name, command in commands.items():
                 costs[name].append(run(command))

@@ -1,9 +1,9 @@
-"""How fast lines go to the printer: the host's protocol and the simulated printer in one process, under an invented clock.
+"""How fast lines go to the printer: our protocol and the simulated printer in one process, under an invented clock.
 
     python benchmarks/wire.py [MODEL] [--lines N] [--rounds N]
 
-Three answers: how much CPU a line costs on a cable that takes no time; how many lines a second a real cable would carry, in
-simulated time, with one line in flight and with two; and how much CPU a dry run of a whole job takes.
+Three answers: how much CPU a line costs on a cable that takes no time; how many lines a second a real cable would
+carry, in simulated time, with one line in flight and with two; and how much CPU a dry run of a whole job takes.
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ from pathlib import Path
 from statistics import median
 from time import process_time
 
-from printer_slicer.dry_run import dry_run
-from printer_slicer.jobs import Job, job_from
+from processes import SAMPLES, machine_note, spread
+
+from printer_slicer import Job, dry_run, job_from, load_profile
 from printer_slicer.motion.rules import Limits
-from printer_slicer.profile import load_profile
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, FrontEnd
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
-from processes import SAMPLES, machine_note, spread
 
 BAUD, LATENCY = 115_200, 0.001
 """Of the real cable: Bd, and s that each byte takes in addition in each direction."""
@@ -62,9 +61,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(machine_note())
     size = sum(len(command) for command in long[1:]) / (len(long) - 1)
     print(f"lines such as {long[-1].decode()}, {size:.1f} bytes on average without number and checksum")
-    clean = [_stream(long, MARLIN_2_1, baud=None, latency=0.0, window=2) for _ in range(options.rounds + 1)][1:]
+    clean = [_stream(long, MARLIN_2_1, baud=None, latency=0.0, window=2) for _ in range(options.rounds + 1)][
+        1:
+    ]
     rates = [len(long) / streamed.cpu for streamed in clean]
-    print(f"clean cable, no time on the wire: {spread(rates, ',.0f')} lines per second of CPU, both ends together")
+    print(
+        f"clean cable, no time on the wire: {spread(rates, ',.0f')} lines per second of CPU, both ends together"
+    )
     for front_end in (MARLIN_2_1, MARLIN_2_0_AVR):
         for window in (1, 2):
             print(_on_the_wire(short, long, front_end, window))
@@ -74,7 +77,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Lines per second of the protocol, and CPU of a dry run.")
-    parser.add_argument("model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase")
+    parser.add_argument(
+        "model", nargs="?", type=Path, default=SAMPLES / "vase.stl", help="default: the sample vase"
+    )
     parser.add_argument("--lines", type=int, default=10_000, help="of the shorter job (default 10000)")
     parser.add_argument("--rounds", type=int, default=3, help="measured runs (default 3)")
     return parser.parse_args(argv)
@@ -125,9 +130,10 @@ def _print_dry_run(job: Job, rounds: int) -> int:
         verdict = dry_run(job, profile)
         times.append(process_time() - begun)
     times = times[1:]
+    lines, judgement = len(job.commands), "ok" if verdict.ok else "; ".join(verdict.problems)
     print(
-        f"dry run of {job.name}: {len(job.commands)} lines, {verdict.total_seconds:.0f} s simulated in {spread(times, '.2f')} s"
-        f" of CPU, {len(job.commands) / median(times):,.0f} lines/s: {'ok' if verdict.ok else '; '.join(verdict.problems)}"
+        f"dry run of {job.name}: {lines} lines, {verdict.total_seconds:.0f} s simulated in {spread(times, '.2f')} s"
+        f" of CPU, {lines / median(times):,.0f} lines/s: {judgement}"
     )
     return int(not verdict.ok)
 

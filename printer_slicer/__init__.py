@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from printer_slicer.drawing import draw_layer, draw_plan
-    from printer_slicer.dry_run import Verdict, dry_run
     from printer_slicer.errors import PrinterSlicerError
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.jobs import Job, job_from
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from printer_slicer.printing import print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
     from printer_slicer.slicing import contours, cut
+    from printer_slicer.verdict import Verdict, dry_run
 
 _HOMES = {
     "Job": "jobs",
@@ -38,12 +38,12 @@ _HOMES = {
     "Program": "model",
     "Sections": "model",
     "Stages": "pipeline",
-    "Verdict": "dry_run",
+    "Verdict": "verdict",
     "contours": "slicing",
     "cut": "slicing",
     "draw_layer": "drawing",
     "draw_plan": "drawing",
-    "dry_run": "dry_run",
+    "dry_run": "verdict",
     "export_stl": "mesh_io",
     "gcode_of": "pipeline",
     "job_from": "jobs",
@@ -89,7 +89,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """A public name, imported now. The module `dry_run` and its function share a name: the function is public."""
+    """A public name, imported now."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"printer_slicer.{_HOMES[name]}"), name)

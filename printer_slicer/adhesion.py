@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.errors import PartError
 from printer_slicer.geometry import offset
 from printer_slicer.model import Areas, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
@@ -13,7 +14,13 @@ __all__ = ["adhesion_paths"]
 
 
 def adhesion_paths(sections: Sections, profile: Profile) -> Toolpaths:
-    """Skirt loops around the first layer, then brim loops from the outside to the part; none if not asked for."""
+    """Skirt loops around the first layer, then brim loops from the outside to the part; none if not asked for.
+
+    Skirt loops that would leave the bed are left out.
+
+    Raises:
+        PartError: the brim leaves the bed.
+    """
     quality, plan = profile.quality, sections.plan
     width = profile.extrusion_width
     gap = float(bead.spacing(width, float(plan.height[0])))
@@ -22,6 +29,12 @@ def adhesion_paths(sections: Sections, profile: Profile) -> Toolpaths:
     brim = [_outlines(offset(first, width / 2 + i * gap, join="round")) for i in range(n_brim)]
     reach = n_brim * gap + quality.skirt_distance + width / 2
     skirt = [_outlines(offset(first, reach + i * gap, join="round")) for i in range(quality.skirt_loops)]
+    skirt = [loop for loop in skirt if _on_bed(loop, profile, width)]
+    if brim and not _on_bed(brim[-1], profile, width):
+        raise PartError(
+            f"a brim of {quality.brim_width:g} mm around the part leaves the bed of {profile.printer.name!r}",
+            remedy="lower quality.brim_width",
+        )
     loops = [*skirt[::-1], *brim[::-1]]
     roles = [Role.SKIRT] * len(skirt) + [Role.BRIM] * len(brim)
     counts = [loop.n_rings for loop in loops]
@@ -34,6 +47,13 @@ def adhesion_paths(sections: Sections, profile: Profile) -> Toolpaths:
         width=np.full(sum(counts), width),
         closed=True,
     )
+
+
+def _on_bed(loop: Areas, profile: Profile, width: float) -> bool:
+    """Whether beads along these rings lie on the bed with their whole width."""
+    low, high = profile.printer.corners
+    inside = (loop.xy >= np.add(low, width / 2)) & (loop.xy <= np.subtract(high, width / 2))
+    return bool(inside.all())
 
 
 def _outlines(areas: Areas) -> Areas:

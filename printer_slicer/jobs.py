@@ -15,6 +15,7 @@ from printer_slicer.model import LayerPlan, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import Report, gcode_of, quiet, slice_part
 from printer_slicer.profile import Profile
+from printer_slicer.stream.framing import strip
 
 __all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from"]
 
@@ -99,6 +100,8 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file", remedy="check the path") from None
+    except IsADirectoryError:
+        raise UsageError(f"{path}: is a folder", remedy="name a file in it") from None
     except OSError as error:
         raise UsageError(
             f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
@@ -106,7 +109,7 @@ def _read(path: Path) -> bytes:
 
 
 def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
-    """The commands of a G-code text without comments and blanks, and where layers begin.
+    """The commands of a G-code text without comments, blanks, line numbers and checksums, and where layers begin.
 
     Returns:
         The commands, and command index -> layer counted from 1, from `;LAYER_CHANGE` or `;LAYER:` comments.
@@ -115,8 +118,8 @@ def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
     marks: dict[int, int] = {}
     layer = 0
     for line in text.split(b"\n"):
-        command, _, comment = line.partition(b";")
-        command = command.strip()
+        _, _, comment = line.partition(b";")
+        command = strip(line)
         if command:
             commands.append(command)
         elif comment.startswith((b"LAYER_CHANGE", b"LAYER:")):

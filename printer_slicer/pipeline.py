@@ -18,7 +18,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
 
-__all__ = ["Stages", "gcode_of", "slice_part", "slice_stages"]
+__all__ = ["Report", "Stages", "gcode_of", "quiet", "slice_part", "slice_stages"]
 
 Report = Callable[[str], None]
 

@@ -26,6 +26,6 @@ def place(mesh: Mesh, printer: Printer) -> Mesh:
             f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
             remedy="choose a larger printer, or scale the part; is it in mm?",
         )
-    middle = np.zeros(2) if printer.origin == "centre" else room[:2] / 2
+    middle = np.mean(printer.corners, axis=0)
     by = np.array([*(middle - (low + high)[:2] / 2), -low[2]])
     return mesh.moved(by)

@@ -23,6 +23,8 @@ __all__ = ["Done", "print_job"]
 # What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle off the part, motors free.
 _STOP_SCRIPT = (b"M104 S0", b"M140 S0", b"M107", b"G91", b"G1 Z5 F300", b"G90", b"M84")
 
+_LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
+
 
 @dataclass(frozen=True, slots=True)
 class Done:
@@ -66,7 +68,7 @@ def print_job(
     """
     printer = profile.printer
     streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
-    ends: list[Event] = []
+    ends: list[Finished | Halted] = []
 
     def listen(event: Event) -> None:
         if isinstance(event, (Finished, Halted)):
@@ -78,20 +80,15 @@ def print_job(
     try:
         _run_until_stopped(streamer, transport, listen)
     except PortError as error:
-        raise PrintError(
-            _stopped(job, streamer, str(error).splitlines()[0], checkpoint),
-            remedy="check cable and power; the part is not finished",
-        ) from None
+        reason = str(error).splitlines()[0]
+        raise PrintError(_stopped(job, streamer, reason, checkpoint), remedy=_LOOK) from None
     finally:
         transport.close()
-    end = ends[-1] if ends else None
-    if isinstance(end, Finished) and end.cancelled:
+    end = ends[-1]
+    if isinstance(end, Halted):
+        raise PrintError(_stopped(job, streamer, end.reason, checkpoint), remedy=_LOOK)
+    if end.cancelled:
         raise Cancelled(_stopped(job, streamer, "cancelled; heaters and fan are off", checkpoint))
-    if not isinstance(end, Finished):
-        reason = end.reason if isinstance(end, Halted) else "stopped"
-        raise PrintError(
-            _stopped(job, streamer, reason, checkpoint), remedy="look at the printer before you go on"
-        )
     return Done(len(job.commands), monotonic() - begun, end.verified)
 
 
@@ -99,14 +96,13 @@ def _run_until_stopped(streamer: Streamer, transport: Transport, listen: Callabl
     """Stream to the end; the first Ctrl-C ends the print in good order, the second one at once."""
     try:
         run(streamer, transport, monotonic, on_event=listen)
-        return
     except KeyboardInterrupt:
         streamer.cancel(_STOP_SCRIPT)
-    try:
-        run(streamer, transport, monotonic, on_event=listen)
-    except KeyboardInterrupt:
-        streamer.emergency_stop()
-        run(streamer, transport, monotonic, on_event=listen)
+        try:
+            run(streamer, transport, monotonic, on_event=listen)
+        except KeyboardInterrupt:
+            streamer.emergency_stop()
+            run(streamer, transport, monotonic, on_event=listen)
 
 
 def _stopped(job: Job, streamer: Streamer, reason: str, checkpoint: Path | None) -> str:

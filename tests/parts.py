@@ -96,14 +96,18 @@ def sphere(radius: float = 10.0) -> Mesh:
     turn = 2 * pi * np.arange(_MERIDIANS) / _MERIDIANS
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     rings = [radius * sin(angle) * circle for angle in angles]
-    return Mesh(loft(rings, [radius * (1 - cos(angle)) for angle in angles]), "sphere")
+    return Mesh(loft(rings, _heights(radius)), "sphere")
 
 
 def sphere_area(z: float, radius: float = 10.0) -> float:
     """Exact area of the section of `sphere` at z: between two parallels the radius changes linearly."""
+    radii = [radius * sin(angle) for angle in _parallels()]
+    return float(_MERIDIANS / 2 * np.interp(z, _heights(radius), radii) ** 2 * sin(2 * pi / _MERIDIANS))
+
+
+def _heights(radius: float) -> list[float]:
     angles = _parallels()
-    heights, radii = [radius * (1 - cos(a)) for a in angles], [radius * sin(a) for a in angles]
-    return float(_MERIDIANS / 2 * np.interp(z, heights, radii) ** 2 * sin(2 * pi / _MERIDIANS))
+    return [radius * (cos(angles[0]) - cos(angle)) for angle in angles]
 
 
 def _parallels() -> list[float]:

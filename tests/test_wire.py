@@ -9,12 +9,12 @@ firmware without flow control is fed at the speed that its own printing is paced
 
 from __future__ import annotations
 
-import random
 import re
 import threading
 import time
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from random import Random  # noqa: TID251 - seeded
 from typing import TYPE_CHECKING
 
 import pytest
@@ -24,7 +24,7 @@ from printer_slicer.sim.link import Damage, Direction, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.stream.events import Asked, Event, Finished, Halted, Identified, ResendAsked
+from printer_slicer.stream.events import Asked, Event, Finished, Halted, Identified, ResendAsked, Temperature
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
@@ -40,8 +40,6 @@ OURS = {"M105", "M110 N0", "M115", "M400", "M114"}
 """What the host asks by itself; jobs here have none of it."""
 
 COMMAND = re.compile(r"[GMT]\d")
-
-Cable = "Callable[[bytes, Direction], bytes]"
 
 
 @dataclass
@@ -69,7 +67,7 @@ class Print:
             self.events.append(event)
             on_event(event)
 
-        run(self.streamer, self.port, self.port.now, on_event=note)
+        run(self.streamer, self.port, self.port.now, on_event=note, longest_wait=60.0)
         return self
 
     @property
@@ -88,7 +86,7 @@ class Print:
 class OneByte:
     """Hits at most one byte of each chunk; see the top of this file."""
 
-    def __init__(self, chance: random.Random, share: float) -> None:
+    def __init__(self, chance: Random, share: float) -> None:
         self.hits = 0
         self._chance = chance
         self._share = share
@@ -102,7 +100,7 @@ class OneByte:
         return data[:at] + flipped + data[at + 1 :]
 
 
-def random_job(chance: random.Random) -> list[bytes]:
+def random_job(chance: Random) -> list[bytes]:
     """60 to 200 lines, all moves different, so that one that is missing or doubled cannot hide."""
     places = [(chance.uniform(0, 200), chance.uniform(0, 200)) for _ in range(chance.randrange(53, 190))]
     moves = [b"G1 X%.3f Y%.3f E0.%03d F6000" % (x, y, i + 1) for i, (x, y) in enumerate(places)]
@@ -119,7 +117,7 @@ def wanted(job: Sequence[bytes]) -> list[str]:
 @pytest.mark.parametrize("name", ["2.1", "2.0 AVR"])
 @pytest.mark.parametrize("seed", range(200))
 def test_every_line_runs_exactly_once_and_in_order(seed: int, name: str) -> None:
-    chance = random.Random(seed)
+    chance = Random(seed)
     damage = OneByte(chance, share=(0.02, 0.05, 0.1, 0.2)[seed % 4])
     fast = 115_200 if name == "2.0 AVR" else chance.choice([115_200, 250_000, None])
     job = random_job(chance)
@@ -140,7 +138,7 @@ def test_every_line_runs_exactly_once_and_in_order(seed: int, name: str) -> None
 
 @pytest.mark.parametrize("seed", range(50))
 def test_it_also_does_on_firmware_that_numbers_its_oks(seed: int) -> None:
-    chance = random.Random(seed)
+    chance = Random(seed)
     job = random_job(chance)
 
     bad = Print(job, MARLIN_2_1_ADVANCED, OneByte(chance, 0.1), knows_limits=seed % 2 == 0).run()
@@ -150,7 +148,7 @@ def test_it_also_does_on_firmware_that_numbers_its_oks(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_it_also_does_on_firmware_that_says_no_ok_after_a_resend(seed: int) -> None:
-    chance = random.Random(seed)
+    chance = Random(seed)
     job = random_job(chance)
     silent = replace(FRONT_ENDS[("2.1", "2.0 AVR")[seed % 2]], ok_after_resend=False)
 
@@ -161,7 +159,7 @@ def test_it_also_does_on_firmware_that_says_no_ok_after_a_resend(seed: int) -> N
 
 @pytest.mark.parametrize("seed", range(20))
 def test_several_hits_in_a_line_never_lose_or_double_one(seed: int) -> None:
-    chance = random.Random(seed)
+    chance = Random(seed)
     job = random_job(chance)
 
     bad = Print(job, MARLIN_2_1, Damage(chance, flip=1e-3, drop=5e-4, insert=5e-4)).run()
@@ -257,7 +255,9 @@ def without_every(nth: int) -> Callable[[bytes, Direction], bytes]:
 
 
 @pytest.mark.parametrize(("name", "most"), [("2.1", 2.0), ("2.0 AVR", 2.0), ("2.1 advanced", 0.01)])
-def test_a_lost_ok_costs_less_than_two_seconds_and_nothing_if_oks_are_numbered(name: str, most: float) -> None:
+def test_a_lost_ok_costs_less_than_two_seconds_and_nothing_if_oks_are_numbered(
+    name: str, most: float
+) -> None:
     job = [b"M117 line %d" % i for i in range(300)]
     clean = Print(job, FRONT_ENDS[name]).run()
     lossy = Print(job, FRONT_ENDS[name], without_every(50)).run()
@@ -268,7 +268,7 @@ def test_a_lost_ok_costs_less_than_two_seconds_and_nothing_if_oks_are_numbered(n
 
 
 def test_doubled_oks_do_no_harm() -> None:
-    job = random_job(random.Random(1))
+    job = random_job(Random(1))
 
     def double(data: bytes, way: Direction) -> bytes:
         return data if way == "to printer" else data.replace(b"ok\n", b"ok\nok\n")
@@ -280,7 +280,7 @@ def test_doubled_oks_do_no_harm() -> None:
 
 
 def test_noise_from_the_printer_does_no_harm() -> None:
-    chance = random.Random(3)
+    chance = Random(3)
     job = random_job(chance)
 
     def noise(data: bytes, way: Direction) -> bytes:
@@ -302,7 +302,7 @@ def test_silence_for_ever_is_given_up(way: Direction, knows_limits: bool, most: 
     def cut(data: bytes, direction: Direction) -> bytes:
         return b"" if cut_at and direction == way else data
 
-    silent = Print(random_job(random.Random(2)), MARLIN_2_1, cut, knows_limits=knows_limits)
+    silent = Print(random_job(Random(2)), MARLIN_2_1, cut, knows_limits=knows_limits)
 
     def pull(_: Event) -> None:
         if silent.streamer.acknowledged >= 30 and not cut_at:
@@ -323,7 +323,7 @@ def test_a_reset_printer_executes_nothing_more(name: str, heard: bool) -> None:
         return data if way == "to printer" or heard or b"PowerUp" not in data or not reset else b""
 
     reset: list[tuple[float, int]] = []
-    job = random_job(random.Random(4))
+    job = random_job(Random(4))
     broken = Print(job, FRONT_ENDS[name], deaf)
 
     def brown_out(_: Event) -> None:
@@ -347,12 +347,12 @@ def test_a_printer_that_kills_itself_ends_it_at_once() -> None:
     assert isinstance(killed.end, Halted)
     assert "kill() called" in killed.end.reason
     assert "M112 Shutdown" in killed.end.reason
-    assert killed.jobs_lines == ["G28", "G90"]
+    assert killed.jobs_lines == ["G28", "G90", "M112"]
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_pausing_at_random_changes_nothing_of_what_is_executed(seed: int) -> None:
-    chance = random.Random(seed)
+    chance = Random(seed)
     job = random_job(chance)
     halting = Print(job, MARLIN_2_1, OneByte(chance, 0.02))
 
@@ -366,6 +366,23 @@ def test_pausing_at_random_changes_nothing_of_what_is_executed(seed: int) -> Non
     halting.run(pause_or_go_on)
 
     assert halting.jobs_lines == wanted(job)
+
+
+@pytest.mark.parametrize("name", FRONT_ENDS)
+def test_a_job_that_is_cancelled_while_it_heats_does_not_heat_on(name: str) -> None:
+    heating = Print([b"G28", b"M109 S200", *random_job(Random(6))], FRONT_ENDS[name])
+
+    def cancel(event: Event) -> None:
+        if isinstance(event, Temperature) and event.waiting:
+            heating.streamer.cancel([b"M104 S0", b"M107"])
+
+    heating.run(cancel)
+
+    assert isinstance(heating.end, Finished)
+    assert heating.end.cancelled
+    assert heating.count(Asked, ResendAsked) == 0
+    assert heating.executed[-5:] == ["M104 S0", "M107", "M400", "M105", "M114"]
+    assert heating.port.now() < 20.0
 
 
 # Speed, and the real thing.
@@ -395,7 +412,7 @@ def test_a_job_prints_on_a_device_of_the_system(tmp_path: Path) -> None:
     )
     server.start()
     assert ready.wait(10.0)
-    job = random_job(random.Random(5))
+    job = random_job(Random(5))
     events: list[Event] = []
     try:
         with closing(open_port(str(tmp_path / "printer"))) as port:

@@ -19,8 +19,8 @@ from printer_slicer.jobs import Job, job_from
 from printer_slicer.stream.events import Accepted, Event, Message, ResendAsked, Temperature
 
 if TYPE_CHECKING:
-    from printer_slicer.dry_run import Verdict
     from printer_slicer.profile import Profile
+    from printer_slicer.verdict import Verdict
 
 __all__ = ["dry_run_command", "print_command", "sim_command"]
 
@@ -82,7 +82,7 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
 
 
 def _simulate(arguments: argparse.Namespace, job: Job, profile: Profile, *, events: bool) -> Verdict:
-    from printer_slicer.dry_run import dry_run
+    from printer_slicer.verdict import dry_run
 
     with _progress(arguments, job, events=events) as tell:
         return dry_run(job, profile, on_event=tell)
@@ -211,9 +211,9 @@ def _as_text(verdict: Verdict, profile: Profile) -> str:
 
 def sim_command(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal until interrupted."""
-    from printer_slicer.dry_run import Comparison, front_end_of, machine_of
     from printer_slicer.sim.printer import SimulatedPrinter
     from printer_slicer.sim.pty_server import serve
+    from printer_slicer.verdict import Comparison, front_end_of, machine_of
 
     printer = profile_from(arguments).printer
     comparison = Comparison()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from printer_slicer.profile import Printer
 
-__all__ = ["Dialect", "number"]
+__all__ = ["Dialect", "bed_line", "fan_line", "nozzle_line", "number"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,12 +33,12 @@ def values(program: Program, profile: Profile) -> dict[str, str]:
         else:
             known[f"{owner}_name"] = text
     printer = profile.printer
-    left, front = (-printer.bed_x / 2, -printer.bed_y / 2) if printer.origin == "centre" else (0.0, 0.0)
+    (left, _), (right, back) = printer.corners
     beads = program.xyz[(program.role != 0) & (program.layer == 0)][:, :2]
     low, high = (beads.min(axis=0), beads.max(axis=0)) if len(beads) else (np.zeros(2), np.zeros(2))
     facts = {
-        "bed_x_middle": left + printer.bed_x / 2,
-        "bed_y_end": front + printer.bed_y - 5,
+        "bed_x_middle": (left + right) / 2,
+        "bed_y_end": back - 5,
         "first_layer_min_x": low[0],
         "first_layer_min_y": low[1],
         "first_layer_max_x": high[0],

@@ -21,6 +21,7 @@ __all__ = ["Moves", "read_moves"]
 
 _STOPS: Final = frozenset({"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M400", "M600"})
 _CHORD: Final = 1.0  # mm, of an arc; shorter on small circles
+_NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison
 _LETTERS: Final = frozenset("XYZEFIJRSPT")
 
 
@@ -116,9 +117,11 @@ def _parse(command: bytes) -> tuple[str, dict[str, float]]:
     for part in parts[1:]:
         if part[0] in _LETTERS:
             try:
-                words[part[0]] = float(part[1:])
+                value = float(part[1:])
             except ValueError:
                 continue
+            if abs(value) < _NONSENSE:
+                words[part[0]] = value
     return (parts[0] if parts else ""), words
 
 

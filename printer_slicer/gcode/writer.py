@@ -13,7 +13,7 @@ from printer_slicer.gcode.rows import rows_of
 from printer_slicer.model import Fan, Program, Role
 from printer_slicer.profile import Profile, settings_text
 
-__all__ = ["write_program"]
+__all__ = ["spoken", "write_program"]
 
 # The names that PrusaSlicer's and OrcaSlicer's viewers know.
 TYPE_NAMES: Final = {

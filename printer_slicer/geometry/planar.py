@@ -90,7 +90,7 @@ def _mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:
 
 def simplify(areas: Areas, tolerance: float) -> Areas:
     """The rings with fewer points, at most `tolerance` mm from where they were; see `engine.simplify`."""
-    turned = _from_leftmost(areas)
+    turned = _from_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
     if tolerance == 0:
         return _without_straight(turned)
     rings = shapely.simplify(_linear_rings(turned), tolerance, preserve_topology=False)

@@ -24,6 +24,9 @@ from printer_slicer.profile import AreaPlanner, Profile
 
 __all__ = ["plan_area"]
 
+_ROUNDING = (
+    1e-4  # mm; coordinates in STL files have 24 bits, so a level may lie this far from where it was drawn
+)
 _FLAT = 1e-3  # rise over run under which a facet is a flat that a layer should end on
 _SMALLEST_FLAT = 1.0  # mm²
 
@@ -57,11 +60,13 @@ def _equal(a: Float, b: Float, settings: AreaPlanner) -> Bool:
 
 def _literal(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlanner) -> Int:
     """Heights by the paper's march from plane to plane, in steps."""
-    first = steps.first or thin
+    first = min(steps.first or thin, steps.part)
     pitch = int(np.gcd.reduce([first, thin, thick]))
     # Every plane the march can reach is a multiple of the pitch, so all areas come from one pass over the facets.
-    planes = np.asarray(np.arange(steps.part // pitch + thick // pitch + 2) * (pitch * steps.size), np.float64)
-    area = section_areas(mesh.triangles, planes)
+    planes = np.asarray(
+        np.arange(steps.part // pitch + thick // pitch + 2) * (pitch * steps.size), np.float64
+    )
+    area = section_areas(mesh.triangles, _on_levels(planes, mesh))
     heights, plane = [first], first
     while plane < steps.part:
         reach = np.arange(plane + thin, plane + (thick if settings.guarded else thin) + 1, thin)
@@ -72,13 +77,22 @@ def _literal(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlan
     return np.array(heights, np.int64)
 
 
+def _on_levels(planes: Float, mesh: Mesh) -> Float:
+    """The planes, those within rounding of a level of the part exactly on it: there they cut what is below."""
+    level = np.unique(mesh.triangles[:, :, 2])
+    above = np.minimum(np.searchsorted(level, planes), len(level) - 1)
+    below = np.maximum(above - 1, 0)
+    nearest = np.where(planes - level[below] < level[above] - planes, level[below], level[above])
+    return np.where(np.abs(nearest - planes) < _ROUNDING, nearest, planes)
+
+
 def _aligned(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlanner) -> Int:
     """Heights region by region between the z levels of the part, in steps."""
     level, constant = _stretches(mesh, steps, thick, settings)
     constant = _long_enough(level, constant, thick)
-    ends, is_thick = _regions(level, constant, _flats(mesh, steps), steps)
-    heights = [np.array([min(steps.first, steps.part)], np.int64)] if steps.first else []
-    bottom = int(steps.first)
+    bottom, rest = steps.begin()
+    heights = [np.array([bottom], np.int64)] if bottom else []
+    ends, is_thick = _regions(level, constant, _flats(mesh, steps), bottom, steps) if rest else ([], [])
     for end, wide in zip(ends, is_thick, strict=True):
         layers = fill(end - bottom, thick if wide else thin, steps.lowest, steps.highest)
         heights.append(layers)
@@ -136,22 +150,22 @@ def _flats(mesh: Mesh, steps: Steps) -> Int:
     return heights[area >= _SMALLEST_FLAT]
 
 
-def _regions(level: Int, constant: Bool, flats: Int, steps: Steps) -> tuple[list[int], list[bool]]:
-    """Where regions end, in steps, and whether each is of constant area; none is thinner than the thinnest layer."""
+def _regions(
+    level: Int, constant: Bool, flats: Int, bottom: int, steps: Steps
+) -> tuple[list[int], list[bool]]:
+    """Where regions over `bottom` end, in steps, and whether each is of constant area; none is thinner than a layer."""
     thick_from = np.concatenate([constant, [False]])
     change = np.flatnonzero(np.diff(constant.astype(np.int64)) != 0) + 1
     wanted = np.unique(np.concatenate([level[change], flats, [steps.part]]))
-    lowest_end = steps.first + steps.lowest if steps.first else steps.lowest
     ends: list[int] = []
-    for end in wanted[(wanted >= lowest_end) & (wanted <= steps.part)].tolist():
+    for end in wanted[(wanted >= bottom + steps.lowest) & (wanted <= steps.part)].tolist():
         if ends and end - ends[-1] < steps.lowest:
             if end < steps.part:
                 continue
             ends.pop()
         ends.append(end)
-    if not ends and steps.part > steps.first:
-        ends.append(steps.part)
-    begins = [steps.first, *ends[:-1]]
+    ends = ends or [steps.part]
+    begins = [bottom, *ends[:-1]]
     inside = [
         thick_from[:-1][(level[:-1] < end) & (level[1:] > begin)]
         for begin, end in zip(begins, ends, strict=True)

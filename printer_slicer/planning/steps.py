@@ -40,6 +40,18 @@ class Steps:
         """The nearest number of steps to a height in mm."""
         return round(height / self.size)
 
+    def begin(self) -> tuple[int, int]:
+        """First layer and what is left above it, where the profile fixes the first layer; (0, part) where not.
+
+        A part that would leave less than the thinnest layer above is one layer, or two equal ones.
+        """
+        rest = self.part - self.first
+        if not self.first or rest >= self.lowest:
+            return self.first, rest
+        if self.part <= self.highest:
+            return self.part, 0
+        return self.part - self.part // 2, self.part // 2
+
     def plan(self, heights: Int, planner: str) -> LayerPlan:
         """The plan of layers with these heights in steps."""
         top = np.round(np.cumsum(heights) * self.size, 7)
@@ -51,21 +63,21 @@ class Steps:
 def fill(total: int, step: int, lowest: int, highest: int) -> Int:
     """Layer heights that fill `total` exactly with layers of `step`, all in z steps.
 
-    What is left over becomes one layer at the end; if it is too thin for the printer, the last layer takes it or
-    shares with it. A total under `lowest` is one layer of `lowest`.
+    What is left over becomes one layer at the end. If it is too thin for the printer, it is shared with as few of the
+    last layers as it takes, in one layer more or as many as there were. Only where no such layers exist (a total under
+    `lowest`, or a narrow range) the last one rises over the total.
     """
     if total <= 0:
         return np.zeros(0, np.int64)
     count, rest = divmod(total, step)
-    heights = [step] * count
-    if rest >= lowest or (rest and not count):
-        heights.append(max(rest, lowest))
-    elif rest:
-        last = heights.pop() + rest
-        if last <= highest:
-            heights.append(last)
-        elif last >= 2 * lowest:
-            heights += [last - last // 2, last // 2]
-        else:  # neither one layer nor two: rise over the part rather than miss it
-            heights += [step, lowest]
-    return np.array(heights, np.int64)
+    for shared in range(count + 1):
+        amount = shared * step + rest
+        for layers in (shared + 1, shared):
+            if amount == 0 or layers * lowest <= amount <= layers * highest:
+                return np.array([step] * (count - shared) + _even(amount, layers if amount else 0), np.int64)
+    return np.array([step] * count + [max(rest, lowest)], np.int64)
+
+
+def _even(amount: int, layers: int) -> list[int]:
+    """`amount` in whole parts that differ by one at most, the larger ones first."""
+    return [(amount + layers - 1 - i) // layers for i in range(layers)]

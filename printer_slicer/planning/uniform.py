@@ -25,7 +25,6 @@ def plan_uniform(mesh: Mesh, profile: Profile) -> LayerPlan:
         PlanError: the part is thinner than the thinnest layer.
     """
     steps = Steps(mesh, profile)
-    height = steps.of(profile.quality.layer_height)
-    first = min(steps.first or height, steps.part)
-    rest = fill(steps.part - first, height, steps.lowest, steps.highest)
-    return steps.plan(np.concatenate([[max(first, steps.lowest)], rest]), "uniform")
+    first, rest = steps.begin()
+    layers = fill(rest, steps.of(profile.quality.layer_height), steps.lowest, steps.highest)
+    return steps.plan(np.concatenate([[first] if first else [], layers]).astype(np.int64), "uniform")

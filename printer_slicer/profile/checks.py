@@ -40,12 +40,11 @@ def _layers(profile: Profile) -> Iterator[Conflict]:
     """Every layer height that a planner may use lies within the printer's limits and on its z steps."""
     printer, quality = profile.printer, profile.quality
     if printer.min_layer > printer.max_layer:
-        yield Conflict(
-            "printer.min_layer", f"{printer.min_layer:g} is over printer.max_layer {printer.max_layer:g}", ""
-        )
+        over = f"{printer.min_layer:g} mm is over printer.max_layer, {printer.max_layer:g} mm"
+        yield Conflict("printer.min_layer", over, "lower one or raise the other")
     if profile.thinnest > profile.thickest:
-        over = f"{profile.thinnest:g} is over the thickest layer, {profile.thickest:g}"
-        yield Conflict("quality.thinnest_layer", over, "")
+        over = f"{profile.thinnest:g} mm is over the thickest layer, {profile.thickest:g} mm"
+        yield Conflict("quality.thinnest_layer", over, "lower it, or raise quality.thickest_layer")
     for name in ("layer_height", "first_layer_height", "thinnest_layer", "thickest_layer"):
         height = getattr(quality, name)
         if height == 0 or (_varies(profile) and name == "layer_height"):

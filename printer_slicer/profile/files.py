@@ -31,6 +31,7 @@ __all__ = [
     "KINDS",
     "load_profile",
     "profile_paths",
+    "profile_root",
     "profile_with",
     "settings_table",
     "settings_text",
@@ -43,10 +44,18 @@ _PLANNERS: Mapping[str, type[msgspec.Struct]] = {"uniform": UniformPlanner, "are
 
 
 class _Source(NamedTuple):
-    """Settings of one kind as read, and the place each key came from."""
+    """Settings of one kind as read, the place each key came from, and the place of what is missing."""
 
     values: dict[str, Any]
     places: dict[str, str]
+    file: str
+
+    def place(self, path: str) -> str:
+        """Where a key, or a table that holds it or is held by it, was set."""
+        for key in reversed(self.places):
+            if path and (f"{key}.".startswith(f"{path}.") or f"{path}.".startswith(f"{key}.")):
+                return self.places[key]
+        return self.file
 
 
 def profile_root() -> Path:
@@ -82,17 +91,25 @@ def load_profile(
     """
     asked = {"printer": printer, "material": material, "quality": quality}
     sources = {kind: _read_chain(kind, name or DEFAULT_NAMES[kind], ()) for kind, name in asked.items()}
-    for key, value in (changes or {}).items():
+    return _build(_changed(sources, changes or {}))
+
+
+def _changed(sources: dict[str, _Source], changes: Mapping[str, object]) -> dict[str, _Source]:
+    """The sources with all changes applied; the planner's kind first, since the other planner settings hang on it."""
+    for key, value in sorted(changes.items(), key=lambda change: not change[0].endswith("planner.kind")):
         _change(sources, key, value)
-    return _build(sources)
+    return sources
 
 
 def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
     """The same profile with some settings changed; bounds are checked, unlike by the structs' constructors."""
-    sources = {kind: _Source(msgspec.to_builtins(getattr(profile, kind)), {}) for kind in KINDS}
-    for key, value in changes.items():
-        _change(sources, key, value)
-    return _build(sources)
+    sources = {
+        kind: _Source(
+            msgspec.to_builtins(getattr(profile, kind)), {}, f"{kind} {getattr(profile, kind).name!r}"
+        )
+        for kind in KINDS
+    }
+    return _build(_changed(sources, changes))
 
 
 def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
@@ -115,6 +132,18 @@ def _describe(prefix: str, struct: type) -> Iterator[tuple[str, str, str, str, s
         key = f"{prefix}.{entry.encode_name}"
         nested = entry.type.types if isinstance(entry.type, msgspec.inspect.UnionType) else (entry.type,)
         if all(isinstance(one, msgspec.inspect.StructType) for one in nested):
+            if len(nested) > 1:
+                kinds = " | ".join(
+                    str(one.tag) for one in nested if isinstance(one, msgspec.inspect.StructType)
+                )
+                yield (
+                    f"{key}.kind",
+                    "literal",
+                    "",
+                    kinds,
+                    "uniform",
+                    "which strategy; the others' settings are refused",
+                )
             for one in nested:
                 assert isinstance(one, msgspec.inspect.StructType)
                 yield from _describe(f"{key}[{one.tag}]" if one.tag else key, one.cls)
@@ -148,13 +177,14 @@ def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield prefix + key, value
 
 
-def _find(kind: str, name: str, asked_by: str) -> Path:
-    """The file of a profile, by name or by path."""
+def _find(kind: str, name: str, beside: Path, asked_by: str) -> Path:
+    """The file of a profile, by name or by path; a relative path begins at `beside`."""
     if name.endswith(".toml") or "/" in name:
-        path = Path(name)
+        path = beside / name
         if not path.is_file():
             raise ProfileError(
-                f"{path}: no such {kind} profile", remedy="check the path, or name a shipped profile"
+                f"{asked_by}{path}: no such {kind} profile",
+                remedy="check the path, or name a shipped profile",
             )
         return path
     known = profile_paths(kind)
@@ -170,7 +200,8 @@ def _find(kind: str, name: str, asked_by: str) -> Path:
 
 def _read_chain(kind: str, name: str, seen: tuple[Path, ...]) -> _Source:
     """The settings of a file over those of the file it inherits from."""
-    path = _find(kind, name, f"{seen[-1]}: inherits: " if seen else "")
+    beside = seen[-1].parent if seen else Path()
+    path = _find(kind, name, beside, f"{seen[-1]}: inherits: " if seen else "")
     if path in seen:
         raise ProfileError(
             f"{path}: inherits from itself by way of {seen[-1].name}", remedy="break the circle"
@@ -188,9 +219,9 @@ def _read_chain(kind: str, name: str, seen: tuple[Path, ...]) -> _Source:
     parent = values.pop("inherits", None)
     if parent is not None and not isinstance(parent, str):
         raise ProfileError(f"{path}: inherits: expected the name of a profile, got {parent!r}")
-    base = _read_chain(kind, parent, (*seen, path)) if parent else _Source({}, {})
+    base = _read_chain(kind, parent, (*seen, path)) if parent else _Source({}, {}, str(path))
     places = base.places | {key: str(path) for key, _ in _flatten(values)}
-    return _Source(_merge(base.values, values), places)
+    return _Source(_merge(base.values, values), places, str(path))
 
 
 def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -217,8 +248,10 @@ def _change(sources: dict[str, _Source], key: str, value: object) -> None:
     for table in reversed(tables):
         change = {table: change}
     source = sources[kind]
+    if tables and not isinstance(source.values.get(tables[0], {}), dict):
+        return  # the file has a plain value where a table belongs, which the conversion will refuse by name
     merged = _merge(source.values, change)
-    sources[kind] = _Source(merged, source.places | {path: f"--set {key}={value}"})
+    sources[kind] = _Source(merged, source.places | {path: f"--set {key}={value}"}, source.file)
 
 
 def _keys(kind: str, values: Mapping[str, Any]) -> list[str]:
@@ -226,7 +259,9 @@ def _keys(kind: str, values: Mapping[str, Any]) -> list[str]:
     struct = KINDS[kind]
     keys = [name for name in struct.__struct_fields__ if name not in ("planner", "speeds")]
     if kind == "quality":
-        planner = _PLANNERS.get(str(values.get("planner", {}).get("kind", "uniform")), UniformPlanner)
+        table = values.get("planner")
+        chosen = table.get("kind", "uniform") if isinstance(table, dict) else "uniform"
+        planner = _PLANNERS.get(str(chosen), UniformPlanner)
         keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
         keys += [f"speeds.{name}" for name in Speeds.__struct_fields__]
     return keys
@@ -246,7 +281,7 @@ def _resolve(sources: Mapping[str, _Source], key: str) -> tuple[str, str]:
     near = get_close_matches(key, sorted(everything), n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
-        f"--set {key}: no such setting", remedy=f"{hint}`printer-slicer profiles` lists all settings"
+        f"--set {key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all"
     )
 
 
@@ -256,8 +291,7 @@ def _build(sources: Mapping[str, _Source]) -> Profile:
     profile = Profile(**parts)
     for key, problem, remedy in conflicts(profile):
         kind, _, path = key.partition(".")
-        place = sources[kind].places.get(path, f"the default of {kind} {getattr(profile, kind).name!r}")
-        raise ProfileError(f"{place}: {key}: {problem}", remedy=remedy)
+        raise ProfileError(f"{sources[kind].place(path)}: {key}: {problem}", remedy=remedy)
     return profile
 
 
@@ -273,10 +307,8 @@ def _convert(kind: str, source: _Source) -> Any:
         path = f"{path}.{name}".lstrip(".")
         known = _keys(kind, source.values)
         near = get_close_matches(path, known, n=1, cutoff=0.5)
-        place = source.places.get(path) or next(iter(source.places.values()), kind)
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-        raise ProfileError(f"{place}: {kind}.{path}: no such setting", remedy=hint) from None
-    place = source.places.get(path) or next(reversed(source.places.values()), kind)
+        raise ProfileError(f"{source.place(path)}: {kind}.{path}: no such setting", remedy=hint) from None
     given = _lookup(source.values, path)
     choices = _choices(KINDS[kind], path)
     remedy = (
@@ -285,7 +317,9 @@ def _convert(kind: str, source: _Source) -> Any:
         else "`printer-slicer profiles settings` tells type, unit and bounds"
     )
     what = f"{kind}.{path}" if path else kind
-    raise ProfileError(f"{place}: {what}: {problem.replace('`', '')}{given}", remedy=remedy) from None
+    raise ProfileError(
+        f"{source.place(path)}: {what}: {problem.replace('`', '')}{given}", remedy=remedy
+    ) from None
 
 
 def _choices(struct: type[msgspec.Struct], path: str) -> str:

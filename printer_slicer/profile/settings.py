@@ -76,6 +76,12 @@ class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     start_gcode: Annotated[str, _meta("G-code before the part; {placeholders} are filled in")] = ""
     end_gcode: Annotated[str, _meta("G-code after the part; {placeholders} are filled in")] = ""
 
+    @property
+    def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Front left and back right corner of the bed, mm."""
+        left, front = (-self.bed_x / 2, -self.bed_y / 2) if self.origin == "centre" else (0.0, 0.0)
+        return (left, front), (left + self.bed_x, front + self.bed_y)
+
 
 class Material(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What is printed with, and how it wants to be treated."""

@@ -1,11 +1,16 @@
 """The lines in flight: which answer belongs to which, what is in doubt, how many more may go out.
 
-an ok...                                  acknowledges
-with a number                             everything up to it
-with temperatures                         everything up to the oldest question for them
-right behind a refusal, or its remains    nothing
-for a line that was refused               nothing
-any other                                 the oldest line in flight
+An ok does not say whose it is. The first row that fits decides:
+
+    an ok...                                       acknowledges
+    with a number                                  everything up to it
+    with temperatures, a question in flight        everything up to the newest question
+    with temperatures, right behind such a one     nothing: it answers an older question
+    right behind a refusal, or the remains of one  nothing
+    behind the lines in flight at an M108          nothing: it answers that
+    bare, where the answer has temperatures        nothing
+    for a line that was refused                    nothing
+    any other                                      the oldest line in flight
 """
 
 from __future__ import annotations
@@ -16,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.stream.burst import Burst, Verdict
 from printer_slicer.stream.framing import LONGEST
 from printer_slicer.stream.ledger import ASK, Ledger
+from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.watch import Watch
 
 if TYPE_CHECKING:
@@ -25,6 +31,9 @@ __all__ = ["Flight"]
 
 _CAREFUL_LINES: Final = 300
 """Lines sent one at a time after an error."""
+
+_BREAK_WAIT: Final = b"\nM108\n"
+_WAITS: Final = frozenset({b"M0", b"M1", b"M109", b"M190", b"M191"})
 
 _ECHO: Final = 0.5
 """s in which a printer that was busy answers the questions that have piled up."""
@@ -49,6 +58,8 @@ class Flight:
         self._careful = 0
         self._requested: int | None = None
         self._echo_until = -inf
+        self._heat_with_ok = False
+        self._unnumbered_after: int | None = None
 
     @property
     def due(self) -> float | None:
@@ -82,6 +93,16 @@ class Flight:
         self.watch.ask(now)
         return self.ledger.take(now, break_first=True)
 
+    def break_wait(self) -> bytes:
+        """What ends the waiting of a line in flight, for heat or for a person; nothing if none waits.
+
+        Without a number, because only then firmware looks at it while another command is being executed.
+        """
+        if not any(parse(command)[0] in _WAITS for command in self.ledger.commands()):
+            return b""
+        self._unnumbered_after = self.ledger.cursor - 1
+        return _BREAK_WAIT
+
     def accept(self, number: int, now: float, *, settled: bool = False) -> int:
         """Count the lines up to `number` as accepted; entries of the job done then."""
         ledger = self.ledger
@@ -97,6 +118,7 @@ class Flight:
         if ok.number is not None:
             return ok.number if ledger.accepted < ok.number < ledger.cursor else None
         if ok.heat:
+            self._heat_with_ok = True
             asked = ledger.find(ASK)
             if asked is not None:
                 burst.swallow = False
@@ -110,9 +132,17 @@ class Flight:
         if burst.swallow:
             burst.swallow = False
             return None
+        if self._unnumbered_after is not None and ledger.accepted >= self._unnumbered_after:
+            self._unnumbered_after = None
+            return None
         oldest = ledger.accepted + 1
-        refused = burst.wanted is not None and oldest >= burst.wanted
-        return oldest if ledger.in_flight and not refused else None
+        if not ledger.in_flight or (burst.wanted is not None and oldest >= burst.wanted):
+            return None
+        if self._heat_with_ok and ledger.oldest.command == ASK:
+            # One ok too many. Where lines are told apart by their answers, the count is right again.
+            self.watch.answered(now)
+            return None
+        return oldest
 
     def settles(self, ok: Ok) -> bool:
         """Whether such an ok leaves no doubt which lines arrived."""

@@ -6,6 +6,7 @@ from math import inf
 from typing import Final
 
 from printer_slicer.stream.events import Identified
+from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.replies import Capability, Identity
 
 __all__ = ["Greeting"]
@@ -45,6 +46,11 @@ class Greeting:
         """Whether it has asked long enough."""
         return self._opened is not None and now >= self._opened + self._timeout
 
+    def busy(self, now: float) -> None:
+        """The printer cannot answer yet, but lives: the time it has for it begins anew."""
+        if self._opened is not None:
+            self._opened = now
+
     def send(self, now: float) -> bytes:
         """What to write now."""
         if self._opened is None:
@@ -53,6 +59,13 @@ class Greeting:
             return b""
         self._at = now + _AGAIN
         return _RESTART_COUNT
+
+    def question(self, number: int) -> bytes | None:
+        """What to ask in line `number`, None after the last question.
+
+        The answer to the second shows how this firmware answers it, and that will settle doubts later.
+        """
+        return {1: b"M115", 2: ASK}.get(number)
 
     def forget(self, now: float) -> None:
         """The printer has just begun, or does not count as it should: ask at once, within the same time."""

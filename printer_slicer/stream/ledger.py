@@ -116,10 +116,9 @@ class Ledger:
                 return number
         return None
 
-    def sent(self, beginning: bytes) -> bool:
-        """Whether a line in flight begins like this."""
-        flying = range(self.accepted + 1, self.cursor)
-        return any(self._lines[number].command.startswith(beginning) for number in flying)
+    def commands(self) -> list[bytes]:
+        """The commands in flight."""
+        return [self._lines[number].command for number in range(self.accepted + 1, self.cursor)]
 
     def rewind(self, number: int) -> int:
         """Go back so that `number`, above `proven`, goes out next; entries of the job that stay accepted."""

@@ -135,12 +135,15 @@ class Streamer:
     def cancel(self, end_script: Sequence[bytes] = ()) -> None:
         """Drop the rest of the job, send the end script instead, and finish.
 
+        A line that waits for heat or for a person waits no longer.
+
         Raises:
             UsageError: a command of the script can never be sent.
         """
         check_commands(end_script)
         if self._apply(Trigger.CANCEL):
             self._script.cancel(end_script)
+            self._urgent = self._flight.break_wait()
             if self._ended:
                 self._events.append(told.Halted("cancelled before anything was printed", self._acknowledged))
 
@@ -244,7 +247,7 @@ class Streamer:
         """The next command to get a number, None if there is none now that has at most `room` bytes."""
         script, idle = self._script, not self._flight.ledger.in_flight
         if self._state is State.IDENTIFYING:
-            return b"M115" if self._flight.ledger.top == 1 else None
+            return self._greeting.question(self._flight.ledger.top) if idle else None
         command = script.next_injected(room)
         if command is None and (self._state is State.STREAMING or self._state is State.CANCELLING):
             command = script.next_of_job(room)
@@ -286,7 +289,7 @@ class Streamer:
         if number is None:
             return
         self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=settled))
-        if self._state is State.IDENTIFYING:
+        if self._state is State.IDENTIFYING and self._greeting.question(number + 1) is None:
             self._apply(Trigger.IDENTIFIED)
             flight.ledger.prove(1)
             self._events.append(self._greeting.identified())
@@ -335,13 +338,13 @@ class Streamer:
             self._greeting.forget(now)
 
     def _on_stopped(self, stopped: replies.Stopped, now: float) -> None:
-        told, cause = self._said
-        because = f" ({cause})" if cause and now - told <= _CAUSE_WITHIN else ""
+        when, cause = self._said
+        because = f" ({cause})" if cause and now - when <= _CAUSE_WITHIN else ""
         self._halt(f"the printer stopped: {stopped.text}{because}")
 
     def _on_unknown(self, unknown: replies.Unknown, now: float) -> None:
         self._on_text(unknown, now)
-        if not self._flight.ledger.sent(unknown.command):
+        if not any(command.startswith(unknown.command) for command in self._flight.ledger.commands()):
             # It read the remains of a line as a line of its own: the ok behind this answers none of ours.
             self._flight.stray(now, refusal=True)
 
@@ -363,6 +366,7 @@ class Streamer:
         self._events.append(temperature)
 
     def _on_busy(self, busy: told.Busy, now: float) -> None:
+        self._greeting.busy(now)
         self._flight.watch.busy(now)
         self._events.append(busy)
 

@@ -135,13 +135,16 @@ Reply: TypeAlias = (
 WithText: TypeAlias = Unknown | Position | Garbled
 """Replies that are also shown as they came."""
 
+_REPORTS: Final = (Temperature, Position, Identity)
 _PLAIN_OK: Final = (Ok(),)  # nearly every line is this one
 _NUMBER: Final = rb"(-?\d+(?:\.\d*)?)"
 _OK: Final = re.compile(rb"ok(?: N(\d+))?(?: P\d+)?(?: B\d+)?")
 _OK_AND: Final = re.compile(rb"ok\s")
 _HEATERS: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
 _HEATER: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
-_POSITION: Final = re.compile(rb"X:\s*" + _NUMBER + rb"\s+Y:\s*" + _NUMBER + rb"\s+Z:\s*" + _NUMBER)
+_POSITION: Final = re.compile(
+    rb"(?<!Count )X:\s*" + _NUMBER + rb"\s+Y:\s*" + _NUMBER + rb"\s+Z:\s*" + _NUMBER
+)
 _SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
 _RESEND_LETTERS: Final = "Resend:"
 _RESEND_LONGEST: Final = 20  # "Resend: " with a number of nine digits, and some damage
@@ -184,7 +187,7 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
 def read_reply(line: bytes) -> tuple[Reply, ...]:
     """What one line says, without its line break; nothing for an empty line.
 
-    Two things at once come in the order in which they count: `ok T:...` is a report and then an ok.
+    Two things in one line come in the order in which they count: `ok T:...` is a report and then an ok.
     """
     line = line.strip()
     if line == b"ok":
@@ -194,8 +197,10 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
     if found := _OK.fullmatch(line):
         return (Ok(int(found[1]) if found[1] else None),)
     if _OK_AND.match(line):
-        told = tuple(reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message))
-        return (*told, Ok(heat=any(isinstance(reply, Temperature) for reply in told)))
+        ok = Ok(heat=_HEATER.search(line) is not None)
+        told = [reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message)]
+        # A report belongs to its ok; anything else is the next answer, and the line break between is damaged.
+        return (*told, ok) if all(isinstance(reply, _REPORTS) for reply in told) else (ok, *told)
     return _read_text(line)
 
 

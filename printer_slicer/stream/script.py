@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.stream.events import Finished, Spot
 from printer_slicer.stream.framing import check_commands, strip
+from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.patience import Patience
 from printer_slicer.stream.tracker import Tracker, parse
 
@@ -20,7 +21,8 @@ __all__ = ["Script"]
 _SAME_PLACE: Final = 0.05
 """mm; the printer says two decimals of single-precision numbers."""
 
-_MOST_LOOKS: Final = 3
+_CLOSING: Final = (b"M400", ASK)
+_MOST_LOOKS: Final = 5
 
 
 class Script:
@@ -41,7 +43,7 @@ class Script:
         self._commands = commands
         self._end_script: deque[bytes] | None = None
         self._injected: deque[bytes] = deque()
-        self._motion_ended = False
+        self._closing = deque(_CLOSING)
         self._looks = 0
         self._patience = Patience(limits)
         self._tracker = Tracker()
@@ -63,7 +65,7 @@ class Script:
 
     def reopen(self) -> None:
         """The motion goes on: the questions at the end are to be asked again."""
-        self._motion_ended = False
+        self._closing = deque(_CLOSING)
         self._looks = 0
 
     def next_injected(self, room: int) -> bytes | None:
@@ -89,11 +91,11 @@ class Script:
     def next_of_closing(self) -> bytes | None:
         """Wait for the end of the motion, then ask where the printer is; None when nothing is left to ask.
 
-        Only a printer that has executed every line can be where the last one leads.
+        The question between is answered like no other, so an ok too many can make nobody believe in an early
+        end; and only a printer that has executed every line can be where the last one leads.
         """
-        if not self._motion_ended:
-            self._motion_ended = True
-            return b"M400"
+        if self._closing:
+            return self._closing.popleft()
         # A report may be lost or damaged: look again before believing that something is wrong.
         if self._looks == 0 or (self._looks < _MOST_LOOKS and not self._satisfied()):
             self._looks += 1

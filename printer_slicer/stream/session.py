@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 
 __all__ = ["run"]
 
-_LONGEST_WAIT: Final = 0.25
-"""s; so soon does a wish of another thread, to pause or to stop, go out."""
-
 
 def run(
     streamer: Streamer,
@@ -23,6 +20,7 @@ def run(
     clock: Callable[[], float],
     *,
     on_event: Callable[[Event], None] = lambda _: None,
+    longest_wait: float = 0.25,
 ) -> None:
     """Stream until the printer is done, or halted; `streamer.state` tells which.
 
@@ -34,6 +32,7 @@ def run(
         transport: whom to say it to.
         clock: seconds, from any beginning, never backwards.
         on_event: called with each event; it may call the methods of the streamer.
+        longest_wait: s after which a wish of another thread, to pause or to stop, is noticed.
 
     Raises:
         PortError: the cable is gone.
@@ -46,5 +45,5 @@ def run(
         if streamer.done:
             return
         due = streamer.wakeup()
-        wait = _LONGEST_WAIT if due is None else min(max(due - clock(), 0.0), _LONGEST_WAIT)
+        wait = longest_wait if due is None else min(max(due - clock(), 0.0), longest_wait)
         streamer.receive(transport.read(wait), clock())

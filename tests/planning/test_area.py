@@ -20,10 +20,10 @@ from tests.parts import (
     case_study,
     cone,
     joined,
+    loft,
     profile,
     pyramid,
     sheared_prism,
-    sphere,
     step_pyramid,
     two_boxes,
 )
@@ -82,12 +82,20 @@ def test_54_percent_of_the_layers_are_saved() -> None:
 
 @pytest.mark.parametrize("variant", [LITERAL, GUARDED, ALIGNED], ids=["literal", "guarded", "aligned"])
 def test_coordinates_as_rounded_in_an_stl_file_far_from_the_origin_change_nothing(variant: dict[str, object]) -> None:
-    rounded = Mesh(case_study().moved((77.7, -31.3, 12.1)).triangles.astype(np.float32).astype(np.float64))
+    rounded = Mesh(case_study().moved((77.7, -31.3, 12.5)).triangles.astype(np.float32).astype(np.float64))
     settings_ = paper(**variant)
 
     placed = place(rounded, settings_.printer)
 
     assert plan_layers(placed, settings_).runs() == plan_layers(case_study(), settings_).runs()
+
+
+def test_a_top_that_an_stl_file_rounds_down_costs_the_guarded_march_no_layers() -> None:
+    # 12.1 + 82.5 becomes 94.5999985 in single precision: the plane at 82.5 then lies in the air by 0.001 µm.
+    rounded = Mesh(case_study().moved((0.0, 0.0, 12.1)).triangles.astype(np.float32).astype(np.float64))
+    guarded = paper(**GUARDED)
+
+    assert plan_layers(place(rounded, guarded.printer), guarded).runs() == [(1, 0.1), (74, 0.4), (228, 0.1), (75, 0.4)]
 
 
 def test_without_any_tolerance_rounding_breaks_the_thick_runs() -> None:
@@ -217,11 +225,12 @@ def test_slopes_between_levels_get_thin_layers_and_walls_thick_ones() -> None:
     assert np.unique(plan.height[~on_slope]).tolist() == [0.4]
 
 
-@pytest.mark.parametrize("mesh", [pyramid(), cone(), sphere()], ids=lambda m: m.name)
+@pytest.mark.parametrize("mesh", [pyramid(), pyramid(20, 19.97), cone()], ids=["pyramid", "odd pyramid", "cone"])
 def test_aligned_layers_are_thin_where_no_area_stays_the_same(mesh: Mesh) -> None:
     plan = plan_layers(mesh, paper())
 
-    assert (plan.height[:-1] <= 0.1 + 1e-9).all()
+    assert (plan.height[:-2] <= 0.1 + 1e-9).all()
+    assert (plan.height[-2:] < 0.2).all()
     assert plan.top[-1] == pytest.approx(mesh.height, abs=0.0051)
 
 
@@ -243,28 +252,34 @@ def test_a_flat_off_the_thick_grid_ends_a_layer() -> None:
     assert plan.top[-1] == 10
 
 
-def test_walls_too_low_for_a_thick_layer_stay_thin() -> None:
+def test_a_wall_between_slopes_too_low_for_a_thick_layer_stays_thin() -> None:
+    rings = [side * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) for side in (9, 6, 6, 3)]
+    mesh = Mesh(loft(rings, [0.0, 3.0, 3.3, 6.3]))
+
+    assert plan_layers(mesh, paper()).runs() == [(63, 0.1)]
+
+
+def test_blocks_too_low_for_a_thick_layer_get_one_layer_each() -> None:
     plan = plan_layers(step_pyramid([20, 15, 10], [0.3, 0.3, 0.3]), paper())
 
-    assert plan.runs() == [(9, 0.1)]
+    assert plan.runs() == [(3, 0.3)]
+
+
+def test_a_flat_that_lies_exactly_on_a_plane_belongs_to_the_section_below() -> None:
+    # Three planes of 0.1 end at 0.3, however 3 * 0.1 is rounded.
+    plan = plan_layers(step_pyramid([20, 13], [0.3, 0.1]), paper(**LITERAL, thickest_layer=0.2))
+
+    assert plan.runs() == [(1, 0.1), (1, 0.2), (1, 0.1)]
 
 
 def test_a_tolerance_lets_a_slight_draft_pass_for_a_wall() -> None:
-    """0.5° of draft over 20 mm: the area changes by a share of 0.0009 for each tenth of a mm."""
-    tall = pyramid(20.0, 1000.0).triangles
-    stump = Mesh(_below(tall, 20.0, 1000.0))
+    """0.5° of draft over 20 mm: the area changes by a share of 0.0002 for each tenth of a mm."""
+    foot = np.array([(-10.0, -10.0), (10.0, -10.0), (10.0, 10.0), (-10.0, 10.0)])
+    stump = Mesh(loft([foot, foot * (1 - 0.0175 * 2 / 2)], [0.0, 20.0]))
     blind, sharp = paper(planner__relative_tolerance=0.05), paper(planner__relative_tolerance=1e-6)
 
     assert plan_layers(stump, blind).runs() == [(50, 0.4)]
     assert plan_layers(stump, sharp).runs() == [(200, 0.1)]
-
-
-def _below(triangles: np.ndarray[tuple[int, ...], np.dtype[np.float64]], z: float, tip: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """A stump of the pyramid: its foot and the ring at z."""
-    from tests.parts import loft
-
-    foot = triangles[:4, 0, :2]
-    return loft([foot, foot * (1 - z / tip)], [0.0, z])
 
 
 @pytest.mark.parametrize("height", [0.1, 0.15, 0.2])

@@ -38,7 +38,6 @@ VARIANTS: Final[Mapping[str, Mapping[str, object]]] = {
 MARCHES = {"area", "area guarded"}
 PARTS = [
     box(),
-    box((5, 5, 0.08)),
     box((5, 5, 0.5)),
     box((7, 7, 12.345)),
     pyramid(),

@@ -46,8 +46,8 @@ def test_what_is_left_over_becomes_the_last_layer() -> None:
     assert planned(box((10, 10, 1.3)), layer_height=0.2).runs() == [(6, 0.2), (1, 0.1)]
 
 
-def test_the_last_layer_takes_a_rest_too_thin_to_print() -> None:
-    assert planned(box((10, 10, 1.05)), layer_height=0.2).runs() == [(4, 0.2), (1, 0.25)]
+def test_the_last_layer_shares_with_a_rest_too_thin_to_print() -> None:
+    assert planned(box((10, 10, 1.05)), layer_height=0.2).runs() == [(4, 0.2), (1, 0.13), (1, 0.12)]
 
 
 def test_two_layers_share_a_rest_that_neither_can_take() -> None:

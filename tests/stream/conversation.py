@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from printer_slicer.stream.events import Event
 
 INTRODUCTION = ("FIRMWARE_NAME:Marlin 2.1 SOURCE_CODE_URL:x", "Cap:EMERGENCY_PARSER:0", "ok")
+HOT = "ok T:200.0 /200.0 B:60.0 /60.0 @:40 B@:20"
 
 
 class Conversation:
@@ -87,11 +88,12 @@ def again(number: int, command: str) -> bytes:
 def printing(
     commands: Sequence[str], *, bytewise: bool = False, streamer: Streamer | None = None
 ) -> tuple[Conversation, list[bytes]]:
-    """A conversation after the greeting, and what of the job went out at once; the job begins at line 2."""
+    """A conversation after the greeting, and what of the job went out at once; the job begins at line 3."""
     talk = Conversation(streamer or Streamer([c.encode() for c in commands]), bytewise=bytewise)
     talk.waits(0.0)
     talk.says("ok")
-    return talk, talk.says(*INTRODUCTION)
+    talk.says(*INTRODUCTION)
+    return talk, talk.says(HOT)
 
 
 def moves(n: int) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from conversation import Conversation, again, first, moves, printing
+from conversation import HOT, Conversation, again, first, moves, printing
 
 from printer_slicer.errors import UsageError
 from printer_slicer.stream.events import Action, Finished, Halted
@@ -29,7 +29,7 @@ def test_a_paused_job_sends_no_more_lines_until_it_is_resumed(bytewise: bool) ->
     assert talk.says("ok") == []
     assert talk.waits(3600.0) == []
     talk.streamer.resume()
-    assert talk.waits(0.0) == [first(4, "G1 X3"), first(5, "G1 X4")]
+    assert talk.waits(0.0) == [first(5, "G1 X3"), first(6, "G1 X4")]
 
 
 def test_a_paused_job_still_repairs_the_wire(bytewise: bool) -> None:
@@ -38,9 +38,9 @@ def test_a_paused_job_still_repairs_the_wire(bytewise: bool) -> None:
     talk.says("ok")
     talk.streamer.pause()
 
-    talk.says("Error:checksum mismatch, Last Line: 3", "Resend: 4", "ok")
+    talk.says("Error:checksum mismatch, Last Line: 4", "Resend: 5", "ok")
 
-    assert talk.waits(0.3) == [again(4, "G1 X3")]
+    assert talk.waits(0.3) == [again(5, "G1 X3")]
 
 
 def test_the_printer_may_ask_for_a_pause(bytewise: bool) -> None:
@@ -65,7 +65,7 @@ def test_wishes_that_make_no_sense_now_have_no_effect(bytewise: bool) -> None:
     assert talk.streamer.state is State.CANCELLING
     talk.streamer.cancel(HEATERS_OFF)
     talk.says("ok")
-    assert talk.says("ok") == [first(4, "M400")]
+    assert talk.says("ok") == [first(5, "M400")]
 
 
 # Commands between the lines of the job.
@@ -76,9 +76,9 @@ def test_an_injected_command_goes_before_the_next_line_of_the_job(bytewise: bool
     talk.streamer.inject(b"M220 S80")
     talk.streamer.inject(b"; nothing at all")
 
-    assert talk.says("ok") == [first(4, "M220 S80")]
-    assert talk.says("ok") == [first(5, "G1 X3")]
-    assert talk.says("ok") == [first(6, "G1 X4")]
+    assert talk.says("ok") == [first(5, "M220 S80")]
+    assert talk.says("ok") == [first(6, "G1 X3")]
+    assert talk.says("ok") == [first(7, "G1 X4")]
     assert talk.streamer.acknowledged == 2
 
 
@@ -90,7 +90,7 @@ def test_an_injected_command_goes_out_while_the_job_is_paused(bytewise: bool) ->
 
     talk.streamer.inject(b"G1 Z10")
 
-    assert talk.waits(0.0) == [first(4, "G1 Z10")]
+    assert talk.waits(0.0) == [first(5, "G1 Z10")]
 
 
 def test_a_long_injected_command_waits_until_there_is_room(bytewise: bool) -> None:
@@ -99,7 +99,7 @@ def test_a_long_injected_command_waits_until_there_is_room(bytewise: bool) -> No
 
     talk.streamer.inject(long.encode())
 
-    assert talk.says("ok") == [first(4, long)]
+    assert talk.says("ok") == [first(5, long)]
 
 
 def test_a_command_that_can_never_be_sent_is_refused_at_once(bytewise: bool) -> None:
@@ -122,15 +122,39 @@ def test_a_cancelled_job_runs_its_end_script_and_finishes(bytewise: bool) -> Non
     talk.streamer.inject(b"M220 S80")
     talk.streamer.cancel(HEATERS_OFF)
 
-    assert talk.says("ok") == [first(5, "M104 S0")]
-    assert talk.says("ok") == [first(6, "M140 S0")]
-    assert talk.says("ok") == [first(7, "M107")]
+    assert talk.says("ok") == [first(6, "M104 S0")]
+    assert talk.says("ok") == [first(7, "M140 S0")]
+    assert talk.says("ok") == [first(8, "M107")]
     talk.says("ok")
-    assert talk.says("ok") == [first(8, "M400")]
-    assert talk.says("ok") == [first(9, "M114")]
+    assert talk.says("ok") == [first(9, "M400")]
+    assert talk.says("ok") == [first(10, "M105")]
+    assert talk.says(HOT) == [first(11, "M114")]
     assert talk.says(report(3, 0, 0), "ok") == []
     (finished,) = talk.happened(Finished)
     assert finished == Finished(3, True, (3.0, 0.0, 0.0), (3.0, None, None), True)
+
+
+def test_a_long_line_of_the_end_script_waits_until_there_is_room(bytewise: bool) -> None:
+    long = "M117 " + "x" * 60
+    talk, _ = printing([*moves(1), long, long], bytewise=bytewise)
+
+    talk.streamer.cancel([long.encode()])
+
+    assert talk.says("ok") == []
+    assert talk.says("ok") == [first(5, long)]
+
+
+@pytest.mark.parametrize("wait", ["M109 S200", "M190 R60", "M0 Put the nut in"])
+def test_cancelling_ends_a_wait_and_the_ok_of_that_acknowledges_nothing(wait: str, bytewise: bool) -> None:
+    talk, _ = printing([wait, *moves(9)], bytewise=bytewise)
+
+    talk.streamer.cancel(HEATERS_OFF)
+
+    assert talk.waits(0.0) == [b"\nM108"]
+    assert talk.says("ok") == [first(5, "M104 S0")]
+    assert talk.says("ok") == [first(6, "M140 S0")]
+    assert talk.says("ok") == []  # of M108
+    assert talk.says("ok") == [first(7, "M107")]
 
 
 def test_a_paused_job_can_be_cancelled(bytewise: bool) -> None:
@@ -140,16 +164,16 @@ def test_a_paused_job_can_be_cancelled(bytewise: bool) -> None:
 
     talk.streamer.cancel(HEATERS_OFF)
 
-    assert talk.waits(0.0) == [first(4, "M104 S0")]
+    assert talk.waits(0.0) == [first(5, "M104 S0")]
 
 
 def test_a_job_whose_last_moves_are_still_running_can_be_cancelled(bytewise: bool) -> None:
     talk, _ = printing(["G90"], bytewise=bytewise)
-    assert talk.says("ok") == [first(3, "M400")]
+    assert talk.says("ok") == [first(4, "M400")]
 
     talk.streamer.cancel(HEATERS_OFF)
 
-    assert talk.waits(0.0) == [first(4, "M104 S0")]
+    assert talk.waits(0.0) == [first(5, "M104 S0")]
     talk.says("ok")
     assert talk.streamer.state is State.CANCELLING
 
@@ -174,6 +198,7 @@ def test_the_emergency_stop_goes_out_in_every_state(already: State) -> None:
         talk, _ = printing([])
         talk.says("start") if already is State.HALTED else talk.says("ok")
     if already is State.DONE:
+        talk.says(HOT)
         talk.says(report(0, 0, 0), "ok")
     assert talk.streamer.state is already
 
@@ -188,9 +213,10 @@ def test_the_emergency_stop_goes_out_in_every_state(already: State) -> None:
 
 def ending(job: list[str], *, bytewise: bool) -> Conversation:
     talk, out = printing(job, bytewise=bytewise)
-    while out[-1] != first(len(job) + 2, "M400"):
+    while out[-1] != first(len(job) + 3, "M400"):
         out = out + talk.says("ok")
-    assert talk.says("ok") == [first(len(job) + 3, "M114")]
+    assert talk.says("ok") == [first(len(job) + 4, "M105")]
+    assert talk.says(HOT) == [first(len(job) + 5, "M114")]
     return talk
 
 
@@ -208,17 +234,18 @@ def test_a_job_ends_when_the_printer_is_where_it_leads(bytewise: bool) -> None:
 def test_an_empty_job_ends_too(bytewise: bool) -> None:
     talk, out = printing([], bytewise=bytewise)
 
-    assert out == [first(2, "M400")]
-    talk.says("ok")
+    assert out == [first(3, "M400")]
+    assert talk.says("ok") == [first(4, "M105")]
+    assert talk.says(HOT) == [first(5, "M114")]
     talk.says(report(0, 0, 0), "ok")
     assert talk.happened(Finished) == [Finished(0, False, (0.0, 0.0, 0.0), (None, None, None), None)]
 
 
-def test_a_printer_that_is_elsewhere_is_asked_three_times_and_then_believed(bytewise: bool) -> None:
+def test_a_printer_that_is_elsewhere_is_asked_five_times_and_then_believed(bytewise: bool) -> None:
     talk = ending(["G90", "G1 X10"], bytewise=bytewise)
 
-    assert talk.says(report(18, 0, 0), "ok") == [first(6, "M114")]
-    assert talk.says(report(18, 0, 0), "ok") == [first(7, "M114")]
+    for number in (8, 9, 10, 11):
+        assert talk.says(report(18, 0, 0), "ok") == [first(number, "M114")]
     assert talk.says(report(18, 0, 0), "ok") == []
     (finished,) = talk.happened(Finished)
     assert isinstance(finished, Finished)
@@ -228,7 +255,7 @@ def test_a_printer_that_is_elsewhere_is_asked_three_times_and_then_believed(byte
 def test_a_damaged_report_is_asked_for_again(bytewise: bool) -> None:
     talk = ending(["G90", "G1 X10"], bytewise=bytewise)
 
-    assert talk.says("X:1q.00 Y:0.00 Z:0.00", "ok") == [first(6, "M114")]
+    assert talk.says("X:1q.00 Y:0.00 Z:0.00", "ok") == [first(8, "M114")]
     assert talk.says(report(10, 0, 0), "ok") == []
     (finished,) = talk.happened(Finished)
     assert isinstance(finished, Finished)
@@ -238,21 +265,29 @@ def test_a_damaged_report_is_asked_for_again(bytewise: bool) -> None:
 def test_a_printer_that_never_says_where_it_is_ends_unverified(bytewise: bool) -> None:
     talk = ending(["G90", "G1 X10"], bytewise=bytewise)
 
-    talk.says("ok")
-    talk.says("ok")
-    talk.says("ok")
+    for _ in range(5):
+        talk.says("ok")
     assert talk.happened(Finished) == [Finished(2, False, None, (10.0, None, None), None)]
+
+
+def test_an_ok_too_many_does_not_end_it_early(bytewise: bool) -> None:
+    talk, _ = printing(["G90"], bytewise=bytewise)
+    assert talk.says("ok") == [first(4, "M400")]
+
+    assert talk.says("ok") == [first(5, "M105")]  # it was not meant for M400
+    assert talk.says("ok") == []  # this one was
+    assert talk.says(HOT) == [first(6, "M114")]
 
 
 def test_a_lost_last_line_is_found_out_before_the_end(bytewise: bool) -> None:
     talk, _ = printing(["G90", "G91"], bytewise=bytewise)
     talk.says("ok")
-    assert talk.says("ok") == [first(4, "M400")]
+    assert talk.says("ok") == [first(5, "M400")]
 
-    assert talk.says("Error:Line Number is not Last Line Number+1, Last Line: 2", "Resend: 3", "ok") == []
-    assert talk.waits(0.3) == [again(3, "G91")]
+    assert talk.says("Error:Line Number is not Last Line Number+1, Last Line: 3", "Resend: 4", "ok") == []
+    assert talk.waits(0.3) == [again(4, "G91")]
     assert talk.streamer.acknowledged == 1
-    assert talk.says("ok") == [again(4, "M400")]
+    assert talk.says("ok") == [again(5, "M400")]
 
 
 def test_what_is_injected_at_the_end_moves_the_end(bytewise: bool) -> None:
@@ -260,8 +295,9 @@ def test_what_is_injected_at_the_end_moves_the_end(bytewise: bool) -> None:
 
     talk.streamer.inject(b"G1 X50")
 
-    assert talk.says(report(10, 0, 0), "ok") == [first(6, "G1 X50")]
-    assert talk.says("ok") == [first(7, "M400")]
-    assert talk.says("ok") == [first(8, "M114")]
+    assert talk.says(report(10, 0, 0), "ok") == [first(8, "G1 X50")]
+    assert talk.says("ok") == [first(9, "M400")]
+    assert talk.says("ok") == [first(10, "M105")]
+    assert talk.says(HOT) == [first(11, "M114")]
     talk.says(report(50, 0, 0), "ok")
     assert talk.streamer.state is State.DONE

@@ -16,7 +16,8 @@ COMMANDS = st.binary(min_size=1, max_size=80).filter(lambda c: not set(c) & set(
 
 
 @pytest.mark.parametrize(
-    "line", [b"N0 M110 N0*125", b"N1 M105*38", b"N2 G90*18", b"N3 G1 X10 F3000*55", b"N5 M83*29", b"N7 M105*32"]
+    "line",
+    [b"N0 M110 N0*125", b"N1 M105*38", b"N2 G90*18", b"N3 G1 X10 F3000*55", b"N5 M83*29", b"N7 M105*32"],
 )
 def test_lines_look_as_real_firmware_accepted_them(line: bytes) -> None:
     number, _, rest = line[1:].partition(b" ")

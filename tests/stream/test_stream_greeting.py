@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from conversation import INTRODUCTION, Conversation, again, first, printing
+from conversation import HOT, INTRODUCTION, Conversation, again, first, printing
 
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.protocol import Streamer
@@ -21,7 +21,8 @@ def test_the_count_begins_anew_then_the_printer_says_who_it_is_then_the_job_begi
     talk = connecting(bytewise=bytewise)
 
     assert talk.says("ok") == [first(1, "M115")]
-    assert talk.says(*INTRODUCTION) == [first(2, "G28"), first(3, "G90")]
+    assert talk.says(*INTRODUCTION) == [first(2, "M105")]
+    assert talk.says(HOT) == [first(3, "G28"), first(4, "G90")]
     (identified,) = talk.happened(Identified)
     assert identified == Identified("Marlin 2.1", (("EMERGENCY_PARSER", False),))
     assert not identified.can("EMERGENCY_PARSER")
@@ -41,7 +42,9 @@ def test_a_printer_that_does_not_answer_is_greeted_every_second_and_given_up_aft
     assert "no printer answered" in halted.reason
 
 
-def test_a_board_that_resets_when_the_port_opens_is_greeted_again_as_soon_as_it_starts(bytewise: bool) -> None:
+def test_a_board_that_resets_when_the_port_opens_is_greeted_again_as_soon_as_it_starts(
+    bytewise: bool,
+) -> None:
     talk = connecting(bytewise=bytewise)
 
     assert talk.says("start", "Marlin 2.1") == [GREETING]
@@ -78,7 +81,16 @@ def test_an_ok_left_over_from_a_second_greeting_does_not_answer_line_1(bytewise:
 
     assert talk.says("ok") == [first(1, "M115")]
     assert talk.says("ok") == []
-    assert talk.says(*INTRODUCTION) == [first(2, "G28"), first(3, "G90")]
+    assert talk.says(*INTRODUCTION) == [first(2, "M105")]
+    assert talk.says(HOT) == [first(3, "G28"), first(4, "G90")]
+
+
+def test_a_printer_that_tells_temperatures_apart_from_the_ok_is_understood_too(bytewise: bool) -> None:
+    talk = connecting(bytewise=bytewise)
+    talk.says("ok")
+    talk.says(*INTRODUCTION)
+
+    assert talk.says("ok", "T:20.0 /0.0 B:20.0 /0.0 @:0 B@:0") == [first(3, "G28"), first(4, "G90")]
 
 
 def test_a_printer_that_does_not_name_itself_is_asked_and_then_believed(bytewise: bool) -> None:
@@ -124,3 +136,20 @@ def test_what_the_printer_says_of_itself_later_changes_nothing(bytewise: bool) -
 
     (identified,) = talk.happened(Identified)
     assert identified == Identified("Marlin 2.1", (("EMERGENCY_PARSER", False),))
+
+
+def test_a_printer_that_is_busy_when_it_is_met_gets_more_time(bytewise: bool) -> None:
+    talk = connecting(bytewise=bytewise)
+
+    for _ in range(60):
+        talk.waits(2.0)
+        talk.says("echo:busy: processing")
+    assert talk.streamer.state is State.CONNECTING
+    assert talk.says("ok") == [first(1, "M115")]
+
+
+def test_a_printer_that_says_it_is_busy_before_it_is_greeted_is_greeted_all_the_same() -> None:
+    streamer = Streamer([])
+    streamer.receive(b"echo:busy: processing\n", 1.0)
+
+    assert streamer.send(1.0) == GREETING + b"\n"

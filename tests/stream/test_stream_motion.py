@@ -85,7 +85,9 @@ def test_an_arc_counts_as_its_full_circle() -> None:
 
 
 @pytest.mark.parametrize(("limits", "slack"), [(LIMITS, 1.5), (None, 30.0)])
-def test_a_printer_may_be_silent_as_long_as_the_longest_planned_move(limits: Limits | None, slack: float) -> None:
+def test_a_printer_may_be_silent_as_long_as_the_longest_planned_move(
+    limits: Limits | None, slack: float
+) -> None:
     slow, *rest = waits("G1 X10 F6", *(f"G1 X{i} F6000" for i in range(70)), limits=limits)
 
     assert slow >= 2 * 100.0

@@ -45,6 +45,7 @@ SAID: dict[str, tuple[Reply, ...]] = {
     "Resend: 12ok": (Resend(12), Ok()),
     MARLIN_ERROR: (LineError(6, MARLIN_ERROR),),
     "Error: expected line 5 got 3": (LineError(5, "Error: expected line 5 got 3"),),
+    "ok\v" + MARLIN_ERROR: (Ok(), LineError(6, MARLIN_ERROR)),
     "wait": (Wait(),),
     "start": (Started(),),
     "echo:busy: processing": (Busy("processing"),),
@@ -56,7 +57,9 @@ SAID: dict[str, tuple[Reply, ...]] = {
     "//action:pause": (Action("pause"),),
     "// action:notification Hello": (Action("notification Hello"),),
     'echo:Unknown command: "M9999"': (Unknown(b"M9999", 'echo:Unknown command: "M9999"'),),
-    "FIRMWARE_NAME:Marlin 2.1 (Nov 21) SOURCE_CODE_URL:x PROTOCOL_VERSION:1.0": (Identity("Marlin 2.1 (Nov 21)"),),
+    "FIRMWARE_NAME:Marlin 2.1 (Nov 21) SOURCE_CODE_URL:x PROTOCOL_VERSION:1.0": (
+        Identity("Marlin 2.1 (Nov 21)"),
+    ),
     "ok FIRMWARE_NAME:Klipper FIRMWARE_VERSION:?": (Identity("Klipper"), Ok()),
     "FIRMWARE_NAME:Virtual Marlin": (Identity("Virtual Marlin"),),
     "Cap:EMERGENCY_PARSER:1": (Capability("EMERGENCY_PARSER", True),),

@@ -24,17 +24,18 @@ __all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "machine_of"]
 
 TIME_TOLERANCE = 0.01  # share by which simulated and modelled time may differ
 _LATENCY = 0.001  # s that an answer takes over USB
+_PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
 _OURS = (b"M105", b"M110", b"M114", b"M115", b"M400")  # what the host asks on its own account
 _SHOWN = 20  # problems told in full
 
 
 def machine_of(printer: Printer) -> Machine:
     """The machine that a printer's profile describes; what profiles do not say is that of a common printer."""
-    left, front = (-printer.bed_x / 2, -printer.bed_y / 2) if printer.origin == "centre" else (0.0, 0.0)
+    (left, front), (right, back) = printer.corners
     return Machine(
         limits=limits_of(printer),
         box_min=(left, front, 0.0),
-        box_max=(left + printer.bed_x, front + printer.bed_y, printer.bed_z + 10),
+        box_max=(right, back, printer.bed_z + 10),
         home=(left, front, 0.0),
         hotend=HeaterSpec(
             power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=printer.max_nozzle_temperature
@@ -145,7 +146,7 @@ def dry_run(job: Job, profile: Profile, *, on_event: Callable[[Event], None] = l
             ends.append(event)
         on_event(event)
 
-    run(streamer, port, port.now, on_event=listen)
+    run(streamer, port, port.now, on_event=listen, longest_wait=_PATIENCE)
     report = simulated.report()
     heights_equal = _same_heights(job, report.layers)
     return Verdict(

@@ -1,0 +1,432 @@
+"""Filament, speed, retraction, cooling: each layer by its own height."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import TypeVar
+
+import numpy as np
+import pytest
+import shapely
+
+from printer_slicer import bead
+from printer_slicer.errors import PartError
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.model import Bool, Fan, Float, Heat, LayerPlan, Mesh, Program, Role
+from printer_slicer.pipeline import Stages, slice_part, slice_stages
+from printer_slicer.profile import Profile
+from tests.parts import box, box_with_hole, joined, plain, profile, shape, sphere, step_pyramid, two_boxes
+
+UNEVEN = LayerPlan.from_tops(np.array([0.3, 0.38, 0.6, 0.92, 1.0, 1.32, 1.5, 1.8, 2.1, 2.2]))
+MESHES = [box((9, 9, 2.2)), two_boxes((6, 6, 2.2)), box_with_hole((16, 16, 2.2)), sphere(3), step_pyramid([14, 9, 5], [0.9, 0.4, 0.9])]
+each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
+each_printer = pytest.mark.parametrize("printer", ["marlin_220", "corexy_klipper"])
+
+
+def usual(printer: str = "marlin_220", **changes: object) -> Profile:
+    return profile(printer, **changes)
+
+
+def made(mesh: Mesh, wanted: Profile) -> Stages:
+    return slice_stages(mesh, wanted, plan=UNEVEN)
+
+
+def is_bead(program: Program) -> Bool:
+    return program.role != Role.TRAVEL
+
+
+def travelled(program: Program) -> Float:
+    """(K,) mm in x and y."""
+    return np.hypot(*(program.xyz - program.start)[:, :2].T)
+
+
+# --- where ---
+
+
+@each_printer
+@each_mesh
+def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh) -> None:
+    stages = made(mesh, usual(printer))
+    paths, program = stages.toolpaths, stages.program
+    segments = []
+    for i in range(paths.n_paths):
+        xy = paths.path(i)
+        ends = np.concatenate([xy, xy[:1]]) if paths.closed[i] else xy
+        segments.append(np.stack([ends[:-1], ends[1:]], axis=1))
+
+    laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
+    assert np.array_equal(laid[:, :, :2], np.concatenate(segments))
+    assert np.array_equal(program.role[is_bead(program)], np.repeat(paths.role, [len(one) for one in segments]))
+    assert np.array_equal(program.width[is_bead(program)], np.repeat(paths.width, [len(one) for one in segments]))
+
+
+@each_printer
+@each_mesh
+def test_beads_lie_at_the_top_of_their_layer(printer: str, mesh: Mesh) -> None:
+    program = made(mesh, usual(printer)).program
+    beads = is_bead(program)
+
+    assert np.array_equal(program.xyz[beads, 2], UNEVEN.top[program.layer[beads]])
+    assert np.array_equal(program.start[beads, 2], UNEVEN.top[program.layer[beads]])
+
+
+@each_printer
+@each_mesh
+def test_layers_ascend_and_no_move_goes_below_its_layer_or_far_above(printer: str, mesh: Mesh) -> None:
+    wanted = usual(printer)
+    program = made(mesh, wanted).program
+
+    assert (np.diff(program.layer) >= 0).all()
+    below = np.where(program.layer > 0, UNEVEN.top[program.layer - 1], UNEVEN.top[0])
+    assert (program.xyz[:, 2] >= below - 1e-9).all()
+    later = program.layer > 0
+    assert (program.xyz[later, 2] <= UNEVEN.top[program.layer[later]] + wanted.printer.z_hop + 1e-9).all()
+
+
+def test_the_nozzle_arrives_above_the_first_layer_and_comes_down_at_the_first_path() -> None:
+    program = made(box((9, 9, 2.2)), usual()).program
+
+    assert program.origin[2] > UNEVEN.top[0] + 1
+    assert program.xyz[0, 2] == program.origin[2]
+    assert np.array_equal(program.xyz[1, :2], program.xyz[0, :2])
+    assert program.xyz[1, 2] == UNEVEN.top[0]
+
+
+def test_the_nozzle_never_moves_in_the_plane_of_a_layer_before_it_is_lifted_onto_it() -> None:
+    program = made(two_boxes((6, 6, 2.2)), usual()).program
+    change = np.flatnonzero(np.diff(program.layer) > 0) + 1
+
+    for first in change.tolist():
+        here = np.flatnonzero(program.layer == program.layer[first])
+        moves = here[travelled(program)[here] > 0]
+        assert program.start[moves[0], 2] >= UNEVEN.top[program.layer[first]]
+
+
+# --- how much ---
+
+
+@each_printer
+@each_mesh
+def test_every_bead_gets_the_filament_of_its_width_and_its_layers_height(printer: str, mesh: Mesh) -> None:
+    wanted = usual(printer, flow_ratio=0.97)
+    program = made(mesh, wanted).program
+    beads = is_bead(program)
+
+    per_mm = bead.filament_per_mm(program.width, UNEVEN.height[program.layer], wanted.material.filament_diameter)
+    assert program.filament[beads] == pytest.approx(0.97 * (per_mm * travelled(program))[beads])
+    assert (travelled(program)[beads] > 0).all()
+
+
+@each_mesh
+def test_nothing_is_extruded_while_travelling(mesh: Mesh) -> None:
+    program = made(mesh, usual()).program
+    moving = ~is_bead(program) & (np.abs(program.xyz - program.start).max(axis=1) > 0)
+
+    assert (program.filament[moving] == 0).all()
+    assert (program.width[~is_bead(program)] == 0).all()
+
+
+def test_filament_used_is_what_the_beads_contain() -> None:
+    program = made(box((9, 9, 2.2)), usual()).program
+
+    assert program.filament_used == pytest.approx(program.filament[is_bead(program)].sum())
+
+
+@pytest.mark.parametrize("changes", [{}, {"min_layer_time": 40, "min_speed": 1}, {"max_flow": 1.5}, {"speeds__travel": 40}])
+def test_slowing_down_changes_no_filament_and_no_position(changes: dict[str, object]) -> None:
+    fast, slow = made(MESHES[1], usual(min_layer_time=0)).program, made(MESHES[1], usual(**changes)).program
+
+    assert np.array_equal(fast.xyz, slow.xyz)
+    assert np.array_equal(fast.filament, slow.filament)
+
+
+# --- retraction ---
+
+
+def pulled_back(program: Program) -> Float:
+    """(K,) filament missing in the nozzle after each move."""
+    return -np.cumsum(np.where(is_bead(program), 0.0, program.filament))
+
+
+@each_printer
+@each_mesh
+def test_what_is_pulled_back_is_pushed_forward_before_the_next_bead(printer: str, mesh: Mesh) -> None:
+    wanted = usual(printer)
+    program = made(mesh, wanted).program
+    missing = np.round(pulled_back(program), 9)
+
+    assert set(missing.tolist()) <= {0.0, wanted.printer.retract_length}
+    assert (missing[is_bead(program)] == 0).all()
+    assert missing[-1] == wanted.printer.retract_length
+
+
+@each_mesh
+def test_only_travels_that_are_long_enough_retract(mesh: Mesh) -> None:
+    wanted = usual()
+    program = made(mesh, wanted).program
+    travels = ~is_bead(program) & (travelled(program) > 0)
+
+    assert (travelled(program)[travels & (pulled_back(program) > 0)] > wanted.printer.retract_before_travel).all()
+
+
+def leaves_the_part(stages: Stages) -> Bool:
+    """(K,) whether a long travel passes over air in its layer; ends within a bead of the outline do not count."""
+    program = stages.program
+    result = np.zeros(program.n_moves, bool)
+    for move in np.flatnonzero(~is_bead(program) & (travelled(program) > 2)).tolist():
+        way = shapely.LineString([program.start[move, :2], program.xyz[move, :2]])
+        section = shape(stages.sections.solid, int(program.layer[move]))
+        result[move] = shapely.length(shapely.difference(way, section)) > 0.5
+    return result
+
+
+@each_mesh
+def test_travels_over_air_are_retracted(mesh: Mesh) -> None:
+    stages = made(mesh, usual(skirt_loops=0))
+    air = leaves_the_part(stages)
+    air[: np.flatnonzero(is_bead(stages.program))[0]] = False
+
+    assert (pulled_back(stages.program)[air] > 0).all()
+
+
+def test_travels_between_islands_are_retracted_on_every_layer() -> None:
+    program = made(two_boxes((6, 6, 2.2)), usual(skirt_loops=0)).program
+    across = ~is_bead(program) & (travelled(program) > 9) & (np.arange(program.n_moves) > 0)
+
+    assert across.sum() >= 10
+    assert (pulled_back(program)[across] > 0).all()
+
+
+def test_a_travel_that_leaves_by_one_corner_and_comes_in_by_another_is_retracted() -> None:
+    """Seams in the rear right corners of two boxes on a diagonal: the way between them meets no side of either."""
+    boxes = joined([box((10, 10, 2.2)), box((10, 10, 2.2), (20, 20, 0))])
+    hollow = {"perimeters": 1, "infill_density": 0, "top_thickness": 0, "bottom_thickness": 0, "seam": "rear"}
+    program = made(boxes, usual(skirt_loops=0, **hollow)).program
+    across = ~is_bead(program) & (travelled(program) > 20) & (np.arange(program.n_moves) > 0)
+
+    assert across.sum() >= 10
+    assert (pulled_back(program)[across] > 0).all()
+
+
+def test_travels_within_the_part_are_not_retracted() -> None:
+    stages = made(box((40, 40, 2.2)), usual(skirt_loops=0))
+    travels = ~is_bead(stages.program) & (travelled(stages.program) > 2)
+
+    assert travels[5:].sum() > 3
+    assert (pulled_back(stages.program)[np.flatnonzero(travels)] == 0).all()
+
+
+def test_retracted_travels_are_lifted_by_the_hop_and_others_are_not() -> None:
+    wanted = usual("corexy_klipper", z_hop=0.4, skirt_loops=0)
+    program = made(two_boxes((6, 6, 2.2)), wanted).program
+    travels = (~is_bead(program) & (travelled(program) > 0))[1:]
+    over = (program.xyz[:, 2] - UNEVEN.top[program.layer])[1:]
+
+    assert travels.sum() > 20
+    assert over[travels] == pytest.approx(np.where(pulled_back(program)[1:] > 0, 0.4, 0.0)[travels])
+
+
+def test_a_printer_that_does_not_retract_never_turns_the_extruder_back() -> None:
+    program = made(MESHES[1], usual(retract_length=0)).program
+
+    assert (program.filament >= 0).all()
+
+
+# --- how fast ---
+
+
+@each_printer
+@each_mesh
+def test_the_first_layer_is_slow(printer: str, mesh: Mesh) -> None:
+    wanted = usual(printer, min_layer_time=0)
+    program = made(mesh, wanted).program
+    first = is_bead(program) & (program.layer == 0)
+
+    assert program.speed[first].max() <= wanted.quality.speeds.first_layer
+
+
+def test_every_role_has_its_speed_above_the_first_layer() -> None:
+    wanted = usual(min_layer_time=0, max_flow=100)
+    program = slice_part(box((20, 20, 6)), wanted)
+    speeds = wanted.quality.speeds
+    above = program.layer > 0
+
+    for role, speed in (
+        (Role.OUTER_PERIMETER, speeds.outer_perimeter),
+        (Role.INNER_PERIMETER, speeds.inner_perimeter),
+        (Role.SOLID, speeds.solid),
+        (Role.TOP_SKIN, speeds.top_skin),
+        (Role.SPARSE, speeds.sparse),
+    ):
+        here = above & (program.role == role)
+        assert here.any()
+        assert np.unique(program.speed[here]).tolist() == [speed]
+
+
+@pytest.mark.parametrize("max_flow", [0.5, 2.0, 5.0])
+@each_mesh
+def test_no_bead_asks_for_more_plastic_than_the_nozzle_melts(mesh: Mesh, max_flow: float) -> None:
+    wanted = usual(max_flow=max_flow, min_layer_time=0, flow_ratio=1.1)
+    program = made(mesh, wanted).program
+    beads = is_bead(program)
+
+    area = pi * wanted.material.filament_diameter**2 / 4
+    flow = (program.filament * area / np.maximum(travelled(program), 1e-12) * program.speed)[beads]
+    assert flow.max() <= max_flow * (1 + 1e-9)
+    if max_flow < 5:
+        assert flow.max() == pytest.approx(max_flow)
+
+
+def test_thick_layers_are_slowed_by_the_flow_limit_and_thin_ones_are_not() -> None:
+    program = made(box((20, 20, 2.2)), usual(max_flow=4, min_layer_time=0)).program
+    sparse = program.role == Role.SPARSE
+
+    by_layer = {int(k): float(program.speed[sparse & (program.layer == k)].max()) for k in np.unique(program.layer[sparse])}
+    heights = {k: UNEVEN.height[k] for k in by_layer}
+    assert by_layer == pytest.approx({k: min(70.0, 4 / float(bead.cross_section(0.45, h))) for k, h in heights.items()})
+
+
+def layer_seconds(program: Program, wanted: Profile) -> Float:
+    return np.bincount(program.layer, move_seconds(program, wanted), minlength=program.plan.n_layers)
+
+
+@each_printer
+@pytest.mark.parametrize(("wait", "slowest"), [(8, 12), (8, 2), (20, 5), (3, 30)])
+@pytest.mark.parametrize("mesh", [box((6, 6, 2.2)), box((15, 15, 2.2)), sphere(3)], ids=["small", "middle", "sphere"])
+def test_layers_take_their_time_unless_beads_are_as_slow_as_allowed(
+    printer: str, wait: float, slowest: float, mesh: Mesh
+) -> None:
+    wanted = usual(printer, min_layer_time=wait, min_speed=slowest)
+    program = made(mesh, wanted).program
+    seconds, beads = layer_seconds(program, wanted), is_bead(program)
+
+    for layer in np.unique(program.layer[beads]).tolist():
+        fastest = program.speed[beads & (program.layer == layer)].max()
+        assert seconds[layer] > 0.97 * wait or fastest <= slowest + 1e-9
+
+
+def test_no_layer_is_slowed_more_than_it_needs_to_be() -> None:
+    wanted = usual(min_layer_time=8, min_speed=2)
+    fast, slow = (made(box((9, 9, 2.2)), usual(min_layer_time=wait, min_speed=2)).program for wait in (0, 8))
+    before, after = layer_seconds(fast, wanted), layer_seconds(slow, wanted)
+
+    assert (after <= np.maximum(before, 8) * 1.01).all()
+
+
+def test_no_bead_is_slower_than_the_slowest_speed_or_the_speed_it_would_have_anyway() -> None:
+    wanted = {"min_speed": 25, "speeds__first_layer": 10}
+    program = made(box((6, 6, 2.2)), usual(min_layer_time=60, **wanted)).program
+    free = made(box((6, 6, 2.2)), usual(min_layer_time=0, **wanted)).program
+    beads = is_bead(program)
+
+    assert (program.speed[beads] >= np.minimum(free.speed[beads], 25) - 1e-9).all()
+    assert program.speed[beads & (program.layer == 0)].max() == 10
+
+
+def test_slowing_down_spares_travels_and_retractions() -> None:
+    slow, fast = (made(MESHES[1], usual(min_layer_time=wait)).program for wait in (60, 0))
+
+    assert np.array_equal(slow.speed[~is_bead(slow)], fast.speed[~is_bead(fast)])
+
+
+@each_printer
+def test_travels_and_retractions_have_their_speeds(printer: str) -> None:
+    wanted = usual(printer)
+    program = made(two_boxes((6, 6, 2.2)), wanted).program
+    flat = ~is_bead(program) & (travelled(program) > 0)
+    upright = ~is_bead(program) & (travelled(program) == 0) & (program.filament == 0)
+
+    assert np.unique(program.speed[flat]).tolist() == [wanted.quality.speeds.travel]
+    assert program.speed[upright].max() <= wanted.printer.max_speed_z
+    assert np.unique(program.speed[program.filament < 0]).tolist() == [wanted.printer.retract_speed]
+    pushes = ~is_bead(program) & (program.filament > 0)
+    assert np.unique(program.speed[pushes]).tolist() == [wanted.printer.deretract_speed]
+
+
+# --- events ---
+
+
+E = TypeVar("E", Fan, Heat)
+
+
+def events(program: Program, kind: type[E]) -> list[E]:
+    return [event for event in program.events if isinstance(event, kind)]
+
+
+def fan_at(program: Program) -> Float:
+    """(K,) ratio in force during each move."""
+    ratio = np.zeros(program.n_moves)
+    for event in events(program, Fan):
+        ratio[event.index :] = event.ratio
+    return ratio
+
+
+@each_mesh
+def test_events_are_in_order_and_belong_to_moves(mesh: Mesh) -> None:
+    program = made(mesh, usual()).program
+    places = [event.index for event in program.events]
+
+    assert places == sorted(places)
+    assert all(0 <= place < program.n_moves for place in places)
+    assert all(0 <= event.ratio <= 1 for event in events(program, Fan))
+
+
+@pytest.mark.parametrize(("off", "full"), [(0.3, 0.8), (0.95, 1.6), (0, 0), (5, 6)])
+def test_the_fan_is_off_up_to_its_height_and_never_weaker_further_up_the_ramp(off: float, full: float) -> None:
+    wanted = usual(fan_off_below=off, fan_full_above=full, fan_ratio=0.6, fan_ratio_max=0.6, fan_ratio_bridge=0)
+    program = made(box((9, 9, 2.2)), wanted).program
+    fan, top = fan_at(program), UNEVEN.top[program.layer]
+
+    assert (fan[top <= off] == 0).all()
+    assert fan[top >= max(full, 1e-9)] == pytest.approx(0.6)
+    assert (np.diff(fan) >= 0).all()
+
+
+def test_quick_layers_get_more_fan() -> None:
+    wanted = usual(min_layer_time=5, fan_layer_time=30, fan_ratio=0.2, fan_ratio_max=1, fan_full_above=0.4)
+    small, large = (fan_at(made(box((side, side, 2.2)), wanted).program)[-1] for side in (5, 60))
+
+    assert small == pytest.approx(1.0, abs=0.06)
+    assert large == pytest.approx(0.2)
+
+
+def test_the_fan_is_strong_on_bridges() -> None:
+    legs = [box((4, 10, 1.32)), box((4, 10, 1.32), (14, 0, 0)), box((18, 10, 0.88), (0, 0, 1.32))]
+    wanted = usual(fan_ratio=0.3, fan_ratio_max=0.3, fan_ratio_bridge=1)
+    program = made(joined(legs), wanted).program
+    bridge = program.role == Role.BRIDGE
+
+    assert bridge.any()
+    assert (fan_at(program)[bridge] == 1).all()
+    assert fan_at(program)[program.role == Role.OUTER_PERIMETER].max() == pytest.approx(0.3)
+
+
+def test_temperatures_of_the_rest_of_the_part_come_with_the_second_layer() -> None:
+    wanted = usual(first_layer_nozzle_temperature=220, nozzle_temperature=205, first_layer_bed_temperature=65, bed_temperature=60)
+    program = made(box((9, 9, 2.2)), wanted).program
+    second = int(np.flatnonzero(program.layer == 1)[0])
+
+    assert events(program, Heat) == [Heat(second, nozzle=205, bed=60)]
+
+
+def test_temperatures_that_stay_are_not_set_again() -> None:
+    same = {"first_layer_nozzle_temperature": 210, "nozzle_temperature": 210, "first_layer_bed_temperature": 60}
+
+    assert events(made(box((9, 9, 2.2)), usual(**same)).program, Heat) == []
+    only_bed = made(box((9, 9, 2.2)), usual(**same, bed_temperature=55)).program
+    assert [(event.nozzle, event.bed) for event in events(only_bed, Heat)] == [(None, 55)]
+
+
+# --- nothing to print ---
+
+
+def test_a_part_too_thin_for_any_bead_is_refused_with_a_reason() -> None:
+    with pytest.raises(PartError):
+        slice_part(box((10, 0.2, 3)), plain())
+
+
+def test_settings_that_lay_nothing_are_refused_with_a_reason() -> None:
+    nothing = plain(perimeters=0, infill_density=0, top_thickness=0, bottom_thickness=0)
+
+    with pytest.raises(PartError):
+        slice_part(box(), nothing)

@@ -1,0 +1,123 @@
+"""What gets imported when: help and the wire must not pay for numpy, names arrive when they are used."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import printer_slicer
+
+ROOT = Path(__file__).parents[1]
+BOX = ROOT / "sample_parts" / "box.stl"
+HEAVY = ("numpy", "msgspec", "rich", "serial", "trimesh", "scipy", "networkx", "shapely", "clipper2")
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for path in (ROOT / "printer_slicer").rglob("*.py")
+    if path.name != "__main__.py"
+)
+
+
+def python(code: str, *arguments: str) -> str:
+    """What a fresh interpreter writes to stdout; it must end well and say nothing on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *arguments],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    return done.stdout
+
+
+def loaded(code: str, *arguments: str) -> set[str]:
+    """Which of the heavy packages are imported once the code has run."""
+    tail = f"\nimport sys; print('loaded:', *[name for name in {HEAVY!r} if name in sys.modules])"
+    return set(python(code + tail, *arguments).rpartition("loaded:")[2].split())
+
+
+def after_command(*arguments: str) -> set[str]:
+    """Which of the heavy packages a command imports."""
+    run = (
+        "import sys\nfrom printer_slicer.cli import main\n"
+        "try:\n    code = main(sys.argv[1:])\nexcept SystemExit as error:\n    code = error.code\nassert not code, code"
+    )
+    return loaded(run, *arguments)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["slice", "--help"], ["print", "--help"]], ids=" ".join)
+def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    assert after_command(*arguments) == set()
+
+
+def test_the_version_imports_nothing_heavy() -> None:
+    assert after_command("--version") == set()
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    assert loaded("import printer_slicer") == set()
+
+
+def test_listing_ports_imports_only_the_serial_library() -> None:
+    assert after_command("ports") == {"serial"}
+
+
+def test_listing_profiles_imports_only_the_settings_library() -> None:
+    assert after_command("profiles") == {"msgspec"}
+
+
+def test_the_wire_and_the_simulated_printer_import_no_numpy() -> None:
+    names = [name for name in MODULES if name.startswith(("printer_slicer.stream", "printer_slicer.sim"))]
+
+    assert loaded("\n".join(f"import {name}" for name in names)) <= {"serial"}
+
+
+def test_serving_the_simulated_printer_needs_no_serial_library(tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    code = (
+        "import sys\nfrom printer_slicer.cli import main\nimport io, contextlib\n"
+        "with contextlib.redirect_stderr(io.StringIO()):\n    assert main(sys.argv[1:]) == 4"
+    )
+
+    assert "serial" not in loaded(code, "sim", "--pty", str(tmp_path / "taken"))
+
+
+def test_slicing_an_stl_imports_neither_trimesh_nor_the_serial_library(tmp_path: Path) -> None:
+    taken = after_command("slice", str(BOX), "-o", str(tmp_path / "box.gcode"), "--json")
+
+    assert "numpy" in taken
+    assert taken & {"trimesh", "scipy", "networkx", "serial", "rich"} == set()
+
+
+def test_every_module_can_be_imported_without_a_warning() -> None:
+    python("\n".join(f"import {name}" for name in MODULES))
+
+
+@pytest.mark.parametrize("name", printer_slicer.__all__)
+def test_every_public_name_is_the_thing_of_its_module(name: str) -> None:
+    home = import_module(f"printer_slicer.{printer_slicer._HOMES[name]}")
+
+    assert getattr(printer_slicer, name) is getattr(home, name)
+
+
+def test_an_unknown_public_name_is_an_attribute_error() -> None:
+    assert not hasattr(printer_slicer, "nothing_of_this_name")
+
+
+def test_the_public_names_are_listed() -> None:
+    assert set(printer_slicer.__all__) <= set(dir(printer_slicer))
+
+
+def test_no_public_name_is_hidden_by_a_module_whatever_was_imported_before() -> None:
+    imports = "\n".join(f"import {name}" for name in MODULES)
+    said = python(
+        f"{imports}\nimport printer_slicer as ps\nfor name in ps.__all__: print(type(getattr(ps, name)).__name__)"
+    )
+
+    assert "module" not in said.split()

@@ -1,0 +1,246 @@
+"""Ordering changes when and from which end a path is printed, and nothing else."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer.adhesion import adhesion_paths
+from printer_slicer.infill import infill_paths
+from printer_slicer.model import Areas, Float, LayerPlan, Mesh, Role, Sections, Toolpaths
+from printer_slicer.ordering import order
+from printer_slicer.perimeters import lay_walls, perimeter_paths
+from printer_slicer.profile import Profile
+from printer_slicer.regions import classify
+from printer_slicer.slicing import cut
+from tests.parts import box, box_with_hole, joined, plain, pyramid, shape, sphere, step_pyramid, two_boxes
+
+PERIMETERS = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
+
+
+def made(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, Toolpaths]:
+    """All paths of a part as the stages before give them."""
+    sections = cut(mesh, LayerPlan.from_tops(mesh.height * np.arange(1, n_layers + 1) / n_layers), 0.0125)
+    walls = lay_walls(sections, wanted)
+    regions = classify(sections, walls, wanted)
+    parts = [adhesion_paths(sections, wanted), perimeter_paths(walls), infill_paths(regions, wanted)]
+    return sections, Toolpaths.joined(sections.plan, parts)
+
+
+def ordered(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, Toolpaths, Toolpaths]:
+    sections, before = made(mesh, wanted, n_layers)
+    return sections, before, order(before, sections, wanted)
+
+
+def identity(paths: Toolpaths, index: int) -> tuple[object, ...]:
+    """The same for a path however it is turned around or, if closed, wherever it begins."""
+    points = [tuple(point) for point in paths.path(index).tolist()]
+    if paths.closed[index]:
+        lowest = min(points)
+        starts = [k for k, point in enumerate(points) if point == lowest]
+        points = min(points[k:] + points[:k] for k in starts)
+    else:
+        points = min(points, points[::-1])
+    return (*paths.layer[[index]], *paths.role[[index]], *paths.width[[index]], *paths.closed[[index]], *points)
+
+
+def identities(paths: Toolpaths) -> Counter[tuple[object, ...]]:
+    return Counter(identity(paths, i) for i in range(paths.n_paths))
+
+
+def nested() -> Mesh:
+    """A block standing alone in the hole of another."""
+    return joined([box_with_hole((20, 20, 4), (12, 12)), box((5, 5, 4), (7.5, 7.5, 0))], "nested")
+
+
+def posts() -> Mesh:
+    return joined([box((4, 4, 4), (8.0 * i, 8.0 * j, 0)) for i in range(3) for j in range(2)], "posts")
+
+
+MESHES = [box((9, 9, 3)), two_boxes(), box_with_hole(), nested(), posts(), sphere(4), pyramid(40, 16), step_pyramid([12, 8, 5], [1, 1, 2])]
+each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
+seams = pytest.mark.parametrize("seam", ["aligned", "nearest", "rear"])
+
+
+@seams
+@each_mesh
+def test_every_path_is_there_once_and_unaltered(mesh: Mesh, seam: str) -> None:
+    _, before, after = ordered(mesh, plain(seam=seam, skirt_loops=2, brim_width=1))
+
+    assert after.n_paths == before.n_paths > 20
+    assert identities(after) == identities(before)
+
+
+@each_mesh
+def test_layers_ascend(mesh: Mesh) -> None:
+    _, _, after = ordered(mesh, plain())
+
+    assert (np.diff(after.layer) >= 0).all()
+    assert set(after.layer.tolist()) == set(range(8))
+
+
+@each_mesh
+def test_skirt_then_brim_then_the_part(mesh: Mesh) -> None:
+    _, _, after = ordered(mesh, plain(skirt_loops=2, brim_width=2))
+
+    rank = np.array([{Role.SKIRT: 0, Role.BRIM: 1}.get(Role(role), 2) for role in after.role[after.layer == 0].tolist()])
+    assert (np.diff(rank) >= 0).all()
+
+
+def islands(sections: Sections, paths: Toolpaths, layer: int) -> list[tuple[int, int]]:
+    """Island and role of each path of a layer in order; skirt and brim left out."""
+    parts = shapely.get_parts(shape(sections.solid, layer))
+    here = [i for i in np.flatnonzero(paths.layer == layer).tolist() if paths.role[i] > Role.BRIM]
+    starts = shapely.points(np.array([paths.path(i)[0] for i in here]))
+    owner = [int(np.argmin(shapely.distance(parts, start))) for start in starts]
+    return list(zip(owner, paths.role[here].tolist(), strict=True))
+
+
+@seams
+@each_mesh
+def test_an_island_is_finished_before_the_next_one_begins(mesh: Mesh, seam: str) -> None:
+    sections, _, after = ordered(mesh, plain(seam=seam))
+
+    for layer in range(8):
+        visits = [island for island, _ in islands(sections, after, layer)]
+        runs = [visits[0], *(b for a, b in pairwise(visits) if a != b)]
+        assert len(runs) == len(set(runs)) == len(shapely.get_parts(shape(sections.solid, layer)))
+
+
+@pytest.mark.parametrize("outer_first", [False, True])
+@each_mesh
+def test_within_an_island_perimeters_come_before_infill_role_by_role(mesh: Mesh, outer_first: bool) -> None:
+    sections, _, after = ordered(mesh, plain(outer_perimeter_first=outer_first))
+
+    first, second = PERIMETERS[::-1] if outer_first else PERIMETERS
+    for layer in range(8):
+        for island in {owner for owner, _ in islands(sections, after, layer)}:
+            roles = [role for owner, role in islands(sections, after, layer) if owner == island]
+            runs = [roles[0], *(b for a, b in pairwise(roles) if a != b)]
+            assert len(runs) == len(set(runs))
+            assert runs[:2] == [first, second]
+            assert not set(runs[2:]) & set(PERIMETERS)
+
+
+def test_deeper_loops_are_printed_before_the_outer_one() -> None:
+    _, _, after = ordered(box((9, 9, 3)), plain(perimeters=4))
+
+    loops = after.closed & (after.layer == 3)
+    assert after.role[loops].tolist() == [Role.INNER_PERIMETER] * 3 + [Role.OUTER_PERIMETER]
+
+
+def travel(paths: Toolpaths) -> float:
+    """mm from the end of each path to the beginning of the next."""
+    begin = paths.xy[paths.start[:-1]]
+    end = np.where(paths.closed[:, None], begin, paths.xy[paths.start[1:] - 1])
+    return float(np.hypot(*(begin[1:] - end[:-1]).T).sum())
+
+
+@each_mesh
+def test_travels_get_shorter(mesh: Mesh) -> None:
+    _, before, after = ordered(mesh, plain(infill="grid", infill_density=0.3, seam="nearest"))
+
+    assert travel(after) < travel(before)
+
+
+# --- seams ---
+
+
+def begins(paths: Toolpaths) -> Float:
+    outer = np.flatnonzero(paths.role == Role.OUTER_PERIMETER)
+    return paths.xy[paths.start[outer]]
+
+
+def test_a_rear_seam_is_the_point_farthest_back_and_of_several_the_rightmost() -> None:
+    _, _, after = ordered(box((9, 9, 3)), plain(seam="rear"))
+
+    assert begins(after) == pytest.approx(np.full((8, 2), 9 - 0.225), abs=2e-5)
+
+
+def test_aligned_seams_lie_above_each_other() -> None:
+    _, _, after = ordered(sphere(4), plain(seam="aligned"), 24)
+
+    steps = np.hypot(*np.diff(begins(after)[2:-2], axis=0).T)
+    assert steps.max() < 1.5
+
+
+def test_aligned_seams_of_two_islands_stay_on_their_islands() -> None:
+    _, _, after = ordered(two_boxes(), plain(seam="aligned"))
+
+    left = begins(after)[begins(after)[:, 0] < 15]
+    assert len(left) == 8
+    assert np.ptp(left, axis=0) == pytest.approx([0, 0], abs=1e-4)
+
+
+def test_a_nearest_seam_is_the_point_nearest_to_where_the_nozzle_was() -> None:
+    _, _, after = ordered(box((9, 9, 3)), plain(seam="nearest", perimeters=1))
+
+    outer = np.flatnonzero(after.role == Role.OUTER_PERIMETER)
+    for path in outer[1:].tolist():
+        before = after.path(path - 1)[0 if after.closed[path - 1] else -1]
+        gap = np.hypot(*(after.path(path) - before).T)
+        assert gap[0] == pytest.approx(gap.min())
+
+
+# --- any paths ---
+
+
+@st.composite
+def toolpaths(draw: st.DrawFn) -> tuple[Toolpaths, Sections]:
+    """Random polylines and loops of any role on three layers, some of them outside all islands."""
+    plan = LayerPlan.from_tops(np.array([0.2, 0.4, 0.6]))
+    squares = [[np.array([(x, 0), (x + 10, 0), (x + 10, 10), (x, 10)], dtype=float) for x in (0, 20)][: 1 + k % 2] for k in range(3)]
+    seed, count = draw(st.integers(0, 10**6)), draw(st.integers(0, 30))
+    rng = np.random.default_rng(seed)
+    role = rng.integers(1, 10, count)
+    size = rng.integers(3, 6, count)
+    layer = np.sort(rng.integers(0, 3, count))
+    xy = rng.integers(-2, 33, (int(size.sum()), 2)) / 1.0
+    closed = role <= Role.OUTER_PERIMETER
+    paths = Toolpaths.gathered(plan, xy=xy, size=size, layer=layer, role=role, width=np.full(count, 0.4), closed=closed)
+    return paths, Sections(plan, Areas.from_rings(squares))
+
+
+@settings(deadline=None, max_examples=60)
+@given(case=toolpaths(), seam=st.sampled_from(["aligned", "nearest", "rear"]))
+def test_no_paths_are_lost_or_altered_whatever_they_are(case: tuple[Toolpaths, Sections], seam: str) -> None:
+    paths, sections = case
+
+    after = order(paths, sections, plain(seam=seam))
+
+    assert identities(after) == identities(paths)
+    assert (np.diff(after.layer) >= 0).all()
+
+
+def test_more_paths_than_are_worth_sorting_are_all_there() -> None:
+    """Beyond some hundred lines of one role they are taken as they stand."""
+    rng = np.random.default_rng(2)
+    count = 1000
+    plan = LayerPlan.from_tops(np.array([0.2]))
+    paths = Toolpaths.gathered(
+        plan,
+        xy=rng.uniform(0, 50, (2 * count, 2)),
+        size=np.full(count, 2),
+        layer=np.zeros(count, np.int64),
+        role=np.full(count, int(Role.SPARSE)),
+        width=np.full(count, 0.4),
+        closed=False,
+    )
+    square = np.array([(0, 0), (50, 0), (50, 50), (0, 50)], dtype=float)
+
+    after = order(paths, Sections(plan, Areas.from_rings([[square]])), plain())
+
+    assert identities(after) == identities(paths)
+
+
+def test_the_same_paths_give_the_same_order() -> None:
+    first, second = (ordered(posts(), plain())[2] for _ in range(2))
+
+    assert np.array_equal(first.xy, second.xy)
+    assert np.array_equal(first.role, second.role)

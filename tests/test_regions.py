@@ -1,0 +1,269 @@
+"""What is solid, what hangs in the air, what is sparse: by a second, slow reading of the definition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer.geometry.engine import ENGINES, using_engine
+from printer_slicer.model import Areas, LayerPlan, Mesh, Regions, Sections, Walls
+from printer_slicer.perimeters import lay_walls
+from printer_slicer.profile import Profile
+from printer_slicer.regions import classify
+from printer_slicer.slicing import cut
+from tests.parts import box, box_with_hole, joined, plain, pyramid, shape, sphere, step_pyramid, two_boxes
+
+WIDTH = 0.45
+FIELDS = ("bottom_skin", "bridge", "top_skin", "solid", "sparse")
+engines = pytest.mark.parametrize("engine", list(ENGINES))
+
+
+def uneven(height: float, seed: int = 0) -> LayerPlan:
+    """Layers of 0.08 to 0.32 in no order."""
+    rng = np.random.default_rng(seed)
+    tops: list[float] = []
+    z = 0.0
+    while z < height - 0.4:
+        z = round(z + int(rng.integers(8, 33)) / 100, 2)
+        tops.append(z)
+    tops.append(round((z + height) / 2, 3))
+    return LayerPlan.from_tops(np.array([*tops, height]))
+
+
+def table() -> Mesh:
+    """A plate 20 x 20 x 2 on a post of 8 x 8, 4 high: its underside hangs in the air."""
+    return joined([box((8, 8, 4), (6, 6, 0)), box((20, 20, 2), (0, 0, 4))], "table")
+
+
+def classified(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> tuple[Sections, Walls, Regions]:
+    sections = cut(mesh, plan, 0.0125)
+    walls = lay_walls(sections, wanted)
+    return sections, walls, classify(sections, walls, wanted)
+
+
+def regions_of(regions: Regions) -> list[Areas]:
+    return [getattr(regions, name) for name in FIELDS]
+
+
+PARTS = [
+    (box(), 10.0),
+    (table(), 6.0),
+    (step_pyramid([20, 14, 8], [2.0, 1.5, 2.5]), 6.0),
+    (pyramid(16, 6), 5.9),
+    (sphere(4), 7.9),
+    (box_with_hole((20, 20, 4)), 4.0),
+    (two_boxes((10, 10, 3)), 3.0),
+]
+each_part = pytest.mark.parametrize(("mesh", "height"), PARTS, ids=lambda value: getattr(value, "name", ""))
+
+
+# --- regions divide the inside ---
+
+
+@engines
+@each_part
+def test_regions_do_not_overlap_and_cover_the_inside(engine: str, mesh: Mesh, height: float) -> None:
+    with using_engine(engine):
+        _, walls, regions = classified(mesh, uneven(height), plain())
+
+    for layer in range(regions.plan.n_layers):
+        shapes = [shape(areas, layer) for areas in regions_of(regions)]
+        inside = shape(walls.inside, layer)
+        # Engines round to 0.01 µm, so areas to a few times that by the length of outline.
+        blur = 1e-4 * (1 + shapely.length(inside) + sum(shapely.length(one) for one in shapes))
+        assert abs(sum(shapely.area(one) for one in shapes) - shapely.area(inside)) < blur
+        assert shapely.area(shapely.difference(inside, shapely.union_all(shapes))) < blur
+        for i, one in enumerate(shapes):
+            assert all(shapely.area(shapely.intersection(one, other)) < blur for other in shapes[:i])
+
+
+@each_part
+def test_bottom_skins_lie_on_the_bed_and_bridges_do_not(mesh: Mesh, height: float) -> None:
+    _, _, regions = classified(mesh, uneven(height), plain())
+
+    assert set(regions.bottom_skin.ring_layer.tolist()) <= {0}
+    assert 0 not in regions.bridge.ring_layer
+
+
+def test_the_first_layer_is_bottom_skin_and_the_last_top_skin() -> None:
+    _, walls, regions = classified(box(), uneven(10.0), plain())
+
+    assert regions.bottom_skin.area()[0] == pytest.approx(walls.inside.area()[0])
+    assert regions.top_skin.area()[-1] == pytest.approx(walls.inside.area()[-1])
+    assert regions.bridge.n_rings == 0
+
+
+def test_a_single_layer_is_bottom_skin_only() -> None:
+    _, walls, regions = classified(box((10, 10, 0.2)), LayerPlan.from_tops(np.array([0.2])), plain())
+
+    assert regions.bottom_skin.area() == pytest.approx(walls.inside.area())
+    assert sum(areas.area().sum() for areas in regions_of(regions)) == pytest.approx(walls.inside.area().sum())
+
+
+def test_full_density_leaves_nothing_sparse() -> None:
+    _, walls, regions = classified(table(), uneven(6.0), plain(infill_density=1))
+
+    assert regions.sparse.n_rings == 0
+    assert sum(areas.area() for areas in regions_of(regions)) == pytest.approx(walls.inside.area(), abs=1e-2)
+
+
+def test_without_skins_everything_is_sparse() -> None:
+    _, walls, regions = classified(table(), uneven(6.0), plain(top_thickness=0, bottom_thickness=0))
+
+    assert regions.sparse.area() == pytest.approx(walls.inside.area())
+    assert all(areas.n_rings == 0 for areas in regions_of(regions)[:-1])
+
+
+# --- thickness in mm, on layers of any height ---
+
+
+def test_skins_of_a_box_are_as_thick_as_asked_for_and_no_thicker_than_the_layers_require() -> None:
+    plan = LayerPlan.from_tops(np.array([0.3, 0.4, 0.5, 0.8, 1.1, 1.2, 1.5, 1.8, 1.9, 2.0]))
+    _, _, regions = classified(box((10, 10, 2)), plan, plain(bottom_thickness=0.6, top_thickness=0.45))
+
+    solid = np.flatnonzero(regions.sparse.area() < 1e-6).tolist()
+    # Bottom: all that begins below 0.6. Top: all that ends above 1.55.
+    assert solid == [0, 1, 2, 3, 7, 8, 9]
+
+
+@pytest.mark.parametrize("thickness", [0.1, 0.2, 0.6, 0.79, 0.8, 0.81, 3.0])
+def test_layers_are_solid_while_air_begins_within_the_thickness(thickness: float) -> None:
+    plan = LayerPlan.from_tops(np.arange(1, 51) * 0.2)
+    _, _, regions = classified(box(), plan, plain(bottom_thickness=thickness, top_thickness=thickness))
+
+    n_layers = int(np.ceil(thickness / 0.2 - 1e-9))
+    sparse = regions.sparse.area() > 1e-6
+    assert sparse.tolist() == [False] * n_layers + [True] * (50 - 2 * n_layers) + [False] * n_layers
+
+
+def in_reach(sections: Sections, walls: Walls, layer: int, top: float, bottom: float) -> Any:
+    """The inside of a layer where, going up or down from it, air begins within the thickness: by definition."""
+    plan, inside = sections.plan, shape(walls.inside, layer)
+    heights = plan.top[layer], plan.bottom[layer]
+    covers = [
+        shape(sections.solid, other)
+        for other in range(plan.n_layers)
+        if (other > layer and plan.bottom[other] < heights[0] + top - 1e-6)
+        or (other < layer and plan.top[other] > heights[1] - bottom + 1e-6)
+    ]
+    if heights[0] + top > plan.top[-1] + 1e-6 or heights[1] - bottom < -1e-6:
+        return inside
+    return shapely.difference(inside, shapely.intersection_all(covers)) if covers else shapely.Polygon()
+
+
+def check_shell(sections: Sections, walls: Walls, regions: Regions, top: float, bottom: float) -> None:
+    rng = np.random.default_rng(7)
+    for layer in range(0, sections.plan.n_layers):
+        inside = shape(walls.inside, layer)
+        if shapely.area(inside) < 0.1:
+            continue
+        exact = in_reach(sections, walls, layer, top, bottom)
+        low_x, low_y, high_x, high_y = shapely.bounds(inside)
+        points = shapely.points(rng.uniform((low_x, low_y), (high_x, high_y), (60, 2)))
+        points = points[shapely.contains(inside, points)]
+        sparse = shapely.contains(shape(regions.sparse, layer), points)
+        # Slivers that no bead fits in are not anchored; whoever has room for half a bead around is in no sliver.
+        core = shapely.contains(shapely.buffer(exact, -WIDTH / 2), points)
+        # Solid areas grow by two beads so that their lines end on something; corners reach twice as far.
+        away = shapely.distance(exact, points) > 4.1 * WIDTH if not shapely.is_empty(exact) else np.ones(len(points), bool)
+
+        assert not (core & sparse).any()
+        assert sparse[away].all()
+
+
+@engines
+@each_part
+def test_points_near_a_surface_are_solid_and_points_far_from_all_are_not(engine: str, mesh: Mesh, height: float) -> None:
+    with using_engine(engine):
+        sections, walls, regions = classified(mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6))
+
+    check_shell(sections, walls, regions, 0.8, 0.6)
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    seed=st.integers(0, 999),
+    top=st.integers(1, 150),
+    bottom=st.integers(1, 150),
+    sides=st.permutations([20, 13, 8]),
+)
+def test_the_shell_is_right_on_any_layers_for_any_thickness(
+    seed: int, top: int, bottom: int, sides: Sequence[int]
+) -> None:
+    blocks = [box((side, side, 1.5), ((20 - side) / 2,) * 2 + (1.5 * i,)) for i, side in enumerate(sides)]
+    wanted = plain(top_thickness=top / 100, bottom_thickness=bottom / 100)
+
+    sections, walls, regions = classified(joined(blocks), uneven(4.5, seed), wanted)
+
+    check_shell(sections, walls, regions, top / 100, bottom / 100)
+
+
+# --- bridges and top skins ---
+
+
+def test_the_underside_of_a_table_is_a_bridge_with_air_below() -> None:
+    plan = LayerPlan.from_tops(np.array([1.0, 2.0, 3.0, 4.0, 4.3, 4.6, 5.0, 6.0]))
+    sections, walls, regions = classified(table(), plan, plain())
+
+    assert set(regions.bridge.ring_layer.tolist()) == {4}
+    bridge, post = shape(regions.bridge, 4), shape(sections.solid, 3)
+    # All that hangs, and two beads of the post to hold on to.
+    assert shapely.area(shapely.difference(shape(walls.inside, 4), shapely.union(bridge, post))) < 1e-3
+    assert shapely.area(shapely.intersection(bridge, post)) == pytest.approx(64 - (8 - 4 * WIDTH) ** 2, abs=1e-3)
+
+
+@each_part
+def test_every_bridge_has_air_below_but_for_its_anchors(mesh: Mesh, height: float) -> None:
+    sections, _, regions = classified(mesh, uneven(height), plain())
+
+    for layer in np.unique(regions.bridge.ring_layer).tolist():
+        air = shapely.difference(shape(sections.solid, layer), shape(sections.solid, layer - 1))
+        for part in shapely.get_parts(shape(regions.bridge, layer)):
+            assert shapely.distance(part, air) < 1e-4
+            assert shapely.area(shapely.difference(part, air.buffer(4.1 * WIDTH))) < 1e-3
+
+
+@each_part
+def test_every_top_skin_has_air_above_but_for_its_anchors(mesh: Mesh, height: float) -> None:
+    sections, _, regions = classified(mesh, uneven(height), plain())
+
+    for layer in np.unique(regions.top_skin.ring_layer).tolist():
+        if layer + 1 == regions.plan.n_layers:
+            continue
+        air = shapely.difference(shape(sections.solid, layer), shape(sections.solid, layer + 1))
+        assert shapely.area(shapely.difference(shape(regions.top_skin, layer), air.buffer(4.1 * WIDTH))) < 1e-3
+
+
+def test_the_steps_of_a_pyramid_have_top_skins() -> None:
+    plan = LayerPlan.from_tops(np.arange(1, 31) * 0.2)
+    sections, walls, regions = classified(step_pyramid([20, 14, 8], [2.0, 1.6, 2.4]), plan, plain())
+
+    assert sorted(set(regions.top_skin.ring_layer.tolist())) == [9, 17, 29]
+    step = shapely.difference(shape(walls.inside, 9), shape(sections.solid, 10))
+    assert shapely.area(shapely.difference(step, shape(regions.top_skin, 9))) < 1e-3
+
+
+def test_walls_that_hardly_lean_have_no_skins_but_first_and_last() -> None:
+    """A bead's width of slope over a layer is no surface: what is open is narrower than half a bead."""
+    stump = pyramid(20.0, 400.0)
+    plan = LayerPlan.from_tops(np.arange(1, 21) * 0.2)
+    _, _, regions = classified(stump, plan, plain())
+
+    assert set(regions.top_skin.ring_layer.tolist()) == {19}
+    assert regions.bridge.n_rings == 0
+
+
+def test_bridge_lines_run_from_support_to_support() -> None:
+    """A deck between two walls along y: its lines run along x."""
+    walls = [box((4, 12, 4)), box((4, 12, 4), (16, 0, 0)), box((20, 12, 1), (0, 0, 4))]
+    plan = LayerPlan.from_tops(np.arange(1, 26) * 0.2)
+    _, _, regions = classified(joined(walls), plan, plain())
+
+    assert set(regions.bridge.ring_layer.tolist()) == {20}
+    assert np.sin(regions.bridge_angle[20]) == pytest.approx(0, abs=1e-9)
