@@ -79,11 +79,13 @@ class Facts:
         moves: G1 lines with E and X or Y.
         filament: mm fed by them.
         layers: layer comments.
+        roles: mm of filament by the role that the file's type comments name.
     """
 
     moves: int
     filament: float
     layers: int
+    roles: dict[str, float]
 
 
 @dataclass(slots=True)
@@ -243,12 +245,14 @@ def _matched(settings: Mapping[str, str]) -> list[str]:
 
 def _facts(gcode: Path) -> Facts:
     """Count what a G-code file lays; E may be absolute or relative."""
-    text = gcode.read_text("utf-8", "replace")
     words = re.compile(r"([XYE])(-?[\d.]+)")
-    moves, layers, filament, last, relative = 0, 0, 0.0, 0.0, False
-    for line in text.splitlines():
+    moves, layers, last, relative, role = 0, 0, 0.0, False, ""
+    roles: dict[str, float] = {}
+    for line in gcode.read_text("utf-8", "replace").splitlines():
         if line.startswith(";LAYER_CHANGE"):
             layers += 1
+        elif line.startswith(";TYPE:"):
+            role = line.removeprefix(";TYPE:")
         elif line.startswith(("M82", "M83")):
             relative = line.startswith("M83")
         elif line.startswith(("G1 ", "G92 ")):
@@ -259,8 +263,8 @@ def _facts(gcode: Path) -> Facts:
             last = values["E"]
             if layers and line.startswith("G1 ") and len(values) > 1:
                 moves += 1
-                filament += fed
-    return Facts(moves, filament, layers)
+                roles[role] = roles.get(role, 0.0) + fed
+    return Facts(moves, sum(roles.values()), layers, roles)
 
 
 # Saying it

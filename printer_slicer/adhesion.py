@@ -24,7 +24,7 @@ def adhesion_paths(sections: Sections, profile: Profile) -> Toolpaths:
     quality, plan = profile.quality, sections.plan
     width = profile.extrusion_width
     gap = float(bead.spacing(width, float(plan.height[0])))
-    first = sections.solid.select(sections.solid.ring_layer == 0)
+    first = _outlines(sections.solid.select(sections.solid.ring_layer == 0))
     n_brim = int(np.ceil(quality.brim_width / gap - 1e-6))
     brim = [_outlines(offset(first, width / 2 + i * gap, join="round")) for i in range(n_brim)]
     reach = n_brim * gap + quality.skirt_distance + width / 2

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from html import escape
 from typing import Final
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -27,6 +28,7 @@ _ROLE_COLOURS: Final = {
     Role.TOP_SKIN: "#c0392b",
     Role.SPARSE: "#a33b2e",
 }
+_NOT_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FONT: Final = 'font-family="sans-serif"'
 
 
@@ -67,13 +69,16 @@ def draw_layer(program: Program, layer: int) -> str:
     Raises:
         ValueError: the program has no such layer.
     """
+    if not 0 <= layer < program.plan.n_layers:
+        raise ValueError(f"layer {layer} is not in the program, which has {program.plan.n_layers} layers")
+    title = f"layer {layer + 1} of {program.plan.n_layers}, z {program.plan.top[layer]:g} mm"
     member = program.layer == layer
     if not member.any():
-        raise ValueError(f"layer {layer} is not in the program, which has {program.plan.n_layers} layers")
+        return _document(400, 40, [_text(6, 16, f"{title}: no plastic", 13)])
     start, end = program.start[member][:, :2], program.xyz[member][:, :2]
     role, width = program.role[member], program.width[member]
     beads = role != Role.TRAVEL
-    corners = np.concatenate([start[beads], end[beads]])
+    corners = np.concatenate([start[beads], end[beads]]) if beads.any() else np.concatenate([start, end])
     low, high = corners.min(axis=0) - 2, corners.max(axis=0) + 2
     scale = 800 / float((high - low).max())
     size = (high - low) * scale
@@ -88,8 +93,7 @@ def draw_layer(program: Program, layer: int) -> str:
             else 'stroke-dasharray="1 3"'
         )
         parts.append(f'<path d="M{x0:.2f} {y0:.2f}L{x1:.2f} {y1:.2f}" stroke="{colour}" {stroke}/>')
-    z = float(program.plan.top[layer])
-    parts.append(_text(6, 16, f"layer {layer + 1} of {program.plan.n_layers}, z {z:g} mm", 13))
+    parts.append(_text(6, 16, title, 13))
     return _document(float(size[0]), float(size[1]), parts)
 
 
@@ -177,7 +181,13 @@ def _marks(end: float, count: int = 8) -> Float:
 
 
 def _text(x: float, y: float, text: str, size: int, anchor: str = "start") -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" text-anchor="{anchor}" {_FONT}>{escape(text)}</text>'
+    place = f'x="{x:.1f}" y="{y:.1f}" font-size="{size}" text-anchor="{anchor}"'
+    return f"<text {place} {_FONT}>{escape(_visible(text))}</text>"
+
+
+def _visible(text: str) -> str:
+    """The text without control characters, which XML cannot hold."""
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def _document(width: float, height: float, parts: list[str]) -> str:

@@ -20,7 +20,8 @@ from printer_slicer.profile import Material, Profile
 __all__ = ["extrude", "move_seconds"]
 
 _APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
-_ROUNDS = 4  # of slowing down: with acceleration, half the speed is not quite twice the time
+_ROUNDS = 12  # of slowing down at most: with acceleration, half the speed is not quite twice the time
+_NEARLY = 0.995  # of the minimum layer time is enough
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 
 
@@ -188,7 +189,7 @@ def _slowed(program: Program, profile: Profile) -> Program:
         total = np.bincount(program.layer, weights=seconds, minlength=n_layers)
         laying = np.bincount(program.layer, weights=seconds * is_bead, minlength=n_layers)
         room = material.min_layer_time - (total - laying)
-        short = (total < material.min_layer_time - 1e-3) & (laying > 0)
+        short = (total < material.min_layer_time * _NEARLY) & (laying > 0)
         if not short.any():
             break
         factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[program.layer]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +17,12 @@ from printer_slicer.model import LayerPlan, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import Report, gcode_of, quiet, slice_part
 from printer_slicer.profile import Profile
-from printer_slicer.stream.framing import strip
+from printer_slicer.stream.framing import check_commands, strip
 
 __all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from"]
 
+_ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
+_CONTROL = re.compile(rb"[\x00-\x1f]")
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
@@ -51,6 +55,10 @@ class Job:
         """The layer plan, if the job was sliced here."""
         return self.program.plan if self.program else None
 
+    def line_of(self, command: int) -> int:
+        """The line of the text, counted from 1, that holds the command with this index; 0 if there is none."""
+        return _line_of(self.text, command)
+
     def layer_of(self, command: int) -> int:
         """The layer, counted from 1, that the command with this index belongs to; 0 before the first."""
         index = int(np.searchsorted(list(self.marks), command, side="right")) - 1
@@ -81,7 +89,8 @@ def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> J
     commands, marks = commands_of(text)
     if not commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
-    moves = read_moves(commands)
+    _refuse_unsendable(name, text, commands)
+    moves = read_moves(commands, profile.printer.corners[0])
     end = moves.end[-1] if len(moves.end) else np.zeros(3)
     return Job(
         name,
@@ -95,6 +104,24 @@ def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> J
     )
 
 
+def _refuse_unsendable(name: str, text: bytes, commands: list[bytes]) -> None:
+    """Raise for a command that no printer can get, naming its line of the file."""
+    for index, command in enumerate(commands):
+        if len(command) <= _ALWAYS_FITS and command.isascii() and not _CONTROL.search(command):
+            continue
+        try:
+            check_commands([command])
+        except UsageError as error:
+            what = str(error).splitlines()[0].removeprefix("line 1 ")
+            raise UsageError(f"{name}: line {_line_of(text, index)} {what}", remedy=error.remedy) from None
+
+
+def _line_of(text: bytes, command: int) -> int:
+    """The line of a text, counted from 1, that holds its command with this index."""
+    held = (number for number, line in enumerate(text.split(b"\n"), 1) if strip(line))
+    return next(islice(held, command, None), 0) if command >= 0 else 0
+
+
 def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
@@ -102,10 +129,9 @@ def _read(path: Path) -> bytes:
         raise UsageError(f"{path}: no such file", remedy="check the path") from None
     except IsADirectoryError:
         raise UsageError(f"{path}: is a folder", remedy="name a file in it") from None
-    except OSError as error:
-        raise UsageError(
-            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
-        ) from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(f"{path}: cannot be read: {reason}", remedy="check name and permissions") from None
 
 
 def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:

@@ -398,5 +398,5 @@ class Program:
 
     @property
     def filament_used(self) -> float:
-        """Filament fed in all, mm, retractions cancelled out."""
-        return float(self.filament.sum())
+        """Filament in the beads, mm."""
+        return float(self.filament[self.role != Role.TRAVEL].sum())

@@ -7,6 +7,7 @@ always on to the nearest path.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import groupby
 
 import numpy as np
 
@@ -25,34 +26,49 @@ _INFILL = (Role.BRIDGE, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID, Role.TOP_SKIN
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     """The same paths in printing order; open ones may be turned around, loops begin at their seam."""
+    if paths.n_paths == 0:
+        return paths
     island = _islands(paths, sections.solid)
     seams = _seams(paths, profile.quality.seam)
     perimeters = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
     roles = (*(perimeters[::-1] if profile.quality.outer_perimeter_first else perimeters), *_INFILL)
     route = _Route(paths, seams)
-    layer_start = np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))
-    for first, last in zip(layer_start[:-1].tolist(), layer_start[1:].tolist(), strict=True):
-        role, place = paths.role[first:last], island[first:last]
-        around = (role == Role.SKIRT) | (role == Role.BRIM)
-        route.follow((np.flatnonzero(around) + first).tolist())
-        for here in _nearest_islands(route, first, np.where(around, -1, place)):
-            for wanted in roles:
-                route.visit(first + np.flatnonzero((place == here) & (role == wanted)))
+    rank = np.full(len(Role), len(roles))
+    rank[list(roles)] = np.arange(len(roles))
+    step = rank[paths.role]
+    around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM)
+    # Sorted by layer, island and role, every group that is printed together is one stretch.
+    sequence = np.lexsort((np.arange(paths.n_paths), step, np.where(around, -1, island), paths.layer))
+    key = np.stack([paths.layer, np.where(around, -1, island), np.where(around, 0, step)])[:, sequence]
+    starts = np.flatnonzero(np.concatenate([[True], (np.diff(key, axis=1) != 0).any(axis=0)]))
+    groups = [
+        (layer, place, group)
+        for layer, place, group in zip(
+            key[0, starts].tolist(), key[1, starts].tolist(), np.split(sequence, starts[1:]), strict=True
+        )
+    ]
+    for _, same_layer in groupby(groups, key=lambda entry: entry[0]):
+        islands: dict[int, list[Int]] = {}
+        for _, place, group in same_layer:
+            islands.setdefault(place, []).append(group)
+        route.follow([path for group in islands.pop(-1, []) for path in group.tolist()])
+        for place in _nearest_islands(route, islands):
+            for group in islands[place]:
+                route.visit(group)
     return route.toolpaths()
 
 
-def _nearest_islands(route: _Route, first: int, place: Int) -> Iterator[int]:
+def _nearest_islands(route: _Route, islands: dict[int, list[Int]]) -> Iterator[int]:
     """The islands of one layer, each time the one that begins nearest to where the nozzle then is."""
-    left = np.unique(place[place >= 0]).tolist()
-    while left:
-        if len(left) == 1:
-            here = left.pop()
-        else:
-            open_ = np.flatnonzero(np.isin(place, left))
-            gap = route.begin[first + open_] - route.position
-            here = int(place[open_[np.argmin((gap**2).sum(axis=1))]])
-            left.remove(here)
-        yield here
+    left = {place: route.begin[np.concatenate(groups)] for place, groups in islands.items()}
+    while len(left) > 1:
+        distance = {
+            place: float(((begin - route.position) ** 2).sum(axis=1).min()) for place, begin in left.items()
+        }
+        nearest = min(distance, key=distance.__getitem__)
+        del left[nearest]
+        yield nearest
+    yield from left
 
 
 class _Route:

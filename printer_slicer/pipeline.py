@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from printer_slicer.adhesion import adhesion_paths
+from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.infill import infill_paths
@@ -65,6 +66,11 @@ def slice_stages(
     regions = classify(sections, walls, profile)
     report("toolpaths")
     paths = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
+    if paths[1].n_paths + paths[2].n_paths == 0:
+        raise PartError(
+            f"{mesh.name}: no bead of {profile.extrusion_width:g} mm fits into the part",
+            remedy="is the part in another unit? otherwise choose a thinner nozzle, more perimeters or denser infill",
+        )
     report("ordering")
     toolpaths = order(Toolpaths.joined(plan, paths), sections, profile)
     report("extrusion")
@@ -79,6 +85,17 @@ def slice_part(
     return slice_stages(mesh, profile, plan=plan, report=report).program
 
 
-def gcode_of(program: Program, profile: Profile) -> bytes:
-    """The text of a program in the printer's dialect; the same program and profile give the same bytes."""
-    return write_gcode(program, profile, float(move_seconds(program, profile).sum()))
+def gcode_of(program: Program, profile: Profile, *, seconds: float | None = None) -> bytes:
+    """The text of a program in the printer's dialect; the same program and profile give the same bytes.
+
+    Args:
+        program: the moves.
+        profile: what they were made with.
+        seconds: modelled time of the moves where it is known already.
+
+    Raises:
+        ProfileError: a placeholder in the start or end G-code that does not exist.
+    """
+    if seconds is None:
+        seconds = float(move_seconds(program, profile).sum())
+    return write_gcode(program, profile, seconds)

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from threading import current_thread, main_thread
 from time import monotonic
 
 from printer_slicer.errors import Cancelled, PortError, PrintError
@@ -23,6 +27,7 @@ __all__ = ["Done", "print_job"]
 # What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle off the part, motors free.
 _STOP_SCRIPT = (b"M104 S0", b"M140 S0", b"M107", b"G91", b"G1 Z5 F300", b"G90", b"M84")
 
+_OFF = "heaters and fan are off"
 _LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
 
 
@@ -54,7 +59,7 @@ def print_job(
 
     Args:
         job: what to print.
-        profile: the printer part gives limits, baud rate and the size of the receive buffer.
+        profile: on which printer.
         port: device or pyserial URL.
         baud: None takes the profile's.
         on_event: is told what happens.
@@ -63,49 +68,121 @@ def print_job(
     Raises:
         PortError: the port cannot be opened.
         PrintError: the printer stopped, or the port went away; the checkpoint is written.
-        Cancelled: Ctrl-C; heaters are off and the checkpoint is written. A second Ctrl-C halts the printer (M112),
-            which is a PrintError.
+        Cancelled: Ctrl-C or SIGTERM; heaters are off, the checkpoint is written. A second one halts the printer.
     """
     printer = profile.printer
     streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
     ends: list[Finished | Halted] = []
 
     def listen(event: Event) -> None:
-        if isinstance(event, (Finished, Halted)):
+        if isinstance(event, Finished | Halted):
             ends.append(event)
         on_event(event)
 
     begun = monotonic()
-    transport = open_port(port, baud or printer.baud)
+    transport = _Interruptible(open_port(port, baud or printer.baud), streamer)
+    stopped = partial(_stopped, job, streamer, checkpoint)
     try:
-        _run_until_stopped(streamer, transport, listen)
+        with transport.signals():
+            _run(streamer, transport, listen)
     except PortError as error:
-        reason = str(error).splitlines()[0]
-        raise PrintError(_stopped(job, streamer, reason, checkpoint), remedy=_LOOK) from None
+        raise PrintError(stopped(str(error).splitlines()[0]), remedy=_LOOK) from None
+    except Exception as error:
+        raise PrintError(stopped(f"{_OFF}: {type(error).__name__}: {error}")) from error
     finally:
         transport.close()
-    end = ends[-1]
-    if isinstance(end, Halted):
-        raise PrintError(_stopped(job, streamer, end.reason, checkpoint), remedy=_LOOK)
-    if end.cancelled:
-        raise Cancelled(_stopped(job, streamer, "cancelled; heaters and fan are off", checkpoint))
+    end = _finished(ends[-1], transport.wishes, stopped)
+    _forget(checkpoint)
     return Done(len(job.commands), monotonic() - begun, end.verified)
 
 
-def _run_until_stopped(streamer: Streamer, transport: Transport, listen: Callable[[Event], None]) -> None:
-    """Stream to the end; the first Ctrl-C ends the print in good order, the second one at once."""
+def _forget(checkpoint: Path | None) -> None:
+    """A print that came to its end leaves no checkpoint, nor that of an earlier try."""
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+
+
+def _finished(end: Finished | Halted, wishes: int, stopped: Callable[[str], str]) -> Finished:
+    """The end of a print that was neither halted nor cancelled."""
+    if isinstance(end, Halted):
+        raise (Cancelled if wishes == 1 else PrintError)(stopped(end.reason), remedy=_LOOK)
+    if end.cancelled:
+        raise Cancelled(stopped(f"cancelled, {_OFF}"))
+    return end
+
+
+def _run(streamer: Streamer, transport: _Interruptible, listen: Callable[[Event], None]) -> None:
+    """Stream to the end; if a listener fails, end the print in good order before passing that on."""
     try:
-        run(streamer, transport, monotonic, on_event=listen)
-    except KeyboardInterrupt:
+        _run_to_the_end(streamer, transport, listen)
+    except PortError:
+        raise
+    except Exception:
         streamer.cancel(_STOP_SCRIPT)
+        _run_to_the_end(streamer, transport, lambda _: None)
+        raise
+
+
+def _run_to_the_end(streamer: Streamer, transport: _Interruptible, listen: Callable[[Event], None]) -> None:
+    """Run on through interruptions: they are wishes like the signals."""
+    while True:
         try:
             run(streamer, transport, monotonic, on_event=listen)
         except KeyboardInterrupt:
-            streamer.emergency_stop()
-            run(streamer, transport, monotonic, on_event=listen)
+            transport.wishes += 1
+        else:
+            return
 
 
-def _stopped(job: Job, streamer: Streamer, reason: str, checkpoint: Path | None) -> str:
+class _Interruptible:
+    """A transport during whose reads the wishes of Ctrl-C and SIGTERM are granted, never in the middle of other work.
+
+    The first one ends the print in good order, the second one halts the printer at once.
+    """
+
+    def __init__(self, inner: Transport, streamer: Streamer) -> None:
+        self._inner = inner
+        self._streamer = streamer
+        self._granted = 0
+        self.wishes = 0
+
+    @contextmanager
+    def signals(self) -> Iterator[None]:
+        """Count the signals instead of being interrupted by them; only the main thread gets any."""
+        if current_thread() is not main_thread():
+            yield
+            return
+        before = {number: signal.signal(number, self._wish) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _wish(self, _number: int, _frame: object) -> None:
+        self.wishes += 1
+
+    def write(self, data: bytes) -> None:
+        """Hand over all bytes."""
+        self._inner.write(data)
+
+    def read(self, timeout: float) -> bytes:
+        """What has come, after granting the wishes that came in the meantime."""
+        data = self._inner.read(timeout)
+        while self._granted < self.wishes:
+            self._granted += 1
+            if self._granted == 1:
+                self._streamer.cancel(_STOP_SCRIPT)
+            else:
+                self._streamer.emergency_stop()
+        return data
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._inner.close()
+
+
+def _stopped(job: Job, streamer: Streamer, checkpoint: Path | None, reason: str) -> str:
     """Write the checkpoint; say why and where the print stopped."""
     done = streamer.acknowledged
     layer = job.layer_of(done)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -24,6 +25,7 @@ __all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "machine_of"]
 
 TIME_TOLERANCE = 0.01  # share by which simulated and modelled time may differ
 _LATENCY = 0.001  # s that an answer takes over USB
+_PERSON = 60.0  # s until somebody answers a file that waits for a person
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
 _OURS = (b"M105", b"M110", b"M114", b"M115", b"M400")  # what the host asks on its own account
 _SHOWN = 20  # problems told in full
@@ -37,6 +39,7 @@ def machine_of(printer: Printer) -> Machine:
         box_min=(left, front, 0.0),
         box_max=(right, back, printer.bed_z + 10),
         home=(left, front, 0.0),
+        person_seconds=_PERSON,
         hotend=HeaterSpec(
             power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=printer.max_nozzle_temperature
         ),
@@ -68,21 +71,31 @@ class Comparison:
     def __init__(self, commands: tuple[bytes, ...] = ()) -> None:
         self._commands = commands
         self._hash = sha256()
+        self._begun = 0
+        self._own: list[int] = []
         self.executed = 0
         self.n_strays = 0
         self.strays: list[tuple[int, str]] = []
 
     def __call__(self, text: str) -> None:
         """One more executed command."""
+        self._begun += 1
         command = text.encode("latin-1")
         due = self.executed < len(self._commands) and command == self._commands[self.executed]
         if due or not (self._commands or command.startswith(_OURS)):
             self.executed += 1
             self._hash.update(command + b"\n")
-        elif not command.startswith(_OURS):
+        elif command.startswith(_OURS):
+            self._own.append(self._begun)
+        else:
+            self._own.append(self._begun)
             self.n_strays += 1
             if len(self.strays) < _SHOWN:
                 self.strays.append((self.executed, text))
+
+    def command_of(self, executed: int) -> int:
+        """Index in the job of the command that was executed as number `executed`, counted from 1."""
+        return executed - 1 - bisect_right(self._own, executed)
 
     @property
     def digest(self) -> str:
@@ -187,6 +200,13 @@ def _heights_before(job: Job) -> list[float]:
     return read_moves(job.commands[:first]).heights()
 
 
+def _located(job: Job, comparison: Comparison, executed: int, text: str) -> str:
+    """What happened at the command that was executed as number `executed`, with its place in the file."""
+    command = comparison.command_of(executed)
+    line, layer = job.line_of(command), job.layer_of(command)
+    return f"line {line}: {text}{f' (layer {layer})' if layer else ''}" if line else text
+
+
 def _problems(
     job: Job, profile: Profile, report: Report, comparison: Comparison, ends: list[Event]
 ) -> list[str]:
@@ -194,6 +214,9 @@ def _problems(
     problems = [f"the host gave up: {end.reason}" for end in ends if isinstance(end, Halted)]
     if report.killed:
         problems.append(f"the printer halted: {report.killed}")
+    problems += [_located(job, comparison, *violation) for violation in report.violations[:_SHOWN]]
+    if report.n_violations > _SHOWN:
+        problems.append(f"... and {report.n_violations - _SHOWN} more")
     if comparison.executed != len(job.commands):
         problems.append(f"{comparison.executed} of {len(job.commands)} commands were executed")
     problems += [f"executed out of turn after command {after}: {text}" for after, text in comparison.strays]
@@ -201,11 +224,9 @@ def _problems(
         problems.append(
             f"the printer laid plastic at {len(report.layers)} heights, the job has {len(job.heights)}"
         )
-    if job.seconds and abs(report.print_seconds / job.seconds - 1) > TIME_TOLERANCE:
+    # Files of others may change limits in ways that the time model does not follow.
+    if job.program and job.seconds and abs(report.print_seconds / job.seconds - 1) > TIME_TOLERANCE:
         problems.append(f"{report.print_seconds:.1f} s were simulated, {job.seconds:.1f} s modelled")
-    problems += [f"line {line}: {text}" for line, text in report.violations[:_SHOWN]]
-    if report.n_violations > _SHOWN:
-        problems.append(f"... and {report.n_violations - _SHOWN} more")
     most = profile.material.max_flow
     if job.program is None and report.peak_flow > most * 1.5:
         problems.append(

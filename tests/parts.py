@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cache
+from importlib import import_module
+from itertools import pairwise
 from math import cos, pi, sin
+from typing import Any, Final
 
 import numpy as np
-import shapely
 
-from printer_slicer.model import Areas, Float, Mesh
+from printer_slicer.model import Areas, Float, LayerPlan, Mesh
 from printer_slicer.profile import Profile, load_profile
 
 __all__ = [
@@ -20,12 +22,14 @@ __all__ = [
     "cone",
     "fin_on_a_box",
     "joined",
+    "layers",
     "loft",
     "plain",
     "prism",
     "profile",
     "pyramid",
     "shape",
+    "shapely",
     "sheared_prism",
     "sphere",
     "sphere_area",
@@ -35,6 +39,9 @@ __all__ = [
     "without",
 ]
 
+shapely: Final[Any] = import_module("shapely")
+"""Its functions have no types; this way the tests that use them need not say so at every call."""
+
 Size = tuple[float, float, float]
 CASE_STUDY_LEVELS = (0.0, 30.0, 52.5, 82.5)
 
@@ -43,9 +50,12 @@ def loft(rings: Sequence[Float], heights: Sequence[float]) -> Float:
     """(F, 3, 3) closed surface through convex rings (n, 2), counter-clockwise, one above the other."""
     levels = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in zip(rings, heights, strict=True)]
     facets = [*_fan(levels[0])[:, ::-1], *_fan(levels[-1])]
-    for low, high in zip(levels[:-1], levels[1:], strict=True):
+    for low, high in pairwise(levels):
         after_low, after_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
-        facets += [*np.stack([low, after_low, after_high], axis=1), *np.stack([low, after_high, high], axis=1)]
+        facets += [
+            *np.stack([low, after_low, after_high], axis=1),
+            *np.stack([low, after_high, high], axis=1),
+        ]
     return np.array(facets)
 
 
@@ -54,7 +64,8 @@ def _fan(ring: Float) -> Float:
 
 
 def _rectangle(x: float, y: float, at: tuple[float, float] = (0.0, 0.0)) -> Float:
-    return np.array([(0, 0), (x, 0), (x, y), (0, y)], dtype=np.float64) + np.array(at)
+    corners: Float = np.array([(0, 0), (x, 0), (x, y), (0, y)], dtype=np.float64) + np.array(at)
+    return corners
 
 
 def box(size: Size = (10.0, 10.0, 10.0), at: Size = (0.0, 0.0, 0.0)) -> Mesh:
@@ -130,7 +141,9 @@ def step_pyramid(sides: Sequence[float], heights: Sequence[float]) -> Mesh:
             facets += [*_fan(low)[:, ::-1]]
         if i + 1 < len(sides):
             smaller = sides[i + 1]
-            facets += _band(high, np.column_stack([_rectangle(smaller, smaller, (-smaller / 2,) * 2), np.full(4, z)]))
+            facets += _band(
+                high, np.column_stack([_rectangle(smaller, smaller, (-smaller / 2,) * 2), np.full(4, z)])
+            )
         else:
             facets += [*_fan(high)]
     return Mesh(np.array(facets), "step pyramid")
@@ -181,6 +194,11 @@ def case_study() -> Mesh:
     return Mesh(loft(rings, CASE_STUDY_LEVELS), "case study")
 
 
+def layers(count: int, height: float) -> LayerPlan:
+    """A plan of so many layers of this height."""
+    return LayerPlan.from_tops(np.linspace(height, count * height, count))
+
+
 def turned(mesh: Mesh, quarters: int = 1) -> Mesh:
     """The part turned about z by quarter turns, without rounding."""
     triangles = mesh.triangles
@@ -209,14 +227,23 @@ def profile(
 
 def plain(**changes: object) -> Profile:
     """A profile with uniform layers, without skirt, start and end G-code, and without slowing down."""
-    still: dict[str, object] = {"skirt_loops": 0, "start_gcode": "", "end_gcode": "", "min_layer_time": 0}
+    still: dict[str, object] = {
+        "skirt_loops": 0,
+        "start_gcode": "",
+        "end_gcode": "",
+        "min_layer_time": 0,
+        "printer.origin": "centre",
+    }
     named = tuple((key.replace("__", "."), value) for key, value in (still | changes).items())
     return _profile(("marlin_220", "pla", "standard"), named)
 
 
-def shape(areas: Areas, layer: int) -> shapely.Geometry:
+def shape(areas: Areas, layer: int) -> Any:
     """The area of one layer as shapely sees it: rings put on or cut out from the largest to the smallest."""
-    rings = sorted((shapely.LinearRing(ring) for ring in areas.rings(layer)), key=lambda r: -shapely.area(shapely.Polygon(r)))
+    rings = sorted(
+        (shapely.LinearRing(ring) for ring in areas.rings(layer)),
+        key=lambda r: -shapely.area(shapely.Polygon(r)),
+    )
     result = shapely.Polygon()
     for ring in rings:
         one = shapely.Polygon(ring)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-import shapely
 
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.model import LayerPlan, Mesh, Role, Sections, Toolpaths
 from printer_slicer.pipeline import slice_part
 from printer_slicer.slicing import cut
-from tests.parts import box, box_with_hole, plain, profile, shape, sphere, two_boxes
+from tests.parts import box, box_with_hole, plain, profile, shape, shapely, sphere, two_boxes
 
 TOPS = np.array([0.3, 0.5, 0.7])
 
@@ -20,13 +21,13 @@ def sections_of(mesh: Mesh) -> Sections:
     return cut(mesh, LayerPlan.from_tops(TOPS), 0.0125)
 
 
-def around(mesh: Mesh, **changes: object) -> tuple[Sections, Toolpaths]:
+def around(mesh: Mesh, **changes: Any) -> tuple[Sections, Toolpaths]:
     sections = sections_of(mesh)
-    return sections, adhesion_paths(sections, plain(printer__origin="centre", **changes))
+    return sections, adhesion_paths(sections, plain(**changes))
 
 
 def rings(paths: Toolpaths, role: Role) -> list[shapely.LinearRing]:
-    return [shapely.LinearRing(paths.path(i)) for i in np.flatnonzero(paths.role == role)]
+    return [shapely.LinearRing(paths.path(i)) for i in np.flatnonzero(paths.role == role).tolist()]
 
 
 def test_nothing_is_laid_if_nothing_is_asked_for() -> None:
@@ -87,7 +88,9 @@ def test_nothing_is_laid_in_holes() -> None:
     filled = shapely.convex_hull(shape(sections.solid, 0))
 
     assert len(rings(paths, Role.BRIM)) > 0
-    assert not any(shapely.intersects(ring, filled) for ring in [*rings(paths, Role.BRIM), *rings(paths, Role.SKIRT)])
+    assert not any(
+        shapely.intersects(ring, filled) for ring in [*rings(paths, Role.BRIM), *rings(paths, Role.SKIRT)]
+    )
 
 
 def test_loops_around_neighbours_become_one() -> None:

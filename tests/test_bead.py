@@ -40,7 +40,9 @@ def test_beads_one_spacing_apart_fill_the_layer(height: float, ratio: float) -> 
 
 @given(height=heights, ratio=ratios)
 def test_width_for_spacing_is_the_inverse_of_spacing(height: float, ratio: float) -> None:
-    assert bead.width_for_spacing(bead.spacing(height * ratio, height), height) == pytest.approx(height * ratio)
+    assert bead.width_for_spacing(bead.spacing(height * ratio, height), height) == pytest.approx(
+        height * ratio
+    )
 
 
 @given(height=heights, ratio=ratios, diameter=st.floats(1, 4))
@@ -63,4 +65,6 @@ def test_layers_of_different_height_are_worked_out_at_once() -> None:
 
     assert bead.spacing(0.45, height).shape == (3,)
     assert bead.spacing(0.45, height).tolist() == [float(bead.spacing(0.45, h)) for h in height]
-    assert bead.cross_section(np.full(3, 0.45), height).tolist() == [float(bead.cross_section(0.45, h)) for h in height]
+    assert bead.cross_section(np.full(3, 0.45), height).tolist() == [
+        float(bead.cross_section(0.45, h)) for h in height
+    ]

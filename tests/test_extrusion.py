@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from math import pi
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
-import shapely
 
 from printer_slicer import bead
 from printer_slicer.errors import PartError
@@ -15,15 +14,32 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import Bool, Fan, Float, Heat, LayerPlan, Mesh, Program, Role
 from printer_slicer.pipeline import Stages, slice_part, slice_stages
 from printer_slicer.profile import Profile
-from tests.parts import box, box_with_hole, joined, plain, profile, shape, sphere, step_pyramid, two_boxes
+from tests.parts import (
+    box,
+    box_with_hole,
+    joined,
+    plain,
+    profile,
+    shape,
+    shapely,
+    sphere,
+    step_pyramid,
+    two_boxes,
+)
 
 UNEVEN = LayerPlan.from_tops(np.array([0.3, 0.38, 0.6, 0.92, 1.0, 1.32, 1.5, 1.8, 2.1, 2.2]))
-MESHES = [box((9, 9, 2.2)), two_boxes((6, 6, 2.2)), box_with_hole((16, 16, 2.2)), sphere(3), step_pyramid([14, 9, 5], [0.9, 0.4, 0.9])]
+MESHES = [
+    box((9, 9, 2.2)),
+    two_boxes((6, 6, 2.2)),
+    box_with_hole((16, 16, 2.2)),
+    sphere(3),
+    step_pyramid([14, 9, 5], [0.9, 0.4, 0.9]),
+]
 each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
 each_printer = pytest.mark.parametrize("printer", ["marlin_220", "corexy_klipper"])
 
 
-def usual(printer: str = "marlin_220", **changes: object) -> Profile:
+def usual(printer: str = "marlin_220", **changes: Any) -> Profile:
     return profile(printer, **changes)
 
 
@@ -32,12 +48,12 @@ def made(mesh: Mesh, wanted: Profile) -> Stages:
 
 
 def is_bead(program: Program) -> Bool:
-    return program.role != Role.TRAVEL
+    return np.asarray(program.role != Role.TRAVEL)
 
 
 def travelled(program: Program) -> Float:
     """(K,) mm in x and y."""
-    return np.hypot(*(program.xyz - program.start)[:, :2].T)
+    return np.asarray(np.hypot(*(program.xyz - program.start)[:, :2].T))
 
 
 # --- where ---
@@ -56,8 +72,12 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
 
     laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
     assert np.array_equal(laid[:, :, :2], np.concatenate(segments))
-    assert np.array_equal(program.role[is_bead(program)], np.repeat(paths.role, [len(one) for one in segments]))
-    assert np.array_equal(program.width[is_bead(program)], np.repeat(paths.width, [len(one) for one in segments]))
+    assert np.array_equal(
+        program.role[is_bead(program)], np.repeat(paths.role, [len(one) for one in segments])
+    )
+    assert np.array_equal(
+        program.width[is_bead(program)], np.repeat(paths.width, [len(one) for one in segments])
+    )
 
 
 @each_printer
@@ -112,7 +132,9 @@ def test_every_bead_gets_the_filament_of_its_width_and_its_layers_height(printer
     program = made(mesh, wanted).program
     beads = is_bead(program)
 
-    per_mm = bead.filament_per_mm(program.width, UNEVEN.height[program.layer], wanted.material.filament_diameter)
+    per_mm = bead.filament_per_mm(
+        program.width, UNEVEN.height[program.layer], wanted.material.filament_diameter
+    )
     assert program.filament[beads] == pytest.approx(0.97 * (per_mm * travelled(program))[beads])
     assert (travelled(program)[beads] > 0).all()
 
@@ -132,8 +154,10 @@ def test_filament_used_is_what_the_beads_contain() -> None:
     assert program.filament_used == pytest.approx(program.filament[is_bead(program)].sum())
 
 
-@pytest.mark.parametrize("changes", [{}, {"min_layer_time": 40, "min_speed": 1}, {"max_flow": 1.5}, {"speeds__travel": 40}])
-def test_slowing_down_changes_no_filament_and_no_position(changes: dict[str, object]) -> None:
+@pytest.mark.parametrize(
+    "changes", [{}, {"min_layer_time": 40, "min_speed": 1}, {"max_flow": 1.5}, {"speeds__travel": 40}]
+)
+def test_slowing_down_changes_no_filament_and_no_position(changes: dict[str, Any]) -> None:
     fast, slow = made(MESHES[1], usual(min_layer_time=0)).program, made(MESHES[1], usual(**changes)).program
 
     assert np.array_equal(fast.xyz, slow.xyz)
@@ -166,7 +190,9 @@ def test_only_travels_that_are_long_enough_retract(mesh: Mesh) -> None:
     program = made(mesh, wanted).program
     travels = ~is_bead(program) & (travelled(program) > 0)
 
-    assert (travelled(program)[travels & (pulled_back(program) > 0)] > wanted.printer.retract_before_travel).all()
+    assert (
+        travelled(program)[travels & (pulled_back(program) > 0)] > wanted.printer.retract_before_travel
+    ).all()
 
 
 def leaves_the_part(stages: Stages) -> Bool:
@@ -200,7 +226,13 @@ def test_travels_between_islands_are_retracted_on_every_layer() -> None:
 def test_a_travel_that_leaves_by_one_corner_and_comes_in_by_another_is_retracted() -> None:
     """Seams in the rear right corners of two boxes on a diagonal: the way between them meets no side of either."""
     boxes = joined([box((10, 10, 2.2)), box((10, 10, 2.2), (20, 20, 0))])
-    hollow = {"perimeters": 1, "infill_density": 0, "top_thickness": 0, "bottom_thickness": 0, "seam": "rear"}
+    hollow: dict[str, Any] = {
+        "perimeters": 1,
+        "infill_density": 0,
+        "top_thickness": 0,
+        "bottom_thickness": 0,
+        "seam": "rear",
+    }
     program = made(boxes, usual(skirt_loops=0, **hollow)).program
     across = ~is_bead(program) & (travelled(program) > 20) & (np.arange(program.n_moves) > 0)
 
@@ -281,18 +313,26 @@ def test_thick_layers_are_slowed_by_the_flow_limit_and_thin_ones_are_not() -> No
     program = made(box((20, 20, 2.2)), usual(max_flow=4, min_layer_time=0)).program
     sparse = program.role == Role.SPARSE
 
-    by_layer = {int(k): float(program.speed[sparse & (program.layer == k)].max()) for k in np.unique(program.layer[sparse])}
+    by_layer = {
+        int(k): float(program.speed[sparse & (program.layer == k)].max())
+        for k in np.unique(program.layer[sparse])
+    }
     heights = {k: UNEVEN.height[k] for k in by_layer}
-    assert by_layer == pytest.approx({k: min(70.0, 4 / float(bead.cross_section(0.45, h))) for k, h in heights.items()})
+    assert by_layer == pytest.approx(
+        {k: min(70.0, 4 / float(bead.cross_section(0.45, h))) for k, h in heights.items()}
+    )
 
 
 def layer_seconds(program: Program, wanted: Profile) -> Float:
-    return np.bincount(program.layer, move_seconds(program, wanted), minlength=program.plan.n_layers)
+    seconds = np.bincount(program.layer, move_seconds(program, wanted), minlength=program.plan.n_layers)
+    return seconds.astype(np.float64)
 
 
 @each_printer
 @pytest.mark.parametrize(("wait", "slowest"), [(8, 12), (8, 2), (20, 5), (3, 30)])
-@pytest.mark.parametrize("mesh", [box((6, 6, 2.2)), box((15, 15, 2.2)), sphere(3)], ids=["small", "middle", "sphere"])
+@pytest.mark.parametrize(
+    "mesh", [box((6, 6, 2.2)), box((15, 15, 2.2)), sphere(3)], ids=["small", "middle", "sphere"]
+)
 def test_layers_take_their_time_unless_beads_are_as_slow_as_allowed(
     printer: str, wait: float, slowest: float, mesh: Mesh
 ) -> None:
@@ -314,7 +354,7 @@ def test_no_layer_is_slowed_more_than_it_needs_to_be() -> None:
 
 
 def test_no_bead_is_slower_than_the_slowest_speed_or_the_speed_it_would_have_anyway() -> None:
-    wanted = {"min_speed": 25, "speeds__first_layer": 10}
+    wanted: dict[str, Any] = {"min_speed": 25, "speeds__first_layer": 10}
     program = made(box((6, 6, 2.2)), usual(min_layer_time=60, **wanted)).program
     free = made(box((6, 6, 2.2)), usual(min_layer_time=0, **wanted)).program
     beads = is_bead(program)
@@ -372,8 +412,12 @@ def test_events_are_in_order_and_belong_to_moves(mesh: Mesh) -> None:
 
 
 @pytest.mark.parametrize(("off", "full"), [(0.3, 0.8), (0.95, 1.6), (0, 0), (5, 6)])
-def test_the_fan_is_off_up_to_its_height_and_never_weaker_further_up_the_ramp(off: float, full: float) -> None:
-    wanted = usual(fan_off_below=off, fan_full_above=full, fan_ratio=0.6, fan_ratio_max=0.6, fan_ratio_bridge=0)
+def test_the_fan_is_off_up_to_its_height_and_never_weaker_further_up_the_ramp(
+    off: float, full: float
+) -> None:
+    wanted = usual(
+        fan_off_below=off, fan_full_above=full, fan_ratio=0.6, fan_ratio_max=0.6, fan_ratio_bridge=0
+    )
     program = made(box((9, 9, 2.2)), wanted).program
     fan, top = fan_at(program), UNEVEN.top[program.layer]
 
@@ -402,7 +446,12 @@ def test_the_fan_is_strong_on_bridges() -> None:
 
 
 def test_temperatures_of_the_rest_of_the_part_come_with_the_second_layer() -> None:
-    wanted = usual(first_layer_nozzle_temperature=220, nozzle_temperature=205, first_layer_bed_temperature=65, bed_temperature=60)
+    wanted = usual(
+        first_layer_nozzle_temperature=220,
+        nozzle_temperature=205,
+        first_layer_bed_temperature=65,
+        bed_temperature=60,
+    )
     program = made(box((9, 9, 2.2)), wanted).program
     second = int(np.flatnonzero(program.layer == 1)[0])
 
@@ -410,7 +459,11 @@ def test_temperatures_of_the_rest_of_the_part_come_with_the_second_layer() -> No
 
 
 def test_temperatures_that_stay_are_not_set_again() -> None:
-    same = {"first_layer_nozzle_temperature": 210, "nozzle_temperature": 210, "first_layer_bed_temperature": 60}
+    same: dict[str, Any] = {
+        "first_layer_nozzle_temperature": 210,
+        "nozzle_temperature": 210,
+        "first_layer_bed_temperature": 60,
+    }
 
     assert events(made(box((9, 9, 2.2)), usual(**same)).program, Heat) == []
     only_bed = made(box((9, 9, 2.2)), usual(**same, bed_temperature=55)).program

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +14,7 @@ from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.model import Areas, Float, LayerPlan, Mesh, Regions, Role, Toolpaths
 from printer_slicer.pipeline import Stages, slice_stages
-from tests.parts import box, box_with_hole, joined, plain, shape, sphere
+from tests.parts import box, box_with_hole, joined, layers, plain, shape, shapely, sphere
 
 WIDTH = 0.45
 UNEVEN = np.array([0.1, 0.42, 0.5, 0.82, 1.0, 1.32])
@@ -53,7 +52,7 @@ def solid_only(rings: Sequence[Float], role: Role = Role.SOLID, tops: Float = UN
 def lengths(paths: Toolpaths) -> Float:
     """(L,) mm of path on each layer."""
     each = [float(np.hypot(*np.diff(paths.path(i), axis=0).T).sum()) for i in range(paths.n_paths)]
-    return np.bincount(paths.layer, each, minlength=paths.plan.n_layers)
+    return np.bincount(paths.layer, each, minlength=paths.plan.n_layers).astype(np.float64)
 
 
 def rows(paths: Toolpaths, layer: int, angle: float) -> Float:
@@ -105,7 +104,13 @@ def test_bridges_run_in_their_own_direction() -> None:
     regions = solid_only([rectangle(12, 9)], Role.BRIDGE)
     angles = np.deg2rad([10, 20, 30, 40, 50, 60])
     turned = Regions(
-        regions.plan, regions.bottom_skin, regions.bridge, regions.top_skin, regions.solid, regions.sparse, angles
+        regions.plan,
+        regions.bottom_skin,
+        regions.bridge,
+        regions.top_skin,
+        regions.solid,
+        regions.sparse,
+        angles,
     )
 
     paths = infill_paths(turned, plain())
@@ -131,7 +136,9 @@ def test_centre_lines_stay_half_a_bead_inside_their_region_but_for_the_overlap()
 @patterns
 @engines
 @pytest.mark.parametrize("density", [0.15, 0.3, 0.5, 0.8])
-def test_density_is_the_share_of_a_large_area_that_is_filled(engine: str, pattern: str, density: float) -> None:
+def test_density_is_the_share_of_a_large_area_that_is_filled(
+    engine: str, pattern: str, density: float
+) -> None:
     wanted = plain(infill=pattern, infill_density=density)
     with using_engine(engine):
         paths = infill_paths(sparse_only([rectangle(150, 150)]), wanted)
@@ -142,13 +149,16 @@ def test_density_is_the_share_of_a_large_area_that_is_filled(engine: str, patter
 
 @patterns
 def test_no_density_means_no_lines(pattern: str) -> None:
-    assert infill_paths(sparse_only([rectangle(20, 20)]), plain(infill=pattern, infill_density=0)).n_paths == 0
+    assert (
+        infill_paths(sparse_only([rectangle(20, 20)]), plain(infill=pattern, infill_density=0)).n_paths == 0
+    )
 
 
 def test_grid_and_rectilinear_lay_the_same_plastic() -> None:
-    regions = sparse_only([rectangle(40, 40)], np.arange(1, 11) * 0.2)
+    regions = sparse_only([rectangle(40, 40)], layers(10, 0.2).top)
     grid, lines = (
-        lengths(infill_paths(regions, plain(infill=pattern, infill_density=0.15))).sum() for pattern in ("grid", "rectilinear")
+        lengths(infill_paths(regions, plain(infill=pattern, infill_density=0.15))).sum()
+        for pattern in ("grid", "rectilinear")
     )
 
     assert lines == pytest.approx(grid, rel=0.05)
@@ -163,7 +173,7 @@ def test_a_grid_has_both_directions_on_every_layer() -> None:
 
 
 def test_the_walls_of_a_grid_stand_on_each_other() -> None:
-    plan = np.arange(1, 7) * 0.2
+    plan = layers(6, 0.2).top
     paths = infill_paths(sparse_only([rectangle(40, 40)], plan), plain(infill="grid"))
 
     first = rows(paths, 0, np.pi / 4)
@@ -184,7 +194,9 @@ def test_more_density_means_more_plastic(pattern: str) -> None:
 @settings(deadline=None, max_examples=20)
 @given(x=st.floats(-200, 200), y=st.floats(-200, 200))
 def test_the_pattern_belongs_to_the_bed_so_areas_may_lie_anywhere(pattern: str, x: float, y: float) -> None:
-    paths = infill_paths(sparse_only([rectangle(60, 50) + np.array([x, y])]), plain(infill=pattern, infill_density=0.3))
+    paths = infill_paths(
+        sparse_only([rectangle(60, 50) + np.array([x, y])]), plain(infill=pattern, infill_density=0.3)
+    )
 
     filled = lengths(paths) * bead.spacing(WIDTH, paths.plan.height) / 3000
     assert filled == pytest.approx(0.3, rel=0.1)
@@ -211,7 +223,9 @@ def outside(stages: Stages) -> float:
 
 
 @patterns
-@pytest.mark.parametrize("mesh", [box_with_hole((20, 20, 2)), sphere(3), slots(2, 12)], ids=lambda mesh: mesh.name)
+@pytest.mark.parametrize(
+    "mesh", [box_with_hole((20, 20, 2)), sphere(3), slots(2, 12)], ids=lambda mesh: mesh.name
+)
 def test_no_line_leaves_the_section(pattern: str, mesh: Mesh) -> None:
     length = outside(slice_stages(mesh, plain(infill=pattern, infill_density=0.3)))
 
@@ -220,7 +234,9 @@ def test_no_line_leaves_the_section(pattern: str, mesh: Mesh) -> None:
 
 @patterns
 def test_no_sparse_line_crosses_the_mouth_of_a_slot(pattern: str) -> None:
-    wanted = plain(infill=pattern, infill_angle_deg=90, infill_density=0.15, top_thickness=0.2, bottom_thickness=0.2)
+    wanted = plain(
+        infill=pattern, infill_angle_deg=90, infill_density=0.15, top_thickness=0.2, bottom_thickness=0.2
+    )
 
     length = outside(slice_stages(slots(1, 3), wanted))
 

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +18,18 @@ from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
-from tests.parts import box, box_with_hole, joined, plain, pyramid, shape, sphere, step_pyramid, two_boxes
+from tests.parts import (
+    box,
+    box_with_hole,
+    joined,
+    plain,
+    pyramid,
+    shape,
+    shapely,
+    sphere,
+    step_pyramid,
+    two_boxes,
+)
 
 PERIMETERS = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
 
@@ -47,7 +57,13 @@ def identity(paths: Toolpaths, index: int) -> tuple[object, ...]:
         points = min(points[k:] + points[:k] for k in starts)
     else:
         points = min(points, points[::-1])
-    return (*paths.layer[[index]], *paths.role[[index]], *paths.width[[index]], *paths.closed[[index]], *points)
+    return (
+        *paths.layer[[index]],
+        *paths.role[[index]],
+        *paths.width[[index]],
+        *paths.closed[[index]],
+        *points,
+    )
 
 
 def identities(paths: Toolpaths) -> Counter[tuple[object, ...]]:
@@ -63,7 +79,16 @@ def posts() -> Mesh:
     return joined([box((4, 4, 4), (8.0 * i, 8.0 * j, 0)) for i in range(3) for j in range(2)], "posts")
 
 
-MESHES = [box((9, 9, 3)), two_boxes(), box_with_hole(), nested(), posts(), sphere(4), pyramid(40, 16), step_pyramid([12, 8, 5], [1, 1, 2])]
+MESHES = [
+    box((9, 9, 3)),
+    two_boxes(),
+    box_with_hole(),
+    nested(),
+    posts(),
+    sphere(4),
+    pyramid(40, 16),
+    step_pyramid([12, 8, 5], [1, 1, 2]),
+]
 each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
 seams = pytest.mark.parametrize("seam", ["aligned", "nearest", "rear"])
 
@@ -89,7 +114,9 @@ def test_layers_ascend(mesh: Mesh) -> None:
 def test_skirt_then_brim_then_the_part(mesh: Mesh) -> None:
     _, _, after = ordered(mesh, plain(skirt_loops=2, brim_width=2))
 
-    rank = np.array([{Role.SKIRT: 0, Role.BRIM: 1}.get(Role(role), 2) for role in after.role[after.layer == 0].tolist()])
+    rank = np.array(
+        [{Role.SKIRT: 0, Role.BRIM: 1}.get(Role(role), 2) for role in after.role[after.layer == 0].tolist()]
+    )
     assert (np.diff(rank) >= 0).all()
 
 
@@ -195,7 +222,10 @@ def test_a_nearest_seam_is_the_point_nearest_to_where_the_nozzle_was() -> None:
 def toolpaths(draw: st.DrawFn) -> tuple[Toolpaths, Sections]:
     """Random polylines and loops of any role on three layers, some of them outside all islands."""
     plan = LayerPlan.from_tops(np.array([0.2, 0.4, 0.6]))
-    squares = [[np.array([(x, 0), (x + 10, 0), (x + 10, 10), (x, 10)], dtype=float) for x in (0, 20)][: 1 + k % 2] for k in range(3)]
+    squares = [
+        [np.array([(x, 0), (x + 10, 0), (x + 10, 10), (x, 10)], dtype=float) for x in (0, 20)][: 1 + k % 2]
+        for k in range(3)
+    ]
     seed, count = draw(st.integers(0, 10**6)), draw(st.integers(0, 30))
     rng = np.random.default_rng(seed)
     role = rng.integers(1, 10, count)
@@ -203,7 +233,9 @@ def toolpaths(draw: st.DrawFn) -> tuple[Toolpaths, Sections]:
     layer = np.sort(rng.integers(0, 3, count))
     xy = rng.integers(-2, 33, (int(size.sum()), 2)) / 1.0
     closed = role <= Role.OUTER_PERIMETER
-    paths = Toolpaths.gathered(plan, xy=xy, size=size, layer=layer, role=role, width=np.full(count, 0.4), closed=closed)
+    paths = Toolpaths.gathered(
+        plan, xy=xy, size=size, layer=layer, role=role, width=np.full(count, 0.4), closed=closed
+    )
     return paths, Sections(plan, Areas.from_rings(squares))
 
 

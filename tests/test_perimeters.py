@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +12,18 @@ from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.model import Areas, LayerPlan, Mesh, Role, Sections
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.slicing import cut
-from tests.parts import box, box_with_hole, plain, prism, pyramid, shape, sphere, step_pyramid, two_boxes
+from tests.parts import (
+    box,
+    box_with_hole,
+    plain,
+    prism,
+    pyramid,
+    shape,
+    shapely,
+    sphere,
+    step_pyramid,
+    two_boxes,
+)
 
 UNEVEN = (0.1, 0.42, 0.5, 0.82, 1.0, 1.32)
 engines = pytest.mark.parametrize("engine", list(ENGINES))
@@ -80,7 +90,14 @@ def test_without_perimeters_everything_is_inside() -> None:
     assert perimeter_paths(walls).n_paths == 0
 
 
-MESHES = [box((6, 9, 2)), box_with_hole((20, 20, 2)), pyramid(12, 5), sphere(4), two_boxes(), step_pyramid([12, 8, 5], [0.5, 0.4, 3])]
+MESHES = [
+    box((6, 9, 2)),
+    box_with_hole((20, 20, 2)),
+    pyramid(12, 5),
+    sphere(4),
+    two_boxes(),
+    step_pyramid([12, 8, 5], [0.5, 0.4, 3]),
+]
 
 
 @engines
@@ -119,7 +136,9 @@ def test_loops_of_one_layer_keep_their_distance(engine: str, mesh: Mesh) -> None
 def test_beads_of_any_convex_outline_stay_inside(corners: list[tuple[float, float]], perimeters: int) -> None:
     turns = 2 * np.pi * (np.arange(len(corners)) + [share for _, share in corners]) / len(corners)
     radii = np.array([radius for radius, _ in corners])
-    hull = shapely.convex_hull(shapely.MultiPoint(np.column_stack([radii * np.cos(turns), radii * np.sin(turns)])))
+    hull = shapely.convex_hull(
+        shapely.MultiPoint(np.column_stack([radii * np.cos(turns), radii * np.sin(turns)]))
+    )
     if hull.geom_type != "Polygon" or hull.area < 1:
         return
     outline = np.asarray(shapely.orient_polygons(hull).exterior.coords)[:-1]
@@ -163,7 +182,7 @@ def test_deeper_loops_come_first_within_a_layer() -> None:
 
     for layer in range(6):
         roles = paths.role[paths.layer == layer].tolist()
-        lengths = [np.ptp(paths.path(i), axis=0).sum() for i in np.flatnonzero(paths.layer == layer)]
+        lengths = [np.ptp(paths.path(i), axis=0).sum() for i in np.flatnonzero(paths.layer == layer).tolist()]
         assert roles == [Role.INNER_PERIMETER, Role.INNER_PERIMETER, Role.OUTER_PERIMETER]
         assert lengths == sorted(lengths)
 

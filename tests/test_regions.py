@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,7 +16,19 @@ from printer_slicer.perimeters import lay_walls
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
-from tests.parts import box, box_with_hole, joined, plain, pyramid, shape, sphere, step_pyramid, two_boxes
+from tests.parts import (
+    box,
+    box_with_hole,
+    joined,
+    layers,
+    plain,
+    pyramid,
+    shape,
+    shapely,
+    sphere,
+    step_pyramid,
+    two_boxes,
+)
 
 WIDTH = 0.45
 FIELDS = ("bottom_skin", "bridge", "top_skin", "solid", "sparse")
@@ -103,7 +114,9 @@ def test_a_single_layer_is_bottom_skin_only() -> None:
     _, walls, regions = classified(box((10, 10, 0.2)), LayerPlan.from_tops(np.array([0.2])), plain())
 
     assert regions.bottom_skin.area() == pytest.approx(walls.inside.area())
-    assert sum(areas.area().sum() for areas in regions_of(regions)) == pytest.approx(walls.inside.area().sum())
+    assert sum(areas.area().sum() for areas in regions_of(regions)) == pytest.approx(
+        walls.inside.area().sum()
+    )
 
 
 def test_full_density_leaves_nothing_sparse() -> None:
@@ -134,7 +147,7 @@ def test_skins_of_a_box_are_as_thick_as_asked_for_and_no_thicker_than_the_layers
 
 @pytest.mark.parametrize("thickness", [0.1, 0.2, 0.6, 0.79, 0.8, 0.81, 3.0])
 def test_layers_are_solid_while_air_begins_within_the_thickness(thickness: float) -> None:
-    plan = LayerPlan.from_tops(np.arange(1, 51) * 0.2)
+    plan = layers(50, 0.2)
     _, _, regions = classified(box(), plan, plain(bottom_thickness=thickness, top_thickness=thickness))
 
     n_layers = int(np.ceil(thickness / 0.2 - 1e-9))
@@ -159,7 +172,7 @@ def in_reach(sections: Sections, walls: Walls, layer: int, top: float, bottom: f
 
 def check_shell(sections: Sections, walls: Walls, regions: Regions, top: float, bottom: float) -> None:
     rng = np.random.default_rng(7)
-    for layer in range(0, sections.plan.n_layers):
+    for layer in range(sections.plan.n_layers):
         inside = shape(walls.inside, layer)
         if shapely.area(inside) < 0.1:
             continue
@@ -171,7 +184,11 @@ def check_shell(sections: Sections, walls: Walls, regions: Regions, top: float, 
         # Slivers that no bead fits in are not anchored; whoever has room for half a bead around is in no sliver.
         core = shapely.contains(shapely.buffer(exact, -WIDTH / 2), points)
         # Solid areas grow by two beads so that their lines end on something; corners reach twice as far.
-        away = shapely.distance(exact, points) > 4.1 * WIDTH if not shapely.is_empty(exact) else np.ones(len(points), bool)
+        away = (
+            shapely.distance(exact, points) > 4.1 * WIDTH
+            if not shapely.is_empty(exact)
+            else np.ones(len(points), bool)
+        )
 
         assert not (core & sparse).any()
         assert sparse[away].all()
@@ -179,9 +196,13 @@ def check_shell(sections: Sections, walls: Walls, regions: Regions, top: float, 
 
 @engines
 @each_part
-def test_points_near_a_surface_are_solid_and_points_far_from_all_are_not(engine: str, mesh: Mesh, height: float) -> None:
+def test_points_near_a_surface_are_solid_and_points_far_from_all_are_not(
+    engine: str, mesh: Mesh, height: float
+) -> None:
     with using_engine(engine):
-        sections, walls, regions = classified(mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6))
+        sections, walls, regions = classified(
+            mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6)
+        )
 
     check_shell(sections, walls, regions, 0.8, 0.6)
 
@@ -215,7 +236,17 @@ def test_the_underside_of_a_table_is_a_bridge_with_air_below() -> None:
     bridge, post = shape(regions.bridge, 4), shape(sections.solid, 3)
     # All that hangs, and two beads of the post to hold on to.
     assert shapely.area(shapely.difference(shape(walls.inside, 4), shapely.union(bridge, post))) < 1e-3
-    assert shapely.area(shapely.intersection(bridge, post)) == pytest.approx(64 - (8 - 4 * WIDTH) ** 2, abs=1e-3)
+    assert shapely.area(shapely.intersection(bridge, post)) == pytest.approx(
+        64 - (8 - 4 * WIDTH) ** 2, abs=1e-3
+    )
+
+
+def test_what_hangs_over_the_first_layer_is_a_bridge_on_the_second() -> None:
+    mushroom = joined([box((8, 8, 0.2), (6, 6, 0)), box((20, 20, 1), (0, 0, 0.2))])
+    _, walls, regions = classified(mushroom, layers(6, 0.2), plain())
+
+    assert set(regions.bridge.ring_layer.tolist()) == {1}
+    assert regions.bridge.area()[1] > 0.8 * walls.inside.area()[1]
 
 
 @each_part
@@ -237,11 +268,13 @@ def test_every_top_skin_has_air_above_but_for_its_anchors(mesh: Mesh, height: fl
         if layer + 1 == regions.plan.n_layers:
             continue
         air = shapely.difference(shape(sections.solid, layer), shape(sections.solid, layer + 1))
-        assert shapely.area(shapely.difference(shape(regions.top_skin, layer), air.buffer(4.1 * WIDTH))) < 1e-3
+        assert (
+            shapely.area(shapely.difference(shape(regions.top_skin, layer), air.buffer(4.1 * WIDTH))) < 1e-3
+        )
 
 
 def test_the_steps_of_a_pyramid_have_top_skins() -> None:
-    plan = LayerPlan.from_tops(np.arange(1, 31) * 0.2)
+    plan = layers(30, 0.2)
     sections, walls, regions = classified(step_pyramid([20, 14, 8], [2.0, 1.6, 2.4]), plan, plain())
 
     assert sorted(set(regions.top_skin.ring_layer.tolist())) == [9, 17, 29]
@@ -252,7 +285,7 @@ def test_the_steps_of_a_pyramid_have_top_skins() -> None:
 def test_walls_that_hardly_lean_have_no_skins_but_first_and_last() -> None:
     """A bead's width of slope over a layer is no surface: what is open is narrower than half a bead."""
     stump = pyramid(20.0, 400.0)
-    plan = LayerPlan.from_tops(np.arange(1, 21) * 0.2)
+    plan = layers(20, 0.2)
     _, _, regions = classified(stump, plan, plain())
 
     assert set(regions.top_skin.ring_layer.tolist()) == {19}
@@ -262,7 +295,7 @@ def test_walls_that_hardly_lean_have_no_skins_but_first_and_last() -> None:
 def test_bridge_lines_run_from_support_to_support() -> None:
     """A deck between two walls along y: its lines run along x."""
     walls = [box((4, 12, 4)), box((4, 12, 4), (16, 0, 0)), box((20, 12, 1), (0, 0, 4))]
-    plan = LayerPlan.from_tops(np.arange(1, 26) * 0.2)
+    plan = layers(25, 0.2)
     _, _, regions = classified(joined(walls), plan, plain())
 
     assert set(regions.bridge.ring_layer.tolist()) == {20}

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,9 +22,11 @@ from tests.parts import (
     cone,
     fin_on_a_box,
     joined,
+    layers,
     prism,
     pyramid,
     shape,
+    shapely,
     sheared_prism,
     sphere,
     sphere_area,
@@ -86,7 +87,9 @@ def test_sections_of_a_sphere_are_polygons_of_the_radius_between_its_parallels()
 def test_areas_without_contours_are_the_areas_of_the_contours(mesh: Mesh) -> None:
     plan = even(mesh, 37)
 
-    assert section_areas(mesh.triangles, plan.cut) == pytest.approx(cut(mesh, plan, 0.0).solid.area(), abs=2e-3)
+    assert section_areas(mesh.triangles, plan.cut) == pytest.approx(
+        cut(mesh, plan, 0.0).solid.area(), abs=2e-3
+    )
 
 
 @each_body
@@ -150,7 +153,9 @@ def on_bed(triangles: Float) -> Mesh:
 
 
 @settings(deadline=None, max_examples=25)
-@given(body=st.sampled_from([0, 2, 3, 6, 8]), turn=st.tuples(angles, angles, angles), shift=st.floats(-300, 300))
+@given(
+    body=st.sampled_from([0, 2, 3, 6, 8]), turn=st.tuples(angles, angles, angles), shift=st.floats(-300, 300)
+)
 def test_turned_and_shifted_bodies_have_the_areas_that_trimesh_finds(
     body: int, turn: tuple[float, float, float], shift: float
 ) -> None:
@@ -165,11 +170,15 @@ def test_turned_and_shifted_bodies_have_the_areas_that_trimesh_finds(
 
 @settings(deadline=None, max_examples=25)
 @given(turn=angles, x=st.floats(-1000, 1000), y=st.floats(-1000, 1000))
-def test_sections_do_not_change_when_the_part_is_turned_about_z_and_shifted(turn: float, x: float, y: float) -> None:
+def test_sections_do_not_change_when_the_part_is_turned_about_z_and_shifted(
+    turn: float, x: float, y: float
+) -> None:
     plan = even(box_with_hole(), 5)
     moved = Mesh(box_with_hole().triangles @ rotation(turn, 0, 0).T).moved((x, y, 0))
 
-    assert cut(moved, plan, 0.0).solid.area() == pytest.approx(cut(box_with_hole(), plan, 0.0).solid.area(), abs=5e-3)
+    assert cut(moved, plan, 0.0).solid.area() == pytest.approx(
+        cut(box_with_hole(), plan, 0.0).solid.area(), abs=5e-3
+    )
 
 
 @settings(deadline=None, max_examples=20)
@@ -235,7 +244,16 @@ def _roof() -> Float:
     ridge = [(0, 5, 10), (10, 5, 10)]
     a, b, c, d = foot
     left, right = ridge
-    facets = [(a, c, b), (a, d, c), (a, b, right), (a, right, left), (c, d, left), (c, left, right), (b, c, right), (d, a, left)]
+    facets = [
+        (a, c, b),
+        (a, d, c),
+        (a, b, right),
+        (a, right, left),
+        (c, d, left),
+        (c, left, right),
+        (b, c, right),
+        (d, a, left),
+    ]
     return np.array(facets, dtype=np.float64)
 
 
@@ -267,7 +285,9 @@ def test_minus_zero_is_zero() -> None:
     ],
     ids=["coincident", "side by side", "overlapping", "one in the other", "corner to corner", "apart"],
 )
-def test_shells_count_once_where_they_meet(engine: str, parts: list[Mesh], area: float, n_rings: int | None) -> None:
+def test_shells_count_once_where_they_meet(
+    engine: str, parts: list[Mesh], area: float, n_rings: int | None
+) -> None:
     with using_engine(engine):
         section = cut(joined(parts), planes(3.0, 7.0), 0.0125)
 
@@ -296,7 +316,9 @@ def test_outer_rings_run_counter_clockwise_and_holes_clockwise(engine: str, mesh
     for layer in range(solid.n_layers):
         exact = shape(solid, layer)
         holes = sum(len(part.interiors) for part in shapely.get_parts(exact))
-        signs = np.sign([area for area, k in zip(solid.ring_area(), solid.ring_layer, strict=True) if k == layer])
+        signs = np.sign(
+            [area for area, k in zip(solid.ring_area(), solid.ring_layer, strict=True) if k == layer]
+        )
         assert (signs < 0).sum() == holes
         assert shapely.area(exact) == pytest.approx(solid.area()[layer])
 
@@ -308,7 +330,9 @@ def test_simplified_contours_stay_within_the_resolution() -> None:
 
     assert len(coarse.solid.xy) < 0.3 * len(exact.solid.xy)
     for layer in range(5):
-        assert shapely.hausdorff_distance(shape(exact.solid, layer), shape(coarse.solid, layer)) <= 0.05 + 1e-4
+        assert (
+            shapely.hausdorff_distance(shape(exact.solid, layer), shape(coarse.solid, layer)) <= 0.05 + 1e-4
+        )
 
 
 # --- the paper's contours ---
@@ -346,7 +370,9 @@ def test_all_stages_of_the_contours_have_one_area_and_length(mesh: Mesh) -> None
     tail, head = paper.segments[:, 0], paper.segments[:, 1]
 
     signed = (tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0]) / 2
-    assert np.bincount(paper.segment_layer, signed, minlength=13) == pytest.approx(paper.joined.area(), abs=1e-9)
+    assert np.bincount(paper.segment_layer, signed, minlength=13) == pytest.approx(
+        paper.joined.area(), abs=1e-9
+    )
     assert paper.joined.area() == pytest.approx(paper.repaired.area(), abs=1e-6)
     assert np.hypot(*(head - tail).T).sum() == pytest.approx(paper.joined.ring_length().sum())
     assert paper.joined.ring_length().sum() == pytest.approx(paper.repaired.ring_length().sum())
@@ -372,7 +398,7 @@ def test_a_missing_facet_of_a_closed_part_is_counted_and_placed() -> None:
     low, high = np.sort(mesh.triangles[facet, :, 2])[[0, 2]]
     middle = mesh.triangles[facet].mean(axis=0)
 
-    edges, gaps = open_places(without(mesh, facet), LayerPlan.from_tops(np.arange(1, 60) * 0.05))
+    edges, gaps = open_places(without(mesh, facet), layers(59, 0.05))
 
     assert edges == len(np.unique(np.round(mesh.triangles[facet, :, 2], 9)))
     assert gaps
@@ -384,7 +410,7 @@ def test_a_missing_facet_of_a_closed_part_is_counted_and_placed() -> None:
 
 def test_a_crack_is_closed_and_told() -> None:
     mesh = sphere(1.5)
-    plan = LayerPlan.from_tops(np.arange(1, 60) * 0.05)
+    plan = layers(59, 0.05)
     whole, cracked = cut(mesh, plan, 0.0), cut(without(mesh, mesh.n_facets // 2), plan, 0.0)
 
     assert whole.open_edges == 0
@@ -400,7 +426,7 @@ def test_a_missing_face_is_refused_with_its_place() -> None:
     wall = np.flatnonzero((mesh.triangles[:, :, 0] == 10).all(axis=1))
 
     with pytest.raises(MeshError, match=r"surface is open.*mm at x 10\.00 y \d+\.\d+ z \d+\.\d+") as caught:
-        cut(without(mesh, *wall.tolist()), LayerPlan.from_tops(np.arange(1, 51) * 0.2), 0.0125)
+        cut(without(mesh, *wall.tolist()), layers(50, 0.2), 0.0125)
 
     assert "20 mm" in str(caught.value)
     assert "close the mesh" in caught.value.remedy

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
+import contextlib
 import os
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
+from printer_slicer.cli.common import visible
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import PrinterSlicerError
 
 __all__ = ["main"]
+
+# No command multiplies large matrices; starting a thread per core for it would cost more CPU than slicing a small part.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -22,27 +29,53 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled,
         7 verification failed.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(
+            stream, TextIOWrapper
+        ):  # a terminal may know fewer letters than our texts and file names have
+            stream.reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
     arguments = build_parser().parse_args(argv)
+    code = 0
+    try:
+        code = _run(arguments)
+        sys.stdout.flush()
+    except OSError as error:
+        failed = _output_failed(error)
+        code = code or failed
+    return code
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    """Run the command; failures become messages and exit codes."""
     try:
         return int(arguments.run(arguments))
     except PrinterSlicerError as error:
         return _fail(str(error), error.exit_code)
     except KeyboardInterrupt:
         return _fail("cancelled", 6)
-    except BrokenPipeError:
-        # The reader of our output has gone (`| head`); point stdout at nothing so that closing it cannot fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except OSError:
+        raise
     except Exception as error:  # people get a message, never a traceback
         if os.environ.get("PRINTER_SLICER_TRACEBACK"):
             raise
         return _fail(
             f"internal error: {type(error).__name__}: {error}\n"
-            "  this is a fault of printer-slicer: please report it; PRINTER_SLICER_TRACEBACK=1 shows where it happened",
+            "  this is a fault of printer-slicer: please report it;"
+            " PRINTER_SLICER_TRACEBACK=1 shows where it happened",
             1,
         )
 
 
+def _output_failed(error: OSError) -> int:
+    """Stdout takes no more: its reader has gone (`| head`), which is no fault, or its disk is full."""
+    # Point stdout at nothing, so that closing it at the end of the process cannot fail again.
+    with contextlib.suppress(OSError):  # a stdout that is no file has nothing to close
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
+        return 0
+    return _fail(f"cannot go on: {error.strerror or error}\n  check free space and permissions", 2)
+
+
 def _fail(message: str, code: int) -> int:
-    print(f"printer-slicer: {message}", file=sys.stderr)
+    print(f"printer-slicer: {visible(message)}", file=sys.stderr)
     return code

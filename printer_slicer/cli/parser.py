@@ -31,7 +31,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=_Version())
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     _slice(commands)
     _plan(commands)
@@ -43,15 +43,30 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-class _Version(str):
-    """The version, looked up only when it is shown."""
+class _Version(argparse.Action):
+    """Says the version, which is looked up only then."""
 
-    __slots__ = ()
-
-    def __mod__(self, _: object) -> str:
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import version  # costs more than the rest of the parser
 
-        return f"printer-slicer {version('printer-slicer')}"
+        print(f"printer-slicer {version('printer-slicer')}")
+        parser.exit()
+
+
+def _positive(text: str) -> int:
+    """A whole number over 0."""
+    value = int(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not over 0")
+    return value
+
+
+def _factor(text: str) -> float:
+    """A number that time can be multiplied by."""
+    value = float(text)
+    if not value >= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not 0 or more")
+    return value
 
 
 def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
@@ -157,7 +172,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.add_argument(
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
-    parser.add_argument("--baud", type=int, metavar="N", help="default: as the printer's profile says")
+    parser.add_argument("--baud", type=_positive, metavar="N", help="default: as the printer's profile says")
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
 
@@ -175,7 +190,7 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it"
     )
     parser.add_argument(
-        "--speed", type=float, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
+        "--speed", type=_factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
     )
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"

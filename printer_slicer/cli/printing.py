@@ -12,7 +12,7 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from printer_slicer.cli.common import profile_from, say, stages, write_file
+from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
 from printer_slicer.errors import VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, job_from
@@ -216,6 +216,8 @@ def sim_command(arguments: argparse.Namespace) -> int:
     from printer_slicer.verdict import Comparison, front_end_of, machine_of
 
     printer = profile_from(arguments).printer
+    if arguments.report:
+        check_writable(arguments.report)
     comparison = Comparison()
     stopped: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))

@@ -27,6 +27,8 @@ def _list(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile import DEFAULT_NAMES, KINDS, profile_paths
 
     known = {kind: profile_paths(kind) for kind in KINDS}
+    if arguments.quiet:
+        return 0
     if arguments.json:
         print(
             json.dumps(
@@ -44,15 +46,11 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from printer_slicer.profile import load_profile, settings_text
+    from printer_slicer.profile import part_settings
 
-    # A part is shown as it is used: with what it inherits and the defaults. The other two parts play no role.
-    profile = load_profile(**{arguments.what: arguments.name})
-    chosen = {
-        key.partition(".")[2]: value
-        for key, value in settings_text(profile)
-        if key.startswith(f"{arguments.what}.")
-    }
+    chosen = part_settings(arguments.what, arguments.name)
+    if arguments.quiet:
+        return 0
     if arguments.json:
         print(json.dumps(chosen))
     else:
@@ -66,6 +64,8 @@ def _settings(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile import settings_table
 
     names = ("key", "type", "unit", "bounds", "default", "meaning")
+    if arguments.quiet:
+        return 0
     rows = [dict(zip(names, row, strict=True)) for row in settings_table()]
     if arguments.json:
         print(json.dumps(rows))
@@ -84,10 +84,10 @@ def ports_command(arguments: argparse.Namespace) -> int:
 
     from printer_slicer.stream.serial_port import list_ports
 
-    ports = list_ports()
+    ports = [] if arguments.quiet else list_ports()
     if arguments.json:
         print(json.dumps([asdict(port) for port in ports]))
-    elif not ports:
+    elif not ports and not arguments.quiet:
         print("no serial ports found; is the printer switched on and its USB cable plugged in?")
     for port in [] if arguments.json else ports:
         print(f"{port.device:<24}{port.description}")

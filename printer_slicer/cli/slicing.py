@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.cli.common import profile_from, say, stages, write_file
-from printer_slicer.drawing import draw_layer, draw_plan
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
@@ -35,17 +35,23 @@ _MOST_RUNS = 6  # stretches of equal height shown per plan
 def slice_command(arguments: argparse.Namespace) -> int:
     """Slice a model and write the G-code."""
     profile = profile_from(arguments)
-    output = arguments.output or arguments.model.with_suffix(".gcode")
+    if arguments.json and str(arguments.output) == "-":
+        raise UsageError(
+            "-o - and --json both want stdout", remedy="write the G-code to a file, or leave --json out"
+        )
     with stages(arguments) as report:
         report("loading")
         mesh = load_mesh(arguments.model)
+        output = arguments.output or arguments.model.with_suffix(".gcode")
+        _refuse_same(output, arguments.model)
         stage = slice_stages(mesh, profile, report=report)
         program = stage.program
         report("writing")
-        write_file(output, gcode_of(program, profile))
+        seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
             _draw_layer(program, arguments.layer, arguments.picture)
-    facts = _facts(program, profile, mesh.volume)
+        write_file(output, gcode_of(program, profile, seconds=seconds))
+    facts = _facts(program, profile, seconds, mesh.volume)
     facts["lost_mm3"] = round(float((stage.walls.lost * program.plan.height).sum()), 3)
     facts["empty_layers"] = program.plan.n_layers - len(program.printed)
     facts["open_edges"], facts["gaps"] = (
@@ -59,9 +65,17 @@ def slice_command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _facts(program: Program, profile: Profile, volume: float) -> dict[str, object]:
+def _refuse_same(output: Path, model: Path) -> None:
+    """Never write over the model."""
+    # Names that cannot be are refused when they are written to.
+    with contextlib.suppress(OSError, ValueError):
+        if not output.samefile(model):
+            return
+        raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
+
+
+def _facts(program: Program, profile: Profile, seconds: float, volume: float) -> dict[str, object]:
     """What people want to know about a sliced part."""
-    seconds = float(move_seconds(program, profile).sum())
     area = np.pi * profile.material.filament_diameter**2 / 4
     return {
         "layers": program.plan.n_layers,
@@ -96,6 +110,8 @@ def _tell(arguments: argparse.Namespace, output: Path, facts: dict[str, object])
 
 
 def _draw_layer(program: Program, number: int, path: Path) -> None:
+    from printer_slicer.drawing import draw_layer
+
     if not 1 <= number <= program.plan.n_layers:
         raise UsageError(f"--layer {number}: the part has layers 1 to {program.plan.n_layers}")
     write_file(path, draw_layer(program, number - 1).encode())
@@ -110,6 +126,8 @@ def plan_command(arguments: argparse.Namespace) -> int:
         part = place(mesh, profile.printer)
         rows = _compare(part, profile, report)
         if arguments.picture:
+            from printer_slicer.drawing import draw_plan
+
             chosen = plan_layers(part, profile)
             sections = cut(part, chosen, profile.quality.resolution)
             write_file(arguments.picture, draw_plan(sections, arguments.model.name).encode())

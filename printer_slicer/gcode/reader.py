@@ -6,23 +6,24 @@ What does not move or wait is passed over.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from math import atan2, ceil, cos, hypot, pi, sin
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.model import Bool, Float, Int
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
+from printer_slicer.motion.rules import Axes, Limits
 from printer_slicer.motion.whole import durations
 
 __all__ = ["Moves", "read_moves"]
 
 _STOPS: Final = frozenset({"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M400", "M600"})
-_CHORD: Final = 1.0  # mm, of an arc; shorter on small circles
 _NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison
-_LETTERS: Final = frozenset("XYZEFIJRSPT")
+_CODE: Final = re.compile(r" *([GM]) *([0-9]+)", re.IGNORECASE)
+_WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))?", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +38,7 @@ class Moves:
         line: (K,) index of the command that made it.
         stop: (K,) whether the machine stands still after it.
         dwell_seconds: asked for with G4.
+        changes: changes of the machine's limits: (first move they hold for, kind, axis -> value).
     """
 
     end: Float
@@ -46,21 +48,30 @@ class Moves:
     line: Int
     stop: Bool
     dwell_seconds: float
+    changes: tuple[tuple[int, str, Mapping[str, float]], ...] = ()
 
     def seconds(self, limits: Limits) -> float:
         """Time for all moves and dwells; homing and heating are not counted."""
-        if len(self.speed) == 0:
-            return self.dwell_seconds
-        extrudes = self.delta[:, 3] != 0
-        travels = (self.delta[:, :3] != 0).any(axis=1)
-        usual = np.where(
-            extrudes,
-            np.where(travels, limits.acceleration, limits.retract_acceleration),
-            limits.travel_acceleration,
+        total, begin = self.dwell_seconds, 0
+        for first, kind, values in (*self.changes, (len(self.speed), "", {})):
+            total += self._between(begin, first, limits)
+            begin, limits = first, _changed(limits, kind, values)
+        return total
+
+    def _between(self, first: int, last: int, limits: Limits) -> float:
+        """Time for some of the moves, from rest to rest: limits change rarely, and then the machine mostly stands."""
+        if last <= first:
+            return 0.0
+        some = slice(first, last)
+        delta, wanted = self.delta[some], self.acceleration[some]
+        travels = (delta[:, :3] != 0).any(axis=1)
+        laying = np.where(travels, limits.acceleration, limits.retract_acceleration)
+        usual = np.where(delta[:, 3] != 0, laying, limits.travel_acceleration)
+        acceleration = np.where(np.isnan(wanted), usual, wanted)
+        stop = self.stop[some]
+        return float(
+            durations(delta, self.speed[some], limits, stop_after=stop, acceleration=acceleration).sum()
         )
-        acceleration = np.where(np.isnan(self.acceleration), usual, self.acceleration)
-        each = durations(self.delta, self.speed, limits, stop_after=self.stop, acceleration=acceleration)
-        return float(each.sum()) + self.dwell_seconds
 
     def heights(self) -> list[float]:
         """z at which plastic is laid while moving in x or y, mm, in order of the first time."""
@@ -68,10 +79,28 @@ class Moves:
         return list(dict.fromkeys(np.round(self.end[lays, 2], 4).tolist()))
 
 
+def _changed(limits: Limits, kind: str, values: Mapping[str, float]) -> Limits:
+    """The limits after M201, M203 or M205."""
+
+    def merged(axes: Axes) -> Axes:
+        x, y, z, e = (values.get(letter, old) for letter, old in zip("XYZE", axes, strict=True))
+        return x, y, z, e
+
+    if kind == "M201":
+        return replace(limits, max_acceleration=merged(limits.max_acceleration))
+    if kind == "M203":
+        return replace(limits, max_speed=merged(limits.max_speed))
+    if kind == "M205":
+        deviation = values.get("J", limits.junction_deviation)
+        return replace(limits, jerk=merged(limits.jerk), junction_deviation=deviation)
+    return limits
+
+
 @dataclass(slots=True)
 class _State:
     """Where the machine is and how it reads numbers."""
 
+    home: tuple[float, float, float]
     position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
     relative: bool = False
@@ -81,14 +110,22 @@ class _State:
     printing: float = np.nan
     travel: float = np.nan
     retract: float = np.nan
+    speed_ratio: float = 1.0
     dwell: float = 0.0
+    changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
     rows: list[tuple[float, ...]] = field(default_factory=list)
     stops: list[int] = field(default_factory=list)
 
 
-def read_moves(commands: Iterable[bytes]) -> Moves:
-    """The moves of commands without comments, one each, such as `stream` sends them."""
-    state = _State()
+def read_moves(commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0)) -> Moves:
+    """The moves of commands without comments, one each, such as `stream` sends them.
+
+    Args:
+        commands: one per entry.
+        home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
+    """
+    state = _State(home=(*home, 0.0))
+    state.position[:3] = state.home
     for index, command in enumerate(commands):
         code, words = _parse(command)
         action = _ACTIONS.get(code)
@@ -107,22 +144,24 @@ def read_moves(commands: Iterable[bytes]) -> Moves:
         line=table[:, 9].astype(np.int64),
         stop=stop,
         dwell_seconds=state.dwell,
+        changes=tuple(state.changes),
     )
 
 
 def _parse(command: bytes) -> tuple[str, dict[str, float]]:
-    """Code and numeric words of a command; words that are no numbers are left out."""
-    parts = command.decode("latin-1").split()
-    words: dict[str, float] = {}
-    for part in parts[1:]:
-        if part[0] in _LETTERS:
-            try:
-                value = float(part[1:])
-            except ValueError:
-                continue
-            if abs(value) < _NONSENSE:
-                words[part[0]] = value
-    return (parts[0] if parts else ""), words
+    """Code and numeric words of a command, with or without blanks between them."""
+    text = command.decode("latin-1")
+    match = _CODE.match(text)
+    if match is None:
+        return "", {}
+    code = f"{match[1].upper()}{int(match[2])}"
+    if code not in _ACTIONS:
+        return code, {}
+    found = _WORD.findall(text, match.end())
+    if code == "G28":  # axes are named by letters alone
+        return code, {letter.upper(): 0.0 for letter, _ in found}
+    numbers = ((letter.upper(), float(number)) for letter, number in found if number)
+    return code, {letter: value for letter, value in numbers if abs(value) < _NONSENSE}
 
 
 def _goal(state: _State, words: Mapping[str, float]) -> list[float]:
@@ -144,7 +183,7 @@ def _move(state: _State, goal: list[float], index: int) -> None:
     if any(delta):
         travels = delta[0] or delta[1] or delta[2]
         acceleration = state.travel if not delta[3] else state.printing if travels else state.retract
-        state.rows.append((*goal[:3], *delta, state.feed, acceleration, index))
+        state.rows.append((*goal[:3], *delta, state.feed * state.speed_ratio, acceleration, index))
     state.position = goal
 
 
@@ -154,22 +193,17 @@ def _line(state: _State, words: Mapping[str, float], index: int) -> None:
 
 def _arc(clockwise: bool) -> Callable[[_State, Mapping[str, float], int], None]:
     def run(state: _State, words: Mapping[str, float], index: int) -> None:
-        begin, goal = list(state.position), _goal(state, words)
-        i, j = words.get("I", 0.0) * state.unit, words.get("J", 0.0) * state.unit
-        radius = hypot(i, j)
-        if radius == 0:  # arcs by radius are not read; the chord has the right ends
-            _move(state, goal, index)
-            return
-        centre = begin[0] + i, begin[1] + j
-        first = atan2(-j, -i)
-        sweep = (atan2(goal[1] - centre[1], goal[0] - centre[0]) - first) % (2 * pi)
-        sweep = (sweep - 2 * pi) if clockwise else (sweep or 2 * pi)
-        pieces = max(1, ceil(abs(sweep) * radius / min(_CHORD, radius * pi / 36)))
-        for piece in range(1, pieces):
-            share, angle = piece / pieces, first + sweep * piece / pieces
-            rest = [begin[axis] + share * (goal[axis] - begin[axis]) for axis in (2, 3)]
-            _move(state, [centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), *rest], index)
-        _move(state, goal, index)
+        x, y, z, e = state.position
+        goal = _goal(state, words)
+        unit = state.unit
+        if "R" in words:
+            centre = centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
+        else:
+            centre = centre_by_offset((x, y), words.get("I", 0.0) * unit, words.get("J", 0.0) * unit)
+        if centre is not None:  # firmware refuses an arc without one
+            gx, gy, gz, ge = goal
+            for point in arc_points((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
+                _move(state, list(point), index)
 
     return run
 
@@ -188,7 +222,7 @@ def _set_position(state: _State, words: Mapping[str, float], _index: int) -> Non
 def _home(state: _State, words: Mapping[str, float], _index: int) -> None:
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
-        state.position[axis] = state.offset[axis] = 0.0
+        state.position[axis], state.offset[axis] = state.home[axis], 0.0
 
 
 def _dwell(state: _State, words: Mapping[str, float], _index: int) -> None:
@@ -200,6 +234,20 @@ def _acceleration(state: _State, words: Mapping[str, float], _index: int) -> Non
     state.printing = words.get("P", words.get("S", state.printing))
     state.travel = words.get("T", words.get("S", state.travel))
     state.retract = words.get("R", state.retract)
+
+
+def _limit(kind: str) -> Callable[[_State, Mapping[str, float], int], None]:
+    def run(state: _State, words: Mapping[str, float], _index: int) -> None:
+        values = {letter: value for letter, value in words.items() if value > 0}
+        state.changes.append((len(state.rows), kind, values))
+
+    return run
+
+
+def _speed_ratio(state: _State, words: Mapping[str, float], _index: int) -> None:
+    """M220: the share of all speeds from now on, in percent."""
+    if "S" in words:
+        state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
 
 
 def _mode(name: str, value: float) -> Callable[[_State, Mapping[str, float], int], None]:
@@ -225,5 +273,9 @@ _ACTIONS: Final[Mapping[str, Callable[[_State, Mapping[str, float], int], None]]
     "G92": _set_position,
     "M82": _mode("relative_e", False),
     "M83": _mode("relative_e", True),
+    "M201": _limit("M201"),
+    "M203": _limit("M203"),
     "M204": _acceleration,
+    "M205": _limit("M205"),
+    "M220": _speed_ratio,
 }

@@ -45,7 +45,7 @@ def rows_of(program: Program, *, relative: bool) -> Rows:
     feed = np.rint(program.speed * 60).astype(np.int64)
     feed = np.maximum(feed, 1)
     kept = _visible(xyz, fed, program.role == Role.TRAVEL)
-    xyz, fed, feed = xyz[kept], fed[kept], feed[kept]
+    xyz, fed, feed = xyz[kept], _without_travels(fed[kept], program.filament[kept] != 0), feed[kept]
     step = np.diff(fed, prepend=0)
     moved = np.diff(xyz, axis=0, prepend=xyz[:1] - 1) != 0
     columns = [
@@ -72,6 +72,12 @@ def _visible(xyz: Int, fed: Int, pure: Bool) -> Int:
     travels = np.diff(xyz, axis=0, prepend=xyz[:1] - 1).any(axis=1)
     turns = travels | (pure & (np.diff(fed, prepend=0) != 0))
     return np.flatnonzero(turns)
+
+
+def _without_travels(fed: Int, feeds: Bool) -> Int:
+    """E at the end of each row, where rows that feed nothing leave what is owed to the next one that does."""
+    last = np.maximum.accumulate(np.where(feeds, np.arange(len(fed)), -1))
+    return np.where(last >= 0, fed[np.maximum(last, 0)], 0)
 
 
 def _block(extrudes: Bool, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:

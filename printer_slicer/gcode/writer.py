@@ -35,14 +35,8 @@ def write_program(program: Program, profile: Profile, dialect: Dialect, seconds:
     start = fill_in(profile.printer.start_gcode, known, f"printer {profile.printer.name!r}: start_gcode")
     end = fill_in(profile.printer.end_gcode, known, f"printer {profile.printer.name!r}: end_gcode")
     relative = profile.printer.relative_extrusion
-    before = [
-        *_header(program, profile, seconds),
-        "G21 ; mm",
-        "G90",
-        "M83",
-        *dialect.limits(profile.printer),
-        *start,
-    ]
+    before = [*_header(program, profile, seconds), "G21 ; mm", "G90", "M83", dialect.fan(0.0)]
+    before += [*dialect.limits(profile.printer), *start]
     before += ["G90", "M83" if relative else "M82", "G92 E0"]
     after = [*end, *_settings(profile)]
     return b"".join([_lines(before), *_body(program, dialect, relative=relative), _lines(after)])

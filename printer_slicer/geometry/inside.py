@@ -8,6 +8,8 @@ from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
 __all__ = ["crossed", "rings_around"]
 
+_PAIRS_AT_ONCE = 500_000
+
 
 def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
     """For each point (P, 2) on its `layer` (P,) ascending the smallest ring that contains it, -1 where none does.
@@ -52,19 +54,31 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
         points = slice(int(ring_points[k]), int(ring_points[k + 1]))
         a, b = outlines.xy[points], outlines.xy[following[points]]
         ways = slice(int(ways_of[k]), int(ways_of[k + 1]))
-        result[ways] = _any_crossing(begin[ways], end[ways], a, b)
+        # Few ways at a time: every way meets every edge of the layer in memory.
+        some = max(_PAIRS_AT_ONCE // max(len(a), 1), 1)
+        for first in range(ways.start, ways.stop, some):
+            part = slice(first, min(first + some, ways.stop))
+            result[part] = _any_crossing(begin[part], end[part], a, b)
     return result
 
 
 def _any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
-    """(P,) whether each way (P, 2) to (P, 2) properly crosses one of the edges (E, 2) to (E, 2)."""
-    way, edge = end - begin, b - a
-    gap_x = a[None, :, 0] - begin[:, None, 0]
-    gap_y = a[None, :, 1] - begin[:, None, 1]
-    turn = way[:, None, 0] * edge[None, :, 1] - way[:, None, 1] * edge[None, :, 0]
-    along = gap_x * edge[None, :, 1] - gap_y * edge[None, :, 0]
-    across = gap_x * way[:, None, 1] - gap_y * way[:, None, 0]
-    # Both parameters along/turn and across/turn lie strictly between 0 and 1, without dividing.
-    sign = np.sign(turn)
-    along, across, size = along * sign, across * sign, np.abs(turn)
-    return np.asarray(((along > 0) & (along < size) & (across > 0) & (across < size)).any(axis=1))
+    """(P,) whether each way (P, 2) to (P, 2) crosses one of the edges (E, 2) to (E, 2).
+
+    An edge belongs to one of its ends only, so a way through a corner crosses exactly one of the corner's edges.
+    """
+    way = end - begin
+    side_a, side_b = _side(begin, way, a), _side(begin, way, b)
+    edge = (b - a)[None]
+    gap = begin[:, None] - a[None]
+    along = gap[:, :, 0] * edge[:, :, 1] - gap[:, :, 1] * edge[:, :, 0]
+    turn = way[:, None, 1] * edge[:, :, 0] - way[:, None, 0] * edge[:, :, 1]
+    # The way reaches the edge's line at along/turn of its length: between 0 and 1, without dividing.
+    along, turn = along * np.sign(turn), np.abs(turn)
+    return np.asarray((((side_a < 0) != (side_b < 0)) & (along > 0) & (along < turn)).any(axis=1))
+
+
+def _side(begin: Float, way: Float, points: Float) -> Float:
+    """(P, E) on which side of each way each point lies: positive to the left."""
+    gap = points[None] - begin[:, None]
+    return way[:, None, 0] * gap[:, :, 1] - way[:, None, 1] * gap[:, :, 0]

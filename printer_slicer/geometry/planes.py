@@ -127,13 +127,19 @@ def _loose_segments(triangles: Float, level: Int, planes: Float) -> tuple[Float,
 
 def _interpolate(corner: Float, low: Int, high: Int, z: Float) -> Float:
     """(n, 2) where the edges from `low` to `high` corners reach height `z`; exact at both ends."""
-    start, end = corner[low], corner[high]
-    ratio = (z - start[:, 2]) / (end[:, 2] - start[:, 2])
-    xy = start[:, :2] + ratio[:, None] * (end[:, :2] - start[:, :2])
+    # Column by column: gathering from three contiguous arrays takes a third of the time of gathering rows of three.
+    xs, ys, zs = np.ascontiguousarray(corner.T)
+    bottom = zs[low]
+    ratio = (z - bottom) / (zs[high] - bottom)
     # Rounding of the sum must not make a corner that lies on the plane differ from its own coordinates.
-    on_plane = ratio == 1
-    xy[on_plane] = end[on_plane, :2]
-    return np.asarray(xy)
+    on_plane = np.flatnonzero(ratio == 1)
+    xy = np.zeros((len(z), 2))
+    for axis, column in enumerate((xs, ys)):
+        start, end = column[low], column[high]
+        value = start + ratio * (end - start)
+        value[on_plane] = end[on_plane]
+        xy[:, axis] = value
+    return xy
 
 
 def _nodes(half_edge: Int, first: Int, last: Int, slot: Int, base: Int) -> Int:

@@ -16,9 +16,12 @@ from printer_slicer.profile import Profile
 
 __all__ = ["PATTERNS", "Pattern", "infill_paths"]
 
-# (area, spacing (L,) mm, angle (L,) radians) -> points (N, 2), size (M,) and layer (M,) of the polylines
-Pattern = Callable[[Areas, Float, Float], tuple[Float, Int, Int]]
+# (area, spacing (L,) mm, angle (L,) radians, longest turn (L,) mm) -> points (N, 2), size (M,), layer (M,) of polylines
+Pattern = Callable[[Areas, Float, Float, Float], tuple[Float, Int, Int]]
 PATTERNS: Final[Mapping[str, Pattern]] = {"rectilinear": rectilinear_lines, "grid": grid_lines}
+
+# A turn runs along the boundary, which meets the lines at any angle; past 20° it is longer than three spacings.
+_LONGEST_TURN = 3.0
 
 
 def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
@@ -40,7 +43,9 @@ def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
     overlap = quality.infill_overlap * width if quality.perimeters else 0.0
     for role, region, pattern, spacing, direction in jobs:
         # The centre lines stay half a bead inside; the turns at their ends fill the half bead that is left.
-        xy, size, layer = pattern(offset(region, overlap - gap / 2), spacing, direction)
+        # Sparse lines have no turns: those would be more plastic than the density says.
+        turn = np.zeros_like(gap) if role == Role.SPARSE else _LONGEST_TURN * gap
+        xy, size, layer = pattern(offset(region, overlap - gap / 2), spacing, direction, turn)
         n_paths = len(layer)
         parts.append(
             Toolpaths.gathered(

@@ -9,15 +9,14 @@ from printer_slicer.model import Areas, Float, Int
 
 __all__ = ["rectilinear_lines"]
 
-# A turn runs along the boundary, which meets the lines at any angle; past 20° it is longer than three spacings.
-_LONGEST_TURN = 3.0
 
-
-def rectilinear_lines(area: Areas, spacing: Float, angle: Float) -> tuple[Float, Int, Int]:
+def rectilinear_lines(area: Areas, spacing: Float, angle: Float, turn: Float) -> tuple[Float, Int, Int]:
     """Polylines that fill `area` with lines `spacing` (L,) mm apart in direction `angle` (L,) radians.
+
+    Neighbouring lines are joined where that takes at most `turn` (L,) mm.
 
     Returns:
         Points (N, 2), number of points (M,) and layer (M,) of each polyline, by ascending layer.
     """
-    xy, start, layer = chain_rows(hatch(area, angle=angle, spacing=spacing), max_turn=_LONGEST_TURN * spacing)
+    xy, start, layer = chain_rows(hatch(area, angle=angle, spacing=spacing), max_turn=turn)
     return xy, np.diff(start), layer

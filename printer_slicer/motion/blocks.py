@@ -10,7 +10,21 @@ from dataclasses import dataclass
 from math import acos, inf, sqrt
 from typing import Final, Literal, NamedTuple
 
-__all__ = ["Axes", "Block", "Limits", "corner_speed", "corner_square", "make_block", "ramp_time"]
+__all__ = [
+    "SHORTEST",
+    "SLOWEST",
+    "SMALL_LENGTH",
+    "SMALL_TURN",
+    "SQUARE",
+    "STRAIGHT",
+    "Axes",
+    "Block",
+    "Limits",
+    "corner_speed",
+    "corner_square",
+    "make_block",
+    "ramp_time",
+]
 
 Axes = tuple[float, float, float, float]
 """One number for each of x, y, z, e."""

@@ -13,6 +13,8 @@ _BLOCKS = {"marlin": 16, "klipper": 1000}
 
 def limits_of(printer: Printer) -> Limits:
     """What the firmware of this printer obeys: speeds mm/s, accelerations mm/s²."""
+    # Klipper has one acceleration for printing and travelling.
+    travel = printer.acceleration if printer.flavour == "klipper" else printer.travel_acceleration
     return Limits(
         max_speed=(printer.max_speed_x, printer.max_speed_y, printer.max_speed_z, printer.max_speed_e),
         max_acceleration=(
@@ -22,7 +24,7 @@ def limits_of(printer: Printer) -> Limits:
             printer.max_acceleration_e,
         ),
         acceleration=printer.acceleration,
-        travel_acceleration=printer.travel_acceleration,
+        travel_acceleration=travel,
         retract_acceleration=printer.retract_acceleration,
         corner=printer.corner,
         junction_deviation=printer.junction_deviation,

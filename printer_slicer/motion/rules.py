@@ -31,7 +31,7 @@ from printer_slicer.motion.blocks import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["Axes", "Block", "Limits", "Lookahead", "corner_speed", "make_block", "plan", "ramp_time"]
+__all__ = ["SAME", "Axes", "Block", "Limits", "Lookahead", "corner_speed", "make_block", "plan", "ramp_time"]
 
 SAME: Final = 1 - 1e-9
 """Squared speeds closer than this are equal; rounding shall not decide whether a block can also brake."""

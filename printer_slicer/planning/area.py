@@ -107,10 +107,8 @@ def _stretches(mesh: Mesh, steps: Steps, thick: int, settings: AreaPlanner) -> t
     constant everywhere between them. Only stretches near a pair of equal areas half a thick layer apart are looked at:
     no run of constant area with room for a thick layer is without such a pair.
     """
-    level = np.unique(
-        np.clip(np.round(np.unique(mesh.triangles[:, :, 2]) / steps.size), 0, steps.part).astype(np.int64)
-    )
-    level = np.union1d(level, [0, steps.part])
+    at = np.clip(np.rint(mesh.triangles[:, :, 2] / steps.size), 0, steps.part).astype(np.int64).ravel()
+    level = np.flatnonzero(np.bincount(np.append(at, [0, steps.part])))
     pitch = thick / 2
     planes = np.asarray(np.arange(0.5, steps.part / pitch) * (pitch * steps.size), dtype=np.float64)
     coarse = section_areas(mesh.triangles, planes)

@@ -30,6 +30,7 @@ __all__ = [
     "DEFAULT_NAMES",
     "KINDS",
     "load_profile",
+    "part_settings",
     "profile_paths",
     "profile_root",
     "profile_with",
@@ -117,6 +118,15 @@ def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
     for kind in KINDS:
         for path, value in _flatten(msgspec.to_builtins(getattr(profile, kind))):
             yield f"{kind}.{path}", value
+
+
+def part_settings(kind: str, name: str) -> dict[str, object]:
+    """All settings of one part of a profile as it is used, with what it inherits and the defaults: key -> value.
+
+    Raises:
+        ProfileError: no such part, or it has a fault of its own.
+    """
+    return dict(_flatten(msgspec.to_builtins(_convert(kind, _read_chain(kind, name, ())))))
 
 
 def settings_table() -> Iterator[tuple[str, str, str, str, str, str]]:

@@ -173,7 +173,7 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_angle_deg: Annotated[float, _meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
     infill_overlap: Annotated[
         float, _meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
-    ] = 0.15
+    ] = 0.08
     skirt_loops: Annotated[int, _meta("loops around the part on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
     brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0

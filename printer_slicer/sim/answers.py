@@ -229,10 +229,10 @@ def tool(board: Board, command: Command) -> None:
 
 
 def _ask_person(board: Board, command: Command) -> Steps:
-    """M0 and M1: wait for M108 or for the time given."""
+    """M0 and M1: wait for M108, for the time given, or for the person of this machine."""
     yield from board.drained()
     seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
-    until = board.now + seconds if seconds > 0.0 else inf
+    until = board.now + (seconds if seconds > 0.0 else board.machine.person_seconds)
     board.waiting, board.busy_with = True, "paused for user"
     while board.waiting and board.now < until:
         yield until

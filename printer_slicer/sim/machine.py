@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 from typing import TYPE_CHECKING
 
 from printer_slicer.motion.rules import Axes, Limits
@@ -60,6 +61,7 @@ class Machine:
         filament_diameter: mm.
         probe_points: how many points G29 touches; 0 = no probe, so that G29 is unknown.
         probe_seconds: s per point.
+        person_seconds: s until a person presses the button that M0 and M1 wait for; infinity: nobody is there.
         first_move_delay: s that a standing machine waits for a third move before it starts.
     """
 
@@ -78,6 +80,7 @@ class Machine:
     filament_diameter: float = 1.75
     probe_points: int = 0
     probe_seconds: float = 3.0
+    person_seconds: float = inf
     first_move_delay: float = 0.1
 
 

@@ -6,9 +6,9 @@ business.
 
 from __future__ import annotations
 
-from math import atan2, ceil, cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.rules import Axes, Block, make_block
 from printer_slicer.sim.machine import AXES
 
@@ -23,11 +23,6 @@ __all__ = ["STOP_SECONDS", "TABLE", "straight"]
 
 STOP_SECONDS: Final = 1.0
 """s after M410 in which Marlin takes no moves."""
-
-LONGEST_CHORD: Final = 1.0
-SHORTEST_CHORD: Final = 0.1
-CHORDS_PER_TURN: Final = 72
-"""An arc becomes chords of a 72nd of a turn, but within 0.1 and 1 mm: Marlin's defaults."""
 
 
 def straight(board: Board, words: Sequence[str | float | None]) -> Steps | None:
@@ -143,45 +138,17 @@ def _arc(board: Board, command: Command) -> Steps | None:
         board.say("Error:G2/G3 bad parameters")
         board.violated("arc without a centre")
         return None
-    return _chords(board, _arc_points(start, goal, centre, clockwise=command.code == "G2"))
+    return _chords(board, arc_points(start, goal, centre, clockwise=command.code == "G2"))
 
 
 def _centre(board: Board, command: Command, goal: Axes) -> tuple[float, float] | None:
     """Centre of the arc from the present position to `goal`, mm; None when the words do not give one."""
-    x, y = board.position[:2]
+    start = board.position[0], board.position[1]
     radius = command.value("R")
     if radius is None:
-        i, j = (command.value("I") or 0.0) * board.unit, (command.value("J") or 0.0) * board.unit
-        return (x + i, y + j) if i or j else None
-    radius *= board.unit
-    dx, dy = goal[0] - x, goal[1] - y
-    chord = hypot(dx, dy)
-    if chord == 0.0 or radius == 0.0:
-        return None
-    # The centre lies on the perpendicular of the chord; a negative radius asks for the longer way round.
-    height = sqrt(max(radius * radius - chord * chord / 4.0, 0.0))
-    side = height / chord * (1.0 if (command.code == "G2") == (radius < 0.0) else -1.0)
-    return x + dx / 2.0 - dy * side, y + dy / 2.0 + dx * side
-
-
-def _arc_points(start: Axes, goal: Axes, centre: tuple[float, float], *, clockwise: bool) -> Iterator[Axes]:
-    """Ends of the chords; a start that is also the end makes a full circle."""
-    ax, ay = start[0] - centre[0], start[1] - centre[1]
-    radius = hypot(ax, ay)
-    begin = atan2(ay, ax)
-    sweep = (atan2(goal[1] - centre[1], goal[0] - centre[0]) - begin) % (2.0 * pi)
-    if clockwise:
-        sweep -= 2.0 * pi
-    if sweep == 0.0:
-        sweep = 2.0 * pi
-    chord = min(max(radius * 2.0 * pi / CHORDS_PER_TURN, SHORTEST_CHORD), LONGEST_CHORD)
-    pieces = max(1, ceil(radius * abs(sweep) / chord))
-    for piece in range(1, pieces):
-        share = piece / pieces
-        angle = begin + share * sweep
-        z, e = (start[k] + share * (goal[k] - start[k]) for k in (2, 3))
-        yield centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), z, e
-    yield goal
+        i, j = (command.value(letter) or 0.0 for letter in "IJ")
+        return centre_by_offset(start, i * board.unit, j * board.unit)
+    return centre_by_radius(start, (goal[0], goal[1]), radius * board.unit, clockwise=command.code == "G2")
 
 
 def _chords(board: Board, points: Iterator[Axes]) -> Steps:

@@ -34,7 +34,7 @@ class Command:
     def __init__(self, text: str) -> None:
         match = _CODE.match(text)
         self.text = text
-        self.code = f"{match[1]}{match[2]}" if match else ""
+        self.code = f"{match[1]}{match[2].lstrip('0') or '0'}" if match else ""  # G01 is G1
         self.rest = text[match.end() :].strip() if match else ""
         self.words: dict[str, str] = dict(_WORD.findall(self.rest))
 

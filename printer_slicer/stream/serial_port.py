@@ -96,7 +96,7 @@ def open_port(address: str, baud: int = 115200) -> SerialPort:
         port = serial.serial_for_url(
             address, baudrate=baud, timeout=0, write_timeout=_WRITE_TIMEOUT, exclusive=exclusive
         )
-    except (serial.SerialException, OSError, ValueError) as error:
+    except (serial.SerialException, OSError, ValueError, TypeError) as error:
         raise _refused(address, error) from error
     # The usual 16 ms of a USB-UART would cost two thirds of the speed. Not every port has the switch.
     with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
@@ -177,6 +177,13 @@ def _refused(address: str, error: Exception) -> PortError:
         return PortError(f"{address} is in use by another program", remedy=remedy)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
         return PortError(f"there is no port {address}", remedy=_what_is_there(list_ports()))
+    if code == errno.ENOTTY or "Inappropriate ioctl" in str(error):
+        return PortError(f"{address} is not a serial port", remedy=_what_is_there(list_ports()))
+    if "://" in address:
+        remedy = "an address on the network is socket://HOST:PORT or rfc2217://HOST:PORT"
+        # pyserial passes on what goes wrong inside it when the number of the port is missing.
+        reason = "the port number is missing" if "NoneType" in str(error) else error
+        return PortError(f"{address} cannot be opened: {reason}", remedy=remedy)
     return PortError(f"{address} cannot be opened: {error}", remedy="look at the name and the speed")
 
 

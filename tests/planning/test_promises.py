@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ from tests.parts import (
     two_boxes,
 )
 
-VARIANTS: Final[Mapping[str, Mapping[str, object]]] = {
+VARIANTS: Final[Mapping[str, dict[str, Any]]] = {
     **{name: {"planner__kind": name} for name in PLANNERS},
     "area aligned": {"planner__kind": "area", "planner__aligned": True},
     "area guarded": {"planner__kind": "area", "planner__guarded": True},
@@ -54,7 +54,7 @@ PARTS = [
 each_planner = pytest.mark.parametrize("variant", VARIANTS)
 
 
-def chosen(variant: str, **changes: object) -> Profile:
+def chosen(variant: str, **changes: Any) -> Profile:
     return profile(**(VARIANTS[variant] | changes))
 
 

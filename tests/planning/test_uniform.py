@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +16,7 @@ from printer_slicer.planning.steps import fill
 from tests.parts import box, case_study, profile
 
 
-def planned(mesh: Mesh, **changes: object) -> LayerPlan:
+def planned(mesh: Mesh, **changes: Any) -> LayerPlan:
     return plan_layers(mesh, profile(**({"first_layer_height": 0} | changes)))
 
 

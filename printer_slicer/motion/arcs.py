@@ -1,0 +1,59 @@
+"""Arcs as firmware makes them: chords of a circle, so that simulated and modelled times agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import atan2, ceil, cos, hypot, pi, sin, sqrt
+from typing import Final
+
+from printer_slicer.motion.blocks import Axes
+
+__all__ = ["arc_points", "centre_by_offset", "centre_by_radius"]
+
+LONGEST_CHORD: Final = 1.0
+SHORTEST_CHORD: Final = 0.1
+CHORDS_PER_TURN: Final = 72
+"""An arc becomes chords of a 72nd of a turn, but within 0.1 and 1 mm: Marlin's defaults."""
+
+Place = tuple[float, float]
+"""x, y, mm."""
+
+
+def centre_by_offset(start: Place, i: float, j: float) -> Place | None:
+    """Centre that lies (i, j) mm from the start; None when both are 0."""
+    return (start[0] + i, start[1] + j) if i or j else None
+
+
+def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: bool) -> Place | None:
+    """Centre of the arc of `radius` mm from start to goal; a negative radius takes the longer way round.
+
+    None when start and goal are the same place or the radius is 0.
+    """
+    dx, dy = goal[0] - start[0], goal[1] - start[1]
+    chord = hypot(dx, dy)
+    if chord == 0.0 or radius == 0.0:
+        return None
+    # The centre lies on the perpendicular of the chord.
+    height = sqrt(max(radius * radius - chord * chord / 4.0, 0.0))
+    side = height / chord * (1.0 if clockwise == (radius < 0.0) else -1.0)
+    return start[0] + dx / 2.0 - dy * side, start[1] + dy / 2.0 + dx * side
+
+
+def arc_points(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> Iterator[Axes]:
+    """Ends of the chords; a start that is also the end makes a full circle."""
+    ax, ay = start[0] - centre[0], start[1] - centre[1]
+    radius = hypot(ax, ay)
+    begin = atan2(ay, ax)
+    sweep = (atan2(goal[1] - centre[1], goal[0] - centre[0]) - begin) % (2.0 * pi)
+    if clockwise:
+        sweep -= 2.0 * pi
+    if sweep == 0.0:
+        sweep = 2.0 * pi
+    chord = min(max(radius * 2.0 * pi / CHORDS_PER_TURN, SHORTEST_CHORD), LONGEST_CHORD)
+    pieces = max(1, ceil(radius * abs(sweep) / chord))
+    for piece in range(1, pieces):
+        share = piece / pieces
+        angle = begin + share * sweep
+        z, e = (start[k] + share * (goal[k] - start[k]) for k in (2, 3))
+        yield centre[0] + radius * cos(angle), centre[1] + radius * sin(angle), z, e
+    yield goal

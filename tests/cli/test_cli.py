@@ -1,0 +1,562 @@
+"""The contract of the command line: commands, flags, exit codes, and what goes to stdout and stderr."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, is_message, process, started, typed
+
+from printer_slicer.cli.parser import build_parser
+from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_table, settings_text
+
+COMMANDS = ("slice", "plan", "dry-run", "print", "sim", "ports", "profiles")
+MODEL_COMMANDS = (["slice"], ["plan"], ["dry-run"], ["print", "--port", "sim:"])
+
+
+def document(text: str) -> Any:
+    """The one JSON document that is all of the text; numbers that JSON does not know are refused."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def settings_of(gcode: Path) -> dict[str, str]:
+    """The settings that a G-code file ends with."""
+    lines = gcode.read_text(encoding="utf-8").partition("; settings\n")[2].splitlines()
+    return dict(line.removeprefix("; ").split(" = ", 1) for line in lines)
+
+
+# Help
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_every_command_shows_examples(command: str) -> None:
+    outcome = typed(command, "--help")
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert f"usage: printer-slicer {command}" in outcome.out
+    assert "examples:" in outcome.out
+    assert f"  printer-slicer {command}" in outcome.out.partition("examples:")[2]
+
+
+def test_the_help_of_the_program_names_all_commands_and_exit_codes() -> None:
+    outcome = typed("--help")
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert all(re.search(rf"(?m)^    {command} ", outcome.out) for command in COMMANDS)
+    assert all(
+        re.search(rf"\b{code} \w+", outcome.out.partition("exit codes:")[2]) for code in (0, 2, 3, 4, 5, 6, 7)
+    )
+
+
+def examples() -> Iterator[str]:
+    """Every command line that the help shows."""
+    for arguments in ([], *([command] for command in COMMANDS)):
+        for line in typed(*arguments, "--help").out.partition("examples:")[2].splitlines():
+            if line.startswith("  printer-slicer "):
+                yield re.split(r"  +|&", line.strip())[0]
+
+
+@pytest.mark.parametrize("example", sorted(set(examples())))
+def test_the_examples_of_the_help_can_be_typed(example: str) -> None:
+    parsed = build_parser().parse_args(shlex.split(example)[1:])
+
+    assert callable(parsed.run)
+    for kind in ("printer", "material", "quality"):
+        name = getattr(parsed, kind, None)
+        assert name is None or name in profile_paths(kind)
+
+
+@pytest.mark.parametrize(
+    ("command", "flags"),
+    [
+        ("slice", "-o --output --printer --material --quality --planner --set --json -q -v"),
+        ("plan", "--picture --printer --material --quality --planner --set --json -q -v"),
+        ("dry-run", "--printer --material --quality --planner --set --json -q -v"),
+        ("print", "--port --baud --printer --material --quality --planner --set --json -q -v"),
+        ("sim", "--pty --speed --report --printer --set --json -q -v"),
+        ("ports", "--json -q -v"),
+        ("profiles", "--json -q -v"),
+    ],
+)
+def test_scripts_can_rely_on_the_flags(command: str, flags: str) -> None:
+    words = re.findall(r"(?<![\w-])--?[a-z][a-z-]*", typed(command, "--help").out)
+
+    assert set(flags.split()) - set(words) == set()
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["melt"], ["slice"], ["print", "x.stl"], ["slice", "x.stl", "--colour"]]
+)
+def test_a_command_that_cannot_be_read_is_a_usage_error(arguments: list[str]) -> None:
+    outcome = typed(*arguments)
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "usage: printer-slicer" in outcome.err
+    assert "error: " in outcome.err
+
+
+def test_the_version_is_said() -> None:
+    outcome = typed("--version")
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert re.fullmatch(r"printer-slicer \d+\.\d+\.\d+\S*\n", outcome.out)
+
+
+def test_the_program_can_be_called_as_a_module(tmp_path: Path) -> None:
+    outcome = process("--help", cwd=tmp_path)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("usage: printer-slicer ")
+
+
+def test_a_refusal_of_the_module_ends_with_its_exit_code(tmp_path: Path) -> None:
+    outcome = process("slice", "nowhere.stl", cwd=tmp_path)
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert is_message(outcome, "nowhere.stl")
+
+
+# slice
+
+
+def test_slicing_writes_gcode_beside_the_model(tmp_path: Path) -> None:
+    model = tmp_path / "part.stl"
+    model.write_bytes(BOX.read_bytes())
+    outcome = typed("slice", model, *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert str(tmp_path / "part.gcode") in outcome.out
+    assert b"\nG28" in (tmp_path / "part.gcode").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["part.gcode", "part.stl"]
+
+
+def test_slicing_writes_where_it_is_told(tmp_path: Path) -> None:
+    outcome = typed("slice", BOX, "-o", "mine.gcode", *QUICK, cwd=tmp_path)
+
+    assert outcome.code == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.gcode"]
+
+
+def test_slicing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one.gcode", "two.gcode"):
+        assert typed("slice", BOX, "-o", tmp_path / name, *QUICK).code == 0
+
+    assert (tmp_path / "one.gcode").read_bytes() == (tmp_path / "two.gcode").read_bytes()
+
+
+def test_slicing_to_stdout_writes_the_gcode_and_nothing_else(tmp_path: Path) -> None:
+    typed("slice", BOX, "-o", tmp_path / "box.gcode", *QUICK)
+    outcome = typed("slice", BOX, "-o", "-", *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.encode() == (tmp_path / "box.gcode").read_bytes()
+
+
+def test_slicing_to_stdout_and_asking_for_json_does_not_mix_the_two(tmp_path: Path) -> None:
+    outcome = typed("slice", BOX, "-o", "-", "--json", *QUICK)
+
+    if outcome.code == 0:
+        document(outcome.out)
+    else:
+        assert outcome.code == 2
+        assert is_message(outcome, "-o -", "--json")
+
+
+def test_slicing_tells_layers_time_and_filament_as_json(tmp_path: Path) -> None:
+    outcome = typed("slice", BOX, "-o", tmp_path / "box.gcode", "--json", *QUICK)
+    facts = document(outcome.out)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert facts["output"] == str(tmp_path / "box.gcode")
+    assert facts["layers"] == sum(count for count, _ in facts["heights"])
+    assert facts["planner"] == "uniform"
+    assert facts["seconds"] > 60
+    assert facts["filament_mm"] > 100
+    assert facts["open_edges"] == 0
+
+
+def test_the_settings_of_the_flags_are_those_in_the_file(tmp_path: Path) -> None:
+    changes = {"infill_density": "0.3", "speeds.travel": "111", "printer.name": "mine"}
+    flags = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
+    names = ("--printer", "marlin_220_06", "--material", "petg", "--quality", "strong")
+    assert typed("slice", BOX, "-o", tmp_path / "box.gcode", *names, "--planner", "area", *flags).code == 0
+    wanted = load_profile("marlin_220_06", "petg", "strong", {**changes, "planner.kind": "area"})
+    written = settings_of(tmp_path / "box.gcode")
+
+    assert written == {key: str(value).replace("\n", "\\n") for key, value in settings_text(wanted)}
+    assert written["quality.planner.kind"] == "area"
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_planner_and_its_settings_can_be_given_in_any_order(order: int, tmp_path: Path) -> None:
+    pairs = [("--set", "planner.kind=area"), ("--set", "planner.tolerance=0.5")][::order]
+    outcome = typed(
+        "slice", BOX, "-o", tmp_path / "b.gcode", *QUICK, *(flag for pair in pairs for flag in pair)
+    )
+
+    assert outcome.code == 0, outcome.err
+    assert settings_of(tmp_path / "b.gcode")["quality.planner.tolerance"] == "0.5"
+
+
+def test_a_layer_can_be_drawn_while_slicing(tmp_path: Path) -> None:
+    picture = tmp_path / "layer.svg"
+    outcome = typed("slice", BOX, "-o", tmp_path / "b.gcode", "--picture", picture, "--layer", "3", *QUICK)
+
+    assert outcome.code == 0
+    assert "layer 3 of" in picture.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("number", [0, -1, 999])
+def test_a_layer_that_is_not_there_is_refused_before_anything_is_written(number: int, tmp_path: Path) -> None:
+    flags = ("--picture", tmp_path / "layer.svg", "--layer", number)
+    outcome = typed("slice", BOX, "-o", tmp_path / "b.gcode", *flags, *QUICK)
+
+    assert outcome.code == 2
+    assert is_message(outcome, "--layer", number)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_layer_without_beads_can_be_drawn(tmp_path: Path) -> None:
+    """The tip of a cone is narrower than a bead: its last layers stay empty."""
+    facts = document(typed("slice", PARTS / "cone.stl", "-o", tmp_path / "c.gcode", "--json", *QUICK).out)
+    flags = ("--picture", tmp_path / "tip.svg", "--layer", facts["layers"])
+    outcome = typed("slice", PARTS / "cone.stl", "-o", tmp_path / "c.gcode", *flags, *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert (tmp_path / "tip.svg").is_file()
+
+
+# plan
+
+
+def test_plans_are_compared_in_two_tables() -> None:
+    outcome = typed("plan", BOX, *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert re.search(r"Table 1.*\n.*vertices +36\n.*facets +12\n", outcome.out)
+    assert re.search(r"volume +4000\.0 mm3", outcome.out)
+    assert "Table 2" in outcome.out
+    for height in (0.08, 0.3, 0.32):
+        assert re.search(rf"(?m)^  uniform {height} mm +\d+ +\d", outcome.out)
+
+
+def test_plans_as_json_hold_every_layer() -> None:
+    flags = ("--printer", "marlin_220_06", "--quality", "case_study", "--json")
+    outcome = typed("plan", PARTS / "case_study.stl", *flags)
+    answer = document(outcome.out)
+    rows = {row["plan"]: row for row in answer["plans"]}
+    chosen = rows["area 0.1 to 0.4 mm"]
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert answer["part"]["size"] == [50, 50, 82.5]
+    assert len(answer["layers"]["top"]) == chosen["layers"] == 375
+    assert answer["layers"]["top"][-1] == 82.5
+    assert chosen["layers_saved"] == pytest.approx(1 - 375 / 825, abs=1e-3)
+    assert 0 < chosen["time_saved"] < 1
+
+
+@pytest.mark.parametrize("name", ["cone", "sheared_prism"])
+def test_every_part_can_be_planned(name: str, tmp_path: Path) -> None:
+    outcome = typed("plan", PARTS / f"{name}.stl", "--picture", tmp_path / "p.svg", "--json", *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert len(document(outcome.out)["plans"]) >= 2
+    assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg ")
+
+
+# dry-run
+
+
+def test_a_rehearsal_says_that_what_was_executed_is_what_was_sent() -> None:
+    outcome = typed("dry-run", BOX, *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "executed = sent" in outcome.out
+    assert "as planned" in outcome.out
+
+
+def test_a_rehearsal_as_json_is_one_document() -> None:
+    outcome = typed("dry-run", BOX, "--json", *QUICK)
+    verdict = document(outcome.out)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert verdict["ok"] is True
+    assert verdict["executed_equals_sent"] is True
+    assert verdict["heights_equal_plan"] is True
+    assert verdict["executed"] == verdict["commands"]
+    assert verdict["problems"] == []
+    assert set(verdict["planned"]) <= set(verdict["heights"])
+
+
+def test_a_rehearsal_of_a_file_that_fails_ends_with_7_and_still_gives_json(tmp_path: Path) -> None:
+    (tmp_path / "cold.gcode").write_text("G28\nG1 X5 E5 F3000\n", encoding="utf-8")
+    outcome = typed("dry-run", tmp_path / "cold.gcode", "--json", *QUICK)
+
+    assert outcome.code == 7
+    assert document(outcome.out)["ok"] is False
+    assert is_message(outcome, "cold.gcode")
+
+
+def test_numbers_that_json_does_not_know_never_leave_the_program(tmp_path: Path) -> None:
+    (tmp_path / "far.gcode").write_text("G28\nG1 X1e300 F3000\nG1 Xnan\n", encoding="utf-8")
+    outcome = typed("dry-run", tmp_path / "far.gcode", "--json", *QUICK)
+
+    assert outcome.code in {0, 2, 7}
+    if outcome.code != 2:
+        document(outcome.out)
+    if outcome.code:
+        assert is_message(outcome, "far.gcode")
+
+
+def test_a_sliced_file_rehearses_like_the_model(tmp_path: Path) -> None:
+    typed("slice", BOX, "-o", tmp_path / "box.gcode", *QUICK)
+    outcome = typed("dry-run", tmp_path / "box.gcode", "--json", *QUICK)
+    verdict = document(outcome.out)
+
+    assert outcome.code == 0
+    assert verdict["planned"] is None
+    assert verdict["heights"] == document(typed("dry-run", BOX, "--json", *QUICK).out)["heights"]
+
+
+# profiles and ports
+
+
+def test_profiles_lists_every_profile_and_the_defaults() -> None:
+    outcome = typed("profiles")
+
+    assert (outcome.code, outcome.err) == (0, "")
+    for kind, default in DEFAULT_NAMES.items():
+        assert f"--{kind}\n" in outcome.out
+        assert f"{default} (default)" in outcome.out
+        assert all(re.search(rf"(?m)^  {name}\b", outcome.out) for name in profile_paths(kind))
+
+
+def test_profiles_as_json_tells_where_the_files_are() -> None:
+    listed = document(typed("profiles", "--json").out)
+
+    assert listed == {
+        kind: {name: str(path) for name, path in profile_paths(kind).items()} for kind in DEFAULT_NAMES
+    }
+
+
+def test_profiles_lists_every_setting() -> None:
+    text = typed("profiles", "settings").out
+    rows = document(typed("profiles", "settings", "--json").out)
+
+    assert [row["key"] for row in rows] == [row[0] for row in settings_table()]
+    assert all(set(row) == {"key", "type", "unit", "bounds", "default", "meaning"} for row in rows)
+    assert all(row["key"] in text and row["meaning"] in text for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(kind, name) for kind in DEFAULT_NAMES for name in profile_paths(kind)]
+)
+def test_every_shipped_profile_can_be_shown(kind: str, name: str) -> None:
+    text, answer = typed("profiles", kind, name), typed("profiles", kind, name, "--json")
+
+    assert (text.code, text.err) == (0, "")
+    assert (answer.code, answer.err) == (0, "")
+    shown = document(answer.out)
+    assert shown["name"]
+    assert all(f"{key} = " in text.out for key in shown)
+
+
+@pytest.mark.parametrize("what", ["printer", "material", "quality"])
+def test_showing_a_profile_needs_its_name(what: str) -> None:
+    outcome = typed("profiles", what)
+
+    assert outcome.code == 2
+    assert is_message(outcome, what, "NAME")
+
+
+def test_showing_an_unknown_profile_lists_the_known_ones() -> None:
+    outcome = typed("profiles", "printer", "nobody")
+
+    assert outcome.code == 2
+    assert is_message(outcome, "nobody", "marlin_220")
+
+
+def test_ports_are_listed() -> None:
+    assert isinstance(document(typed("ports", "--json").out), list)
+    assert typed("ports").code == 0
+
+
+# quiet, progress, pipes
+
+
+@pytest.mark.parametrize("command", [*MODEL_COMMANDS, ["ports"], ["profiles"]], ids=lambda words: words[0])
+def test_quiet_says_nothing_on_success(command: list[str], tmp_path: Path) -> None:
+    model = [BOX, *QUICK] if command in MODEL_COMMANDS else []
+    target = ["-o", tmp_path / "b.gcode"] if command == ["slice"] else []
+
+    assert typed(command[0], *model, *command[1:], *target, "-q") == (0, "", "")
+
+
+@pytest.mark.parametrize("command", MODEL_COMMANDS, ids=lambda words: words[0])
+def test_quiet_still_says_what_is_wrong(command: list[str], tmp_path: Path) -> None:
+    outcome = typed(command[0], tmp_path / "nowhere.stl", *command[1:], "-q")
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert is_message(outcome, "nowhere.stl")
+
+
+@pytest.mark.parametrize("command", MODEL_COMMANDS, ids=lambda words: words[0])
+def test_there_is_no_progress_when_stderr_is_no_terminal(command: list[str], tmp_path: Path) -> None:
+    target = ["-o", tmp_path / "v.gcode"] if command == ["slice"] else []
+    outcome = typed(command[0], BOX, *command[1:], *target, *QUICK)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "\r" not in outcome.out
+    assert "\x1b" not in outcome.out
+
+
+WRITING = [
+    pytest.param(["profiles", "settings"], USUAL, id="text"),
+    pytest.param(["profiles", "settings", "--json"], NO_BUFFER, id="json"),
+    pytest.param(["slice", BOX, "-o", "-", *QUICK], USUAL, id="gcode"),
+]
+"""Commands that write much and little, with buffers and without."""
+
+
+@pytest.mark.parametrize(("command", "env"), WRITING)
+def test_a_reader_that_goes_away_is_no_failure(
+    command: list[object], env: dict[str, str], tmp_path: Path
+) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        outcome = process(*command, cwd=tmp_path, stdout=writer, env=env)
+    finally:
+        os.close(writer)
+
+    assert (outcome.code, outcome.err) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize(("command", "env"), WRITING)
+def test_a_stdout_that_takes_nothing_is_a_failure_with_a_message(
+    command: list[object], env: dict[str, str], tmp_path: Path
+) -> None:
+    with Path("/dev/full").open("wb") as full:
+        outcome = process(*command, cwd=tmp_path, stdout=full.fileno(), env=env)
+
+    assert outcome.code == 2
+    assert is_message(outcome, "No space left")
+
+
+def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
+    """Printing on the simulated printer with stderr on a terminal ends with a clean line."""
+    import pty
+
+    master, slave = pty.openpty()
+    with started("print", BOX, "--port", "sim:", *QUICK, cwd=tmp_path, stderr=slave) as running:
+        out, _ = running.communicate(timeout=30)
+    os.close(slave)
+    shown = read_all(master)
+
+    assert running.returncode == 0
+    assert b"executed = sent" in out
+    assert b"\r" not in out
+    assert b"%" in shown
+    assert shown.endswith((b"\x1b[2K", b"\x1b[?25h")), shown[-80:]
+
+
+def read_all(master: int) -> bytes:
+    """What is left in a pseudo-terminal whose other end is closed."""
+    text = b""
+    while True:
+        try:
+            piece = os.read(master, 65536)
+        except OSError:
+            piece = b""
+        if not piece:
+            os.close(master)
+            return text
+        text += piece
+
+
+def test_json_beats_the_terminal(tmp_path: Path) -> None:
+    import pty
+
+    master, slave = pty.openpty()
+    with started("dry-run", BOX, "--json", *QUICK, cwd=tmp_path, stderr=slave) as running:
+        out, _ = running.communicate(timeout=30)
+    os.close(slave)
+
+    assert document(out.decode())["ok"] is True
+    assert read_all(master) == b""
+
+
+@pytest.mark.parametrize(
+    "command", [["profiles", "settings"], ["profiles", "settings", "--json"], ["--help"]]
+)
+def test_a_terminal_without_degrees_and_cubes_is_served_too(command: list[str], tmp_path: Path) -> None:
+    outcome = process(*command, cwd=tmp_path, env={"PYTHONIOENCODING": "ascii"})
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.isascii()
+
+
+@pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="names are always Unicode there")
+@pytest.mark.parametrize("flag", ["-v", "--json"])
+def test_a_file_whose_name_is_no_text_is_sliced(flag: str, tmp_path: Path) -> None:
+    name = os.fsdecode(b"\xff.stl")
+    (tmp_path / name).write_bytes(BOX.read_bytes())
+    outcome = process("slice", name, flag, *QUICK, cwd=tmp_path, env={"PYTHONIOENCODING": "utf-8:strict"})
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert (tmp_path / os.fsdecode(b"\xff.gcode")).is_file()
+
+
+# sim
+
+
+def test_the_simulated_printer_refuses_a_name_that_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("mine", encoding="utf-8")
+    outcome = process("sim", "--pty", "taken", cwd=tmp_path)
+
+    assert outcome.code == 4
+    assert is_message(outcome, "taken")
+    assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
+
+
+def test_the_simulated_printer_refuses_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    outcome = process("sim", "--pty", "missing/printer", cwd=tmp_path)
+
+    assert outcome.code == 4
+    assert is_message(outcome, "missing/printer")
+
+
+@pytest.mark.parametrize("speed", ["-1", "nan", "-0.5"])
+def test_the_simulated_printer_refuses_a_speed_that_makes_no_sense(speed: str, tmp_path: Path) -> None:
+    with started("sim", "--pty", "printer", f"--speed={speed}", cwd=tmp_path) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"", "it serves"
+        _, err = running.communicate(timeout=10)
+
+    assert running.returncode == 2
+    assert b"--speed" in err
+
+
+def test_the_simulated_printer_refuses_a_report_that_cannot_be_written_before_it_serves(
+    tmp_path: Path,
+) -> None:
+    """At the end of a long print is too late to learn that the report has no place."""
+    with started("sim", "--pty", "printer", "--report", "missing/report.json", cwd=tmp_path) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"", "it serves"
+        _, err = running.communicate(timeout=10)
+
+    assert running.returncode == 2
+    assert b"missing/report.json" in err

@@ -1,0 +1,340 @@
+"""Printing by command: over the simulated port, over a pseudo-terminal, interrupted, halted, unplugged."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import sha256
+from pathlib import Path
+from threading import Event as Flag
+from threading import Thread
+from typing import Any
+
+import pytest
+import serial
+from command_line import BOX, NO_BUFFER, QUICK, USUAL, heard, is_message, started, typed
+
+from printer_slicer.jobs import commands_of
+from printer_slicer.profile import load_profile
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.pty_server import serve
+from printer_slicer.verdict import front_end_of, machine_of
+
+if sys.platform == "win32":
+    pytest.skip("there are no pseudo-terminals", allow_module_level=True)
+
+import pty
+import tty
+
+PRINTER = load_profile("marlin_220").printer
+DANCE = "".join(f";LAYER_CHANGE\nG1 X{10 + i % 7} Y{5 + i % 3} F600\nG1 X{20 + i % 5}\n" for i in range(2000))
+LONG = "M104 S200\nM140 S60\nG28\n" + DANCE
+"""Some seconds of real time at the speed at which the printer below runs."""
+
+
+@contextmanager
+def printer(link: Path, *, speed: float = 0) -> Iterator[list[str]]:
+    """A simulated printer under the name `link`; the list holds what it executes, as it does."""
+    ready, stop = Flag(), Flag()
+    executed: list[str] = []
+
+    def make() -> SimulatedPrinter:
+        return SimulatedPrinter(machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append)
+
+    thread = Thread(
+        target=lambda: serve(make, link, speed=speed, stop=stop.is_set, ready=lambda _: ready.set())
+    )
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield executed
+    finally:
+        stop.set()
+        thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def events(text: str) -> list[dict[str, Any]]:
+    """One event per line, each a JSON object with a name; numbers that JSON does not know are refused."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    found = [json.loads(line, parse_constant=refuse) for line in text.splitlines()]
+    assert all(isinstance(event["event"], str) for event in found)
+    return found
+
+
+def checkpoint_in(folder: Path) -> dict[str, Any]:
+    """The one checkpoint that was written."""
+    (path,) = folder.glob("*.checkpoint.json")
+    return dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def wishes(lines: list[str]) -> list[str]:
+    """What was executed of the job: not what the host asks on its own account."""
+    return [line for line in lines if not line.startswith(("M105", "M110", "M114", "M115", "M400"))]
+
+
+# The simulated port
+
+
+def test_printing_on_the_simulated_port_ends_with_a_verdict(tmp_path: Path) -> None:
+    outcome = typed("print", BOX, "--port", "sim:", *QUICK, cwd=tmp_path)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "executed = sent" in outcome.out
+    assert "heights, as planned" in outcome.out
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_printing_on_the_simulated_port_tells_events_as_json_lines(tmp_path: Path) -> None:
+    outcome = typed("print", BOX, "--port", "sim:", "--json", *QUICK, cwd=tmp_path)
+    told = events(outcome.out)
+    verdict, progress = told[-1], [event for event in told if event["event"] == "progress"]
+    plastic = [z for z in verdict["heights"] if z in verdict["planned"]]
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert verdict["event"] == "verdict"
+    assert verdict["ok"] is verdict["executed_equals_sent"] is verdict["heights_equal_plan"] is True
+    assert plastic == [round(z, 4) for z in verdict["planned"]]
+    assert [event["done"] for event in progress] == sorted({event["done"] for event in progress})
+    assert progress[-1]["done"] == progress[-1]["total"] == verdict["commands"]
+    assert {"temperature", "identified", "finished"} <= {event["event"] for event in told}
+    assert len(progress) <= 101
+
+
+def test_a_file_that_must_not_be_printed_ends_with_7_on_the_simulated_port(tmp_path: Path) -> None:
+    (tmp_path / "cold.gcode").write_text("G28\nG1 X5 E5 F3000\n", encoding="utf-8")
+    outcome = typed("print", "cold.gcode", "--port", "sim:", "--json", *QUICK, cwd=tmp_path)
+
+    assert outcome.code == 7
+    assert events(outcome.out)[-1]["ok"] is False
+    assert is_message(outcome, "cold.gcode")
+
+
+# A port
+
+
+def test_printing_a_part_on_a_served_printer_executes_it_once_and_in_order(tmp_path: Path) -> None:
+    with printer(tmp_path / "port") as executed:
+        outcome = typed("print", BOX, "--port", "port", "--json", *QUICK, cwd=tmp_path)
+    text = typed("slice", BOX, "-o", "-", *QUICK).out
+    told = events(outcome.out)
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert wishes(executed) == [command.decode() for command in commands_of(text.encode())[0]]
+    assert (told[-1]["event"], told[-1]["verified"]) == ("finished", True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: Path) -> None:
+    """Two processes, as people use them; the report of the one is compared with the file of the other."""
+    typed("slice", BOX, "-o", "box.gcode", *QUICK, cwd=tmp_path)
+    commands, _ = commands_of((tmp_path / "box.gcode").read_bytes())
+    flags = ("--pty", "port", "--speed", "0", "--report", "report.json", "--printer", "marlin_220")
+    with started("sim", *flags, cwd=tmp_path) as serving:
+        heard(serving, b"ends it")
+        outcome = typed("print", "box.gcode", "--port", "port", *QUICK, cwd=tmp_path)
+        serving.send_signal(signal.SIGTERM)
+        out, err = serving.communicate(timeout=20)
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert (serving.returncode, err) == (0, b"")
+    assert report["job_commands"] == len(commands)
+    assert report["job_digest"] == sha256(b"".join(command + b"\n" for command in commands)).hexdigest()
+    assert report["n_violations"] == 0
+    assert f"executed {len(commands)} commands".encode() in out
+    assert not (tmp_path / "port").is_symlink()
+
+
+def test_the_served_printer_ends_at_ctrl_c_too_and_tells_its_report_as_json(tmp_path: Path) -> None:
+    with started("sim", "--pty", "port", "--speed", "0", "--json", cwd=tmp_path) as serving:
+        appears(tmp_path / "port")
+        with serial.Serial(str(tmp_path / "port"), timeout=10.0) as port:
+            port.write(b"M105\n")
+            while not port.readline().startswith(b"ok"):
+                assert serving.poll() is None
+        serving.send_signal(signal.SIGINT)
+        out, err = serving.communicate(timeout=20)
+
+    assert (serving.returncode, err) == (0, b"")
+    assert json.loads(out)["job_commands"] == 0
+
+
+def appears(path: Path, timeout: float = 10.0) -> None:
+    """Wait until there is such a file; asks again whenever a short timeout has passed."""
+    left = round(timeout / 0.02)
+    while not path.exists():
+        select.select([], [], [], 0.02)
+        left -= 1
+        assert left, f"{path} does not appear"
+
+
+def test_a_served_printer_that_is_terminated_early_still_ends_well(tmp_path: Path) -> None:
+    with started("sim", "--pty", "port", "-q", cwd=tmp_path) as serving:
+        appears(tmp_path / "port")
+        serving.terminate()
+        out, err = serving.communicate(timeout=20)
+
+    assert (serving.returncode, out, err) == (0, b"", b"")
+    assert not (tmp_path / "port").is_symlink()
+
+
+def test_a_port_that_somebody_else_prints_on_is_a_port_error(tmp_path: Path) -> None:
+    with printer(tmp_path / "port"), serial.Serial(str(tmp_path / "port"), exclusive=True):
+        outcome = typed("print", BOX, "--port", "port", "-q", *QUICK, cwd=tmp_path)
+
+    assert outcome.code == 4
+    assert is_message(outcome, "port is in use", "close the other program")
+
+
+# Not to the end
+
+
+def test_what_a_printer_says_never_controls_the_terminal(tmp_path: Path) -> None:
+    """The reason of a failure is text from outside; its escape codes must not reach the terminal."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+
+    def halt() -> None:
+        assert select.select([master], [], [], 10.0)[0], "nobody greets"
+        os.write(master, b"Error:\x1b]0;title\x07\x1b[2JPrinter halted. kill() called!\n")
+
+    thread = Thread(target=halt)
+    thread.start()
+    outcome = typed("print", BOX, "--port", os.ttyname(slave), "-q", *QUICK, cwd=tmp_path)
+    thread.join(10.0)
+    os.close(master)
+    os.close(slave)
+
+    assert outcome.code == 5
+    assert is_message(outcome, "box.stl", "halted")
+
+
+def test_a_printer_that_halts_ends_the_print_with_5_and_a_checkpoint(tmp_path: Path) -> None:
+    (tmp_path / "job.gcode").write_text("G28\n" + DANCE[:4000] + "\nM112\n" + DANCE, encoding="utf-8")
+    with printer(tmp_path / "port"):
+        outcome = typed("print", "job.gcode", "--port", "port", *QUICK, cwd=tmp_path)
+    checkpoint = checkpoint_in(tmp_path)
+
+    assert outcome.code == 5
+    assert is_message(
+        outcome, "job.gcode", "halted", "job.checkpoint.json", f"after {checkpoint['acknowledged']} of"
+    )
+    assert 0 < checkpoint["acknowledged"] < checkpoint["commands"]
+    assert checkpoint["layer"] > 0
+    assert "halted" in checkpoint["reason"]
+
+
+def test_a_port_that_vanishes_ends_the_print_with_5_and_a_checkpoint(tmp_path: Path) -> None:
+    (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
+    with started("sim", "--pty", "port", "--speed", "0", cwd=tmp_path) as serving:
+        heard(serving, b"ends it")
+        with started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing:
+            said = heard(printing, b'"event": "progress"')
+            serving.kill()  # as pulling the plug: nobody says goodbye
+            out, err = printing.communicate(timeout=20)
+    checkpoint = checkpoint_in(tmp_path)
+
+    assert printing.returncode == 5, err
+    assert b"Traceback" not in err
+    assert f"after {checkpoint['acknowledged']} of {checkpoint['commands']} commands" in err.decode()
+    assert b"cable" in err
+    assert 0 < checkpoint["acknowledged"] < checkpoint["commands"]
+    assert events((said + out).decode())
+
+
+@pytest.mark.parametrize("env", [USUAL, NO_BUFFER], ids=["buffered", "unbuffered"])
+def test_ctrl_c_ends_the_print_with_6_and_turns_the_heaters_off(env: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
+    flags = ("--json", *QUICK)
+    with (
+        printer(tmp_path / "port", speed=100) as executed,
+        started("print", "job.gcode", "--port", "port", *flags, cwd=tmp_path, env=env) as printing,
+    ):
+        said = heard(printing, b'"layer": 2')
+        printing.send_signal(signal.SIGINT)
+        out, err = printing.communicate(timeout=20)
+    commands = [command.decode() for command in commands_of(LONG.encode())[0]]
+    checkpoint = checkpoint_in(tmp_path)
+    done, lines = checkpoint["acknowledged"], wishes(executed)
+
+    assert printing.returncode == 6, err
+    assert b"Traceback" not in err
+    assert f"after {done} of {len(commands)} commands, in layer {checkpoint['layer']}" in err.decode()
+    assert b"job.checkpoint.json" in err
+    assert 3 < done < len(commands)
+    assert lines[:done] == commands[:done]
+    assert {"M104 S0", "M140 S0"} <= set(lines[done:])
+    assert not set(lines[done:]) & set(commands)
+    assert events((said + out).decode())[-1]["event"] == "finished"
+
+
+def test_ctrl_c_before_the_printer_answers_is_a_cancelled_print(tmp_path: Path) -> None:
+    (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    with started("print", "job.gcode", "--port", os.ttyname(slave), *QUICK, cwd=tmp_path) as printing:
+        assert select.select([master], [], [], 20.0)[0], "it never greets"
+        printing.send_signal(signal.SIGINT)
+        _, err = printing.communicate(timeout=20)
+    os.close(master)
+    os.close(slave)
+
+    assert printing.returncode == 6, err
+    assert b"Traceback" not in err
+
+
+def test_sigterm_does_not_leave_the_heaters_on(tmp_path: Path) -> None:
+    """A computer that shuts down says SIGTERM: a print must not end with a hot nozzle in the part."""
+    (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
+    with (
+        printer(tmp_path / "port", speed=100) as executed,
+        started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing,
+    ):
+        heard(printing, b'"event": "progress"')
+        printing.terminate()
+        printing.communicate(timeout=20)
+
+    assert printing.returncode == 6
+    assert {"M104 S0", "M140 S0"} <= set(executed)
+
+
+def test_a_reader_of_events_that_goes_away_does_not_leave_the_heaters_on(tmp_path: Path) -> None:
+    """`print --json | head -5` must either go on to the end or stop in good order, and never look like success."""
+    (tmp_path / "job.gcode").write_text("M104 S200\nM140 S60\nG28\n" + DANCE[:20_000], encoding="utf-8")
+    commands = [command.decode() for command in commands_of((tmp_path / "job.gcode").read_bytes())[0]]
+    with (
+        printer(tmp_path / "port") as executed,
+        started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing,
+    ):
+        heard(printing, b"\n")
+        assert printing.stdout is not None
+        printing.stdout.close()
+        assert printing.stderr is not None
+        err = printing.stderr.read()
+        printing.wait(20)
+    complete = wishes(executed) == commands
+
+    assert b"Traceback" not in err
+    assert b"Exception ignored" not in err
+    assert complete or {"M104 S0", "M140 S0"} <= set(executed)
+    assert complete or printing.returncode not in {0, None}
+
+
+def test_a_checkpoint_of_an_earlier_failure_is_gone_after_a_good_print(tmp_path: Path) -> None:
+    """Else the next person takes a finished print for one to be looked after."""
+    (tmp_path / "job.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
+    (tmp_path / "job.checkpoint.json").write_text("{}\n", encoding="utf-8")
+    with printer(tmp_path / "port"):
+        outcome = typed("print", "job.gcode", "--port", "port", *QUICK, cwd=tmp_path)
+
+    assert outcome.code == 0
+    assert not (tmp_path / "job.checkpoint.json").exists()

@@ -1,0 +1,30 @@
+"""The golden file: a box of 10 x 10 x 0.8 in three layers, one of them sparse, with settings of its own.
+
+    python -m tests.golden.make
+
+writes it again. Look at the difference before keeping it: every changed line is a change in what is printed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.profile import load_profile
+from tests.parts import box
+
+__all__ = ["FILE", "made"]
+
+FOLDER = Path(__file__).parent
+FILE = FOLDER / "box.gcode"
+
+
+def made() -> bytes:
+    """The text as the package makes it now."""
+    printer, material, quality = (str(FOLDER / f"{kind}.toml") for kind in ("printer", "material", "quality"))
+    profile = load_profile(printer, material, quality)
+    return gcode_of(slice_part(box((10, 10, 0.8)), profile), profile)
+
+
+if __name__ == "__main__":
+    FILE.write_bytes(made())

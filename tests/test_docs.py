@@ -1,0 +1,29 @@
+"""The documents say what the code does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from printer_slicer.planning import PLANNERS
+from printer_slicer.stream.states import TRANSITIONS
+
+DOCS = Path(__file__).parent.parent / "docs"
+
+
+def test_the_table_of_states_is_the_one_in_the_code() -> None:
+    written = (
+        DOCS.joinpath("wire.md").read_text().partition("<!-- states -->\n")[2].partition("<!-- end -->")[0]
+    )
+    coded = [
+        f"| {state.value} | {trigger.value} | {after.value} |"
+        for state, ways in TRANSITIONS.items()
+        for trigger, after in ways.items()
+    ]
+
+    assert written.splitlines()[2:] == coded
+
+
+def test_every_planner_has_a_row_in_the_table_of_planners() -> None:
+    text = DOCS.joinpath("layer-planning.md").read_text()
+
+    assert [name for name in PLANNERS if f"| `{name}` |" not in text] == []
