@@ -23,7 +23,7 @@ __all__ = ["HERE", "SAMPLES", "WORK", "Cost", "RunError", "machine_note", "ours"
 
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "sample_parts"
-WORK = HERE / "work"
+WORK = HERE / "made"
 """Folder for files that the benchmarks make; not under version control."""
 
 _PER_MIB = 2**20 if sys.platform == "darwin" else 2**10  # ru_maxrss is in bytes there and in KiB elsewhere

@@ -51,6 +51,11 @@ def test_a_last_line_without_a_line_break_counts() -> None:
     assert commands_of(b"G28\nG1 X5")[0] == [b"G28", b"G1 X5"]
 
 
+@pytest.mark.parametrize("first", ["G28\n", "; made by an editor\nG28\n"])
+def test_the_mark_that_editors_put_in_front_of_utf8_is_no_command(first: str) -> None:
+    assert commands_of(first.encode("utf-8-sig")) == commands_of(first.encode())
+
+
 def test_an_empty_text_has_no_commands() -> None:
     assert commands_of(b"") == ([], {})
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import NamedTemporaryFile
+from threading import Lock, Timer
 from typing import TYPE_CHECKING
 
 from printer_slicer.errors import OutputError, UsageError
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Stages", "check_writable", "profile_from", "say", "stages", "visible", "write_file"]
 
-_PATIENCE = 1.0  # s before a progress line appears
+_PATIENCE = 1.0  # s before a progress bar appears
+_STAGES = 10  # from loading to writing
 
 
 def profile_from(arguments: argparse.Namespace) -> Profile:
@@ -63,21 +65,64 @@ Stages = Callable[[str], None]
 
 @contextmanager
 def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
-    """Says which stage the work is in, once it takes longer than a second; nothing when stderr is no terminal."""
+    """Says which stage the work is in: a bar once it takes longer than a second, on a terminal only.
+
+    With --verbose every stage is a line on stderr, with the seconds since the beginning.
+    """
     begun = time.monotonic()
-    shown: list[int] = []
 
-    def report(stage: str) -> None:
-        if time.monotonic() - begun > _PATIENCE:
-            print(f"\r\x1b[2K{stage} ...", end="", file=sys.stderr, flush=True)
-            shown.append(1)
+    def tell(stage: str) -> None:
+        print(f"{time.monotonic() - begun:8.3f} s  {stage}", file=sys.stderr)
 
-    quiet = arguments.quiet or not sys.stderr.isatty()
-    try:
-        yield (lambda _stage: None) if quiet else report
-    finally:
-        if shown:
-            print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
+    if arguments.verbose and not arguments.quiet:
+        yield tell
+    elif arguments.quiet or not sys.stderr.isatty():
+        yield lambda _stage: None
+    else:
+        bar = _LateBar()
+        try:
+            yield bar.report
+        finally:
+            bar.close()
+
+
+class _LateBar:
+    """A progress bar over the stages that appears when the work turns out to be long."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._stage, self._done = "", -1
+        self._show: Callable[[], object] | None = None
+        self._stop: Callable[[], object] | None = None
+        self._timer = Timer(_PATIENCE, self._open)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def report(self, stage: str) -> None:
+        """A stage begins."""
+        with self._lock:
+            self._stage, self._done = stage, self._done + 1
+            if self._show:
+                self._show()
+
+    def close(self) -> None:
+        """The work is done."""
+        self._timer.cancel()
+        with self._lock:
+            if self._stop:
+                self._stop()
+
+    def _open(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
+        bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        with self._lock:
+            task = bar.add_task(self._stage, total=_STAGES, completed=max(self._done, 0))
+            bar.start()
+            self._stop = bar.stop
+            self._show = lambda: bar.update(task, description=self._stage, completed=self._done)
 
 
 def check_writable(path: Path) -> None:

@@ -354,6 +354,25 @@ def test_a_link_to_the_output_stays_a_link(tmp_path: Path) -> None:
     assert real.read_text(encoding="utf-8").startswith("; generated")
 
 
+def test_a_link_that_leads_to_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "loop.gcode").symlink_to("loop.gcode")
+
+    refused(typed("slice", BOX, "-o", tmp_path / "loop.gcode", *QUICK), 2, "loop.gcode")
+    assert [path.name for path in tmp_path.iterdir()] == ["loop.gcode"]
+
+
+def test_an_output_gets_the_usual_permissions_and_keeps_those_it_has(tmp_path: Path) -> None:
+    new, old, usual = tmp_path / "new.gcode", tmp_path / "old.gcode", tmp_path / "usual"
+    usual.touch()
+    old.touch()
+    old.chmod(0o640)
+    for output in (new, old):
+        assert typed("slice", BOX, "-o", output, *QUICK).code == 0
+
+    assert new.stat().st_mode == usual.stat().st_mode
+    assert old.stat().st_mode & 0o777 == 0o640
+
+
 def test_the_model_is_never_overwritten_by_its_own_gcode(tmp_path: Path) -> None:
     model = tmp_path / "part.stl"
     model.write_bytes(GOOD)
@@ -461,6 +480,21 @@ def test_what_a_file_holds_never_controls_the_terminal(tmp_path: Path) -> None:
     assert outcome.code in {2, 7}
     assert is_message(outcome, "evil.gcode")
     assert "\x1b" not in outcome.out
+
+
+@pytest.mark.parametrize("command", [["dry-run"], ["print", "--port", "sim:"]], ids=lambda words: words[0])
+def test_gcode_is_not_refused_because_of_settings_that_only_slicing_needs(
+    command: list[str], tmp_path: Path
+) -> None:
+    """The file is ready: that the default quality does not suit a fine nozzle plays no role."""
+    fine = (
+        'inherits = "marlin_220"\nname = "fine"\nnozzle_diameter = 0.2\nmin_layer = 0.04\nmax_layer = 0.14\n'
+    )
+    (tmp_path / "fine.toml").write_text(fine, encoding="utf-8")
+    (tmp_path / "x.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
+    outcome = typed(command[0], "x.gcode", *command[1:], "--printer", "fine.toml", cwd=tmp_path)
+
+    assert (outcome.code, outcome.err) == (0, "")
 
 
 def test_gcode_cannot_be_sliced(tmp_path: Path) -> None:

@@ -275,6 +275,16 @@ def test_every_part_can_be_planned(name: str, tmp_path: Path) -> None:
     assert (tmp_path / "p.svg").read_text(encoding="utf-8").startswith("<svg ")
 
 
+def test_a_picture_on_stdout_is_not_mixed_with_json(tmp_path: Path) -> None:
+    outcome = typed("plan", BOX, "--picture", "-", "--json", *QUICK, cwd=tmp_path)
+
+    if outcome.code == 0:
+        document(outcome.out)
+    else:
+        assert outcome.code == 2
+        assert is_message(outcome, "--picture -")
+
+
 # dry-run
 
 
@@ -421,6 +431,22 @@ def test_there_is_no_progress_when_stderr_is_no_terminal(command: list[str], tmp
     assert "\x1b" not in outcome.out
 
 
+@pytest.mark.parametrize("command", MODEL_COMMANDS, ids=lambda words: words[0])
+def test_verbose_says_more_on_stderr_and_the_same_on_stdout(command: list[str], tmp_path: Path) -> None:
+    words = [
+        command[0],
+        BOX,
+        *command[1:],
+        *QUICK,
+        *(["-o", tmp_path / "v.gcode"] if command == ["slice"] else []),
+    ]
+    usual, more = typed(*words), typed(*words, "-v")
+
+    assert (more.code, more.out) == (usual.code, usual.out) == (0, usual.out)
+    assert more.err
+    assert "\x1b" not in more.err
+
+
 WRITING = [
     pytest.param(["profiles", "settings"], USUAL, id="text"),
     pytest.param(["profiles", "settings", "--json"], NO_BUFFER, id="json"),
@@ -509,7 +535,7 @@ def test_a_terminal_without_degrees_and_cubes_is_served_too(command: list[str], 
 
 
 @pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="names are always Unicode there")
-@pytest.mark.parametrize("flag", ["-v", "--json"])
+@pytest.mark.parametrize("flag", ["--layer=1", "--json"], ids=["text", "json"])
 def test_a_file_whose_name_is_no_text_is_sliced(flag: str, tmp_path: Path) -> None:
     name = os.fsdecode(b"\xff.stl")
     (tmp_path / name).write_bytes(BOX.read_bytes())
@@ -529,6 +555,18 @@ def test_the_simulated_printer_refuses_a_name_that_is_taken(tmp_path: Path) -> N
     assert outcome.code == 4
     assert is_message(outcome, "taken")
     assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_printer_is_simulated_even_if_the_default_quality_does_not_suit_it(tmp_path: Path) -> None:
+    fine = (
+        'inherits = "marlin_220"\nname = "fine"\nnozzle_diameter = 0.2\nmin_layer = 0.04\nmax_layer = 0.14\n'
+    )
+    (tmp_path / "fine.toml").write_text(fine, encoding="utf-8")
+    with started("sim", "--pty", "printer", "--printer", "fine.toml", cwd=tmp_path) as running:
+        assert running.stdout is not None
+        said = running.stdout.readline()
+
+    assert b"simulated fine" in said
 
 
 def test_the_simulated_printer_refuses_a_folder_that_is_not_there(tmp_path: Path) -> None:
