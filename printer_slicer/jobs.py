@@ -23,6 +23,7 @@ __all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from"]
 
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
 _CONTROL = re.compile(rb"[\x00-\x1f]")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
@@ -143,7 +144,7 @@ def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
     commands: list[bytes] = []
     marks: dict[int, int] = {}
     layer = 0
-    for line in text.split(b"\n"):
+    for line in text.removeprefix(_BYTE_ORDER_MARK).split(b"\n"):
         _, _, comment = line.partition(b";")
         command = strip(line)
         if command:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -99,7 +99,8 @@ def print_job(
 def _forget(checkpoint: Path | None) -> None:
     """A print that came to its end leaves no checkpoint, nor that of an earlier try."""
     if checkpoint is not None:
-        checkpoint.unlink(missing_ok=True)
+        with suppress(OSError):  # the print is good all the same
+            checkpoint.unlink(missing_ok=True)
 
 
 def _finished(end: Finished | Halted, wishes: int, stopped: Callable[[str], str]) -> Finished:

@@ -24,8 +24,12 @@ _PATIENCE = 1.0  # s before a progress bar appears
 _STAGES = 10  # from loading to writing
 
 
-def profile_from(arguments: argparse.Namespace) -> Profile:
+def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profile:
     """The profile that --printer, --material, --quality, --planner and --set describe.
+
+    Args:
+        arguments: the command line.
+        slices: whether a part is sliced with it; what is only printed need not suit the quality.
 
     Raises:
         UsageError: a name or setting that does not exist or is out of bounds.
@@ -35,6 +39,8 @@ def profile_from(arguments: argparse.Namespace) -> Profile:
     changes: dict[str, object] = {}
     if getattr(arguments, "planner", None):
         changes["quality.planner.kind"] = arguments.planner
+    if getattr(arguments, "baud", None):
+        changes["printer.baud"] = arguments.baud
     for change in arguments.set:
         key, equals, value = change.partition("=")
         if not equals or not key.strip():
@@ -42,9 +48,8 @@ def profile_from(arguments: argparse.Namespace) -> Profile:
                 f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2"
             )
         changes[key.strip()] = value.strip()
-    return load_profile(
-        arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None), changes
-    )
+    names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
+    return load_profile(*names, changes, slices=slices)
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:
@@ -152,7 +157,7 @@ def write_file(path: Path, data: bytes) -> None:
     try:
         check_writable(path)
         _write(path.resolve(), data)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise OutputError(
             f"{path}: cannot be written: {reason}", remedy="check name, free space and permissions, or use -o"

@@ -30,6 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Slice a part with adaptive layer heights, export G-code, print it over USB, or dry-run it.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
@@ -87,6 +88,7 @@ def _command(
         description=meaning[0].upper() + meaning[1:] + ".",
         epilog=f"examples:\n{examples}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
-from printer_slicer.errors import VerificationError
+from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
-from printer_slicer.jobs import Job, job_from
+from printer_slicer.jobs import Job, is_gcode, job_from
 from printer_slicer.stream.events import Accepted, Event, Message, ResendAsked, Temperature
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ _SIMULATED = "sim:"
 
 def dry_run_command(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer and say what would happen."""
-    profile = profile_from(arguments)
+    profile = profile_from(arguments, slices=not is_gcode(arguments.model))
     with stages(arguments) as report:
         job = job_from(arguments.model, profile, report=report)
     verdict = _simulate(arguments, job, profile, events=False)
@@ -43,7 +43,7 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
 
 def print_command(arguments: argparse.Namespace) -> int:
     """Print over a port; `sim:` is the simulated printer in this process."""
-    profile = profile_from(arguments)
+    profile = profile_from(arguments, slices=not is_gcode(arguments.model))
     with stages(arguments) as report:
         job = job_from(arguments.model, profile, report=report)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
@@ -64,9 +64,7 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
 
     checkpoint = Path(f"{arguments.model.stem}.checkpoint.json")
     with _progress(arguments, job, events=True) as tell:
-        done = print_job(
-            job, profile, arguments.port, baud=arguments.baud, on_event=tell, checkpoint=checkpoint
-        )
+        done = print_job(job, profile, arguments.port, on_event=tell, checkpoint=checkpoint)
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
     if arguments.json:
         print(json.dumps({"event": "finished", **asdict(done)}))
@@ -215,7 +213,9 @@ def sim_command(arguments: argparse.Namespace) -> int:
     from printer_slicer.sim.pty_server import serve
     from printer_slicer.verdict import Comparison, front_end_of, machine_of
 
-    printer = profile_from(arguments).printer
+    printer = profile_from(arguments, slices=False).printer
+    if arguments.report and arguments.json and str(arguments.report) == "-":
+        raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
     if arguments.report:
         check_writable(arguments.report)
     comparison = Comparison()

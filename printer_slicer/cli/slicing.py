@@ -35,10 +35,7 @@ _MOST_RUNS = 6  # stretches of equal height shown per plan
 def slice_command(arguments: argparse.Namespace) -> int:
     """Slice a model and write the G-code."""
     profile = profile_from(arguments)
-    if arguments.json and str(arguments.output) == "-":
-        raise UsageError(
-            "-o - and --json both want stdout", remedy="write the G-code to a file, or leave --json out"
-        )
+    _refuse_mixing(arguments)
     with stages(arguments) as report:
         report("loading")
         mesh = load_mesh(arguments.model)
@@ -63,6 +60,15 @@ def slice_command(arguments: argparse.Namespace) -> int:
     elif str(output) != "-":
         _tell(arguments, output, facts)
     return 0
+
+
+def _refuse_mixing(arguments: argparse.Namespace) -> None:
+    """Only one thing can go to stdout."""
+    wants = {"-o": getattr(arguments, "output", None), "--picture": arguments.picture}
+    there = [f"{flag} -" for flag, path in wants.items() if str(path) == "-"]
+    there += ["--json"] if arguments.json else []
+    if len(there) > 1:
+        raise UsageError(f"{' and '.join(there)} both want stdout", remedy="write one of them to a file")
 
 
 def _refuse_same(output: Path, model: Path) -> None:
@@ -98,6 +104,13 @@ def _tell(arguments: argparse.Namespace, output: Path, facts: dict[str, object])
         f"  {spoken(float(str(facts['seconds'])))} of printing, {float(str(facts['filament_mm'])) / 1000:.2f} m"
         f" of filament, {facts['filament_g']} g",
     )
+    if facts["planner"] != "uniform" and any(
+        change.removeprefix("quality.").startswith("layer_height") for change in arguments.set
+    ):
+        say(
+            arguments,
+            f"  layer_height has no effect: planner {facts['planner']} chooses heights; see --planner uniform",
+        )
     if facts["empty_layers"]:
         say(arguments, f"  {facts['empty_layers']} layers stay empty: the part is narrower than a bead there")
     if float(str(facts["lost_mm3"])) > _WORTH_SAYING * float(str(facts["volume_mm3"])):
@@ -119,6 +132,7 @@ def _draw_layer(program: Program, number: int, path: Path) -> None:
 
 def plan_command(arguments: argparse.Namespace) -> int:
     """Compare the chosen layer plan with uniform ones: the tables of the paper for any part."""
+    _refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
         report("loading")

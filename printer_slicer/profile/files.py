@@ -78,6 +78,8 @@ def load_profile(
     material: str | None = None,
     quality: str | None = None,
     changes: Mapping[str, object] | None = None,
+    *,
+    slices: bool = True,
 ) -> Profile:
     """The profile made of three parts and some changes.
 
@@ -86,13 +88,14 @@ def load_profile(
         material: likewise.
         quality: likewise.
         changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type.
+        slices: whether parts are sliced with it, so that printer, material and quality must suit each other.
 
     Raises:
         ProfileError: naming file, key and bound.
     """
     asked = {"printer": printer, "material": material, "quality": quality}
     sources = {kind: _read_chain(kind, name or DEFAULT_NAMES[kind], ()) for kind, name in asked.items()}
-    return _build(_changed(sources, changes or {}))
+    return _build(_changed(sources, changes or {}), slices=slices)
 
 
 def _changed(sources: dict[str, _Source], changes: Mapping[str, object]) -> dict[str, _Source]:
@@ -295,11 +298,11 @@ def _resolve(sources: Mapping[str, _Source], key: str) -> tuple[str, str]:
     )
 
 
-def _build(sources: Mapping[str, _Source]) -> Profile:
+def _build(sources: Mapping[str, _Source], *, slices: bool = True) -> Profile:
     """The checked profile."""
     parts = {kind: _convert(kind, source) for kind, source in sources.items()}
     profile = Profile(**parts)
-    for key, problem, remedy in conflicts(profile):
+    for key, problem, remedy in conflicts(profile) if slices else ():
         kind, _, path = key.partition(".")
         raise ProfileError(f"{sources[kind].place(path)}: {key}: {problem}", remedy=remedy)
     return profile

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 import serial
-from command_line import BOX, NO_BUFFER, QUICK, USUAL, heard, is_message, started, typed
+from command_line import BOX, NO_BUFFER, QUICK, USUAL, heard, is_message, process, started, typed
 
 from printer_slicer.jobs import commands_of
 from printer_slicer.profile import load_profile
@@ -338,3 +338,58 @@ def test_a_checkpoint_of_an_earlier_failure_is_gone_after_a_good_print(tmp_path:
 
     assert outcome.code == 0
     assert not (tmp_path / "job.checkpoint.json").exists()
+
+
+# The served printer refuses what cannot be
+
+
+def test_the_simulated_printer_refuses_a_name_that_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("mine", encoding="utf-8")
+    outcome = process("sim", "--pty", "taken", cwd=tmp_path)
+
+    assert outcome.code == 4
+    assert is_message(outcome, "taken")
+    assert (tmp_path / "taken").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_printer_is_simulated_even_if_the_default_quality_does_not_suit_it(tmp_path: Path) -> None:
+    fine = (
+        'inherits = "marlin_220"\nname = "fine"\nnozzle_diameter = 0.2\nmin_layer = 0.04\nmax_layer = 0.14\n'
+    )
+    (tmp_path / "fine.toml").write_text(fine, encoding="utf-8")
+    with started("sim", "--pty", "printer", "--printer", "fine.toml", cwd=tmp_path) as running:
+        assert running.stdout is not None
+        said = running.stdout.readline()
+
+    assert b"simulated fine" in said
+
+
+def test_the_simulated_printer_refuses_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    outcome = process("sim", "--pty", "missing/printer", cwd=tmp_path)
+
+    assert outcome.code == 4
+    assert is_message(outcome, "missing/printer")
+
+
+@pytest.mark.parametrize("speed", ["-1", "nan", "-0.5"])
+def test_the_simulated_printer_refuses_a_speed_that_makes_no_sense(speed: str, tmp_path: Path) -> None:
+    with started("sim", "--pty", "printer", f"--speed={speed}", cwd=tmp_path) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"", "it serves"
+        _, err = running.communicate(timeout=10)
+
+    assert running.returncode == 2
+    assert b"--speed" in err
+
+
+def test_the_simulated_printer_refuses_a_report_that_cannot_be_written_before_it_serves(
+    tmp_path: Path,
+) -> None:
+    """At the end of a long print is too late to learn that the report has no place."""
+    with started("sim", "--pty", "printer", "--report", "missing/report.json", cwd=tmp_path) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"", "it serves"
+        _, err = running.communicate(timeout=10)
+
+    assert running.returncode == 2
+    assert b"missing/report.json" in err
