@@ -60,15 +60,18 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
 
 def _nearest_islands(route: _Route, islands: dict[int, list[Int]]) -> Iterator[int]:
     """The islands of one layer, each time the one that begins nearest to where the nozzle then is."""
-    left = {place: route.begin[np.concatenate(groups)] for place, groups in islands.items()}
-    while len(left) > 1:
-        distance = {
-            place: float(((begin - route.position) ** 2).sum(axis=1).min()) for place, begin in left.items()
-        }
-        nearest = min(distance, key=distance.__getitem__)
-        del left[nearest]
-        yield nearest
-    yield from left
+    if len(islands) < 2:
+        yield from islands
+        return
+    places = list(islands)
+    sizes = np.array([sum(map(len, groups)) for groups in islands.values()])
+    begin = route.begin[np.concatenate([group for groups in islands.values() for group in groups])]
+    owner, first = np.repeat(np.arange(len(places)), sizes), np.cumsum(sizes) - sizes
+    for _ in places:
+        gap = begin - route.position
+        nearest = int(owner[np.argmin(gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1])])
+        begin[first[nearest] : first[nearest] + sizes[nearest]] = np.inf
+        yield places[nearest]
 
 
 class _Route:
