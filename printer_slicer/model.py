@@ -20,6 +20,7 @@ __all__ = [
     "Contours",
     "Event",
     "Fan",
+    "Faults",
     "Float",
     "Gap",
     "Heat",
@@ -166,6 +167,35 @@ class Contours:
     joined: Areas
     repaired: Areas
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "segments", frozen_array(self.segments, np.float64, (-1, 2, 2)))
+        n_segments = len(self.segments)
+        object.__setattr__(self, "segment_layer", frozen_array(self.segment_layer, np.int64, (n_segments,)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Faults:
+    """What keeps a mesh from bounding a solid, each as middle points (n, 3) of edges, mm.
+
+    Attributes:
+        open_edges: edges with a facet on one side only.
+        flipped_edges: edges whose two facets face opposite ways.
+        crowded_edges: edges that more than two facets share; solids that touch along an edge have them too.
+    """
+
+    open_edges: Float
+    flipped_edges: Float
+    crowded_edges: Float
+
+    def __post_init__(self) -> None:
+        for name in ("open_edges", "flipped_edges", "crowded_edges"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (-1, 3)))
+
+    @property
+    def count(self) -> int:
+        """How many edges in all."""
+        return len(self.open_edges) + len(self.flipped_edges) + len(self.crowded_edges)
+
 
 @dataclass(frozen=True, slots=True)
 class Gap:
@@ -185,7 +215,7 @@ class Sections:
     Attributes:
         plan: the layers.
         solid: clean areas.
-        open_edges: edges of the mesh that lack a neighbour, or whose neighbour faces the other way.
+        open_edges: edges that the cut planes cross and that lack a neighbour, or whose neighbour faces the other way.
         gaps: where contours were closed over such edges, widest first.
     """
 
@@ -204,7 +234,7 @@ class Walls:
         width: (L,) extrusion width of each layer's perimeters.
         loops: centre lines, outermost first; one `Areas` per depth.
         inside: the area that skins and infill have to fill.
-        lost: (L,) mm² of each section that is too narrow for a bead and stays empty.
+        lost: (L,) mm² of each section outside the walls and between them that is too narrow for a bead and stays empty.
     """
 
     plan: LayerPlan
@@ -212,6 +242,12 @@ class Walls:
     loops: tuple[Areas, ...]
     inside: Areas
     lost: Float
+
+    def __post_init__(self) -> None:
+        for name in ("width", "lost"):
+            object.__setattr__(
+                self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -235,6 +271,10 @@ class Regions:
     solid: Areas
     sparse: Areas
     bridge_angle: Float
+
+    def __post_init__(self) -> None:
+        angle = frozen_array(self.bridge_angle, np.float64, (self.plan.n_layers,))
+        object.__setattr__(self, "bridge_angle", angle)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

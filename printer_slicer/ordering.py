@@ -18,9 +18,7 @@ from printer_slicer.profile import Profile
 __all__ = ["order"]
 
 _ALIGNED_WITHIN = 4.0  # mm; a seam farther from the one below starts a new line of seams
-_SMALL_CHOICE = (
-    400  # paths; beyond, trying every path at every step costs more than the shorter travel is worth
-)
+_SMALL_CHOICE = 20_000  # paths; beyond, trying every path at every step takes minutes
 _INFILL = (Role.BRIDGE, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID, Role.TOP_SKIN)
 
 

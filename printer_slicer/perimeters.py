@@ -25,17 +25,18 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     width = np.full(sections.plan.n_layers, profile.extrusion_width)
     gap = bead.spacing(width, height)
     loops: list[Areas] = []
+    lost = np.zeros(sections.plan.n_layers)
     inside, step = sections.solid, width / 2
     for _ in range(profile.quality.perimeters):
         loop = offset_open(offset(inside, -step), gap * _CLOSEST / 2)
+        # What lies within the last bead's inner side but is not reached by this bead's outer side stays empty. Pointed
+        # joins put back a little more than round tools would take away; that is no loss.
+        room = offset(inside, -gap / 2) if loops else inside
+        lost += np.maximum(room.area() - offset(loop, gap / 2 if loops else width / 2).area(), 0.0)
         loops.append(loop)
         inside, step = loop, gap
-    lost = np.zeros(sections.plan.n_layers)
     if loops:
         inside = offset(loops[-1], -gap / 2)
-        covered = offset(loops[0], width / 2).area()
-        # Pointed joins put back a little more than round tools would take away; that is no loss.
-        lost = np.maximum(sections.solid.area() - covered, 0.0)
     return Walls(sections.plan, width, tuple(loops), inside, lost)
 
 

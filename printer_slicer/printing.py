@@ -16,7 +16,7 @@ from printer_slicer.errors import Cancelled, PortError, PrintError
 from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
-from printer_slicer.stream.events import Event, Finished, Halted
+from printer_slicer.stream.events import Action, Event, Finished, Halted, Stopping
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
@@ -27,6 +27,8 @@ __all__ = ["Done", "print_job"]
 # What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle off the part, motors free.
 _STOP_SCRIPT = (b"M104 S0", b"M140 S0", b"M107", b"G91", b"G1 Z5 F300", b"G90", b"M84")
 
+# Ctrl-C, a computer that shuts down, and a terminal that is closed (which Windows does not have).
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _OFF = "heaters and fan are off"
 _LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
 
@@ -68,54 +70,49 @@ def print_job(
     Raises:
         PortError: the port cannot be opened.
         PrintError: the printer stopped, or the port went away; the checkpoint is written.
-        Cancelled: Ctrl-C or SIGTERM; heaters are off, the checkpoint is written. A second one halts the printer.
+        Cancelled: Ctrl-C, SIGTERM, SIGHUP or the printer's own wish; heaters are off. A second one halts the printer.
     """
     printer = profile.printer
     streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
-    ends: list[Finished | Halted] = []
-
-    def listen(event: Event) -> None:
-        if isinstance(event, Finished | Halted):
-            ends.append(event)
-        on_event(event)
-
     begun = monotonic()
-    transport = _Interruptible(open_port(port, baud or printer.baud), streamer)
+    transport = _Interruptible(open_port(port, baud or printer.baud), streamer, on_event)
     stopped = partial(_stopped, job, streamer, checkpoint)
     try:
         with transport.signals():
-            _run(streamer, transport, listen)
+            _run(streamer, transport)
     except PortError as error:
         raise PrintError(stopped(str(error).splitlines()[0]), remedy=_LOOK) from None
     except Exception as error:
-        raise PrintError(stopped(f"{_OFF}: {type(error).__name__}: {error}")) from error
+        why = "nobody reads the output any more" if isinstance(error, BrokenPipeError) else repr(error)
+        raise PrintError(stopped(f"{why}; {_OFF}")) from error
     finally:
         transport.close()
-    end = _finished(ends[-1], transport.wishes, stopped)
-    _forget(checkpoint)
+    end = _finished(transport, stopped)
+    _forget(checkpoint, job)
     return Done(len(job.commands), monotonic() - begun, end.verified)
 
 
-def _forget(checkpoint: Path | None) -> None:
+def _forget(checkpoint: Path | None, job: Job) -> None:
     """A print that came to its end leaves no checkpoint, nor that of an earlier try."""
-    if checkpoint is not None:
-        with suppress(OSError):  # the print is good all the same
-            checkpoint.unlink(missing_ok=True)
+    with suppress(OSError, ValueError, TypeError, KeyError):  # the print is good all the same
+        if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
+            checkpoint.unlink()
 
 
-def _finished(end: Finished | Halted, wishes: int, stopped: Callable[[str], str]) -> Finished:
+def _finished(transport: _Interruptible, stopped: Callable[[str], str]) -> Finished:
     """The end of a print that was neither halted nor cancelled."""
+    end = transport.end
+    if isinstance(end, Finished) and not end.cancelled:
+        return end
     if isinstance(end, Halted):
-        raise (Cancelled if wishes == 1 else PrintError)(stopped(end.reason), remedy=_LOOK)
-    if end.cancelled:
-        raise Cancelled(stopped(f"cancelled, {_OFF}"))
-    return end
+        raise (Cancelled if transport.wishes else PrintError)(stopped(end.reason), remedy=_LOOK)
+    raise Cancelled(stopped(f"cancelled, {_OFF}"))
 
 
-def _run(streamer: Streamer, transport: _Interruptible, listen: Callable[[Event], None]) -> None:
+def _run(streamer: Streamer, transport: _Interruptible) -> None:
     """Stream to the end; if a listener fails, end the print in good order before passing that on."""
     try:
-        _run_to_the_end(streamer, transport, listen)
+        _run_to_the_end(streamer, transport, transport.hear)
     except PortError:
         raise
     except Exception:
@@ -141,8 +138,9 @@ class _Interruptible:
     The first one ends the print in good order, the second one halts the printer at once.
     """
 
-    def __init__(self, inner: Transport, streamer: Streamer) -> None:
+    def __init__(self, inner: Transport, streamer: Streamer, listen: Callable[[Event], None]) -> None:
         self._inner = inner
+        self._listen = listen
         self._streamer = streamer
         self._granted = 0
         self.wishes = 0
@@ -153,12 +151,20 @@ class _Interruptible:
         if current_thread() is not main_thread():
             yield
             return
-        before = {number: signal.signal(number, self._wish) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {number: signal.signal(number, self._wish) for number in _SIGNALS}
         try:
             yield
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+    def hear(self, event: Event) -> None:
+        """Take note of what ends the print, or asks for its end, and pass it on."""
+        if isinstance(event, Finished | Halted):
+            self.end = event
+        if isinstance(event, Action) and event.name == "cancel":
+            self.wishes += 1
+        self._listen(event)
 
     def _wish(self, _number: int, _frame: object) -> None:
         self.wishes += 1
@@ -174,6 +180,7 @@ class _Interruptible:
             self._granted += 1
             if self._granted == 1:
                 self._streamer.cancel(_STOP_SCRIPT)
+                self._listen(Stopping())
             else:
                 self._streamer.emergency_stop()
         return data

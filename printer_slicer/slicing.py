@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry import Areas, Int, normalize, simplify
-from printer_slicer.geometry.planes import Crossings, cross
-from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, Sections
+from printer_slicer.geometry import Areas, Float, Int, normalize, simplify
+from printer_slicer.geometry.planes import Crossings, cross, edge_faults
+from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Sections
 
-__all__ = ["contours", "cut", "open_places"]
+__all__ = ["contours", "cut", "mesh_faults", "open_places"]
 
+_ROUNDING = 1e-3  # mm; ends this close are the same point, written twice
 _LARGEST_GAP = 1.0  # mm; a wider gap in a contour is a missing face, not a crack
 
 
@@ -48,6 +51,11 @@ def open_places(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
     """How many edges lack a neighbour, and where contours had to be closed over a gap, widest first."""
     crossings = cross(mesh.triangles, plan.cut)
     return crossings.unpaired, _joined(crossings, plan, mesh.name)[1]
+
+
+def mesh_faults(mesh: Mesh) -> Faults:
+    """Where the mesh is open, wrongly oriented, or not a surface; in the coordinates of the mesh."""
+    return Faults(*edge_faults(mesh.triangles))
 
 
 def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, list[Gap]]:
@@ -99,23 +107,53 @@ def _cycles(following: Int) -> tuple[Int, Int]:
 
 
 def _close(following: Int, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
-    """Join each loose tail to the nearest loose head of its plane, in place; the gaps that this bridged."""
+    """Join each loose tail to the nearest loose head of its plane, in place; the gaps that this bridged.
+
+    Ends that fall together but for rounding find each other by sorting; only the rest is compared pair by pair.
+    """
     heads = np.setdiff1d(np.arange(len(following)), following[following >= 0])
     tails = np.flatnonzero(following < 0)
+    for grid in (_ROUNDING, 10 * _ROUNDING):
+        tails, heads = _join_equal(following, crossings, tails, heads, grid)
     gaps: list[Gap] = []
     for plane in np.unique(crossings.plane[tails]):
         ends = tails[crossings.plane[tails] == plane]
         begins = heads[crossings.plane[heads] == plane]
-        distance = np.linalg.norm(crossings.xy[ends][:, None] - crossings.xy[begins][None], axis=2)
-        for _ in range(len(ends)):
-            i, j = np.unravel_index(np.argmin(distance), distance.shape)
-            following[ends[i]] = begins[j]
-            width = float(distance[i, j])
+        for end, begin, width in _nearest_pairs(crossings.xy[ends], crossings.xy[begins]):
+            following[ends[end]] = begins[begin]
+            x, y = crossings.xy[ends[end]]
             if width > 0:
-                x, y = crossings.xy[ends[i]]
                 gaps.append(Gap(int(plane), float(x), float(y), float(plan.cut[plane]), width))
-            distance[i], distance[:, j] = np.inf, np.inf
     return sorted(gaps, key=lambda gap: -gap.width)
+
+
+def _join_equal(following: Int, crossings: Crossings, tails: Int, heads: Int, grid: float) -> tuple[Int, Int]:
+    """Join, in place, tails and heads of one plane that round to the same place; what is left of both."""
+    both = np.concatenate([tails, heads])
+    cell = np.column_stack([crossings.plane[both], np.rint(crossings.xy[both] / grid).astype(np.int64)])
+    number = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
+    tail_cell, head_cell = number[: len(tails)], number[len(tails) :]
+    by_tail, by_head = np.argsort(tail_cell, kind="stable"), np.argsort(head_cell, kind="stable")
+    tail_sorted, head_sorted = tail_cell[by_tail], head_cell[by_head]
+    # The k-th tail of a cell goes with its k-th head.
+    rank = np.arange(len(tails)) - np.searchsorted(tail_sorted, tail_sorted)
+    partner = np.searchsorted(head_sorted, tail_sorted) + rank
+    inside = np.minimum(partner, max(len(heads) - 1, 0))
+    fits = (partner < len(heads)) & (head_sorted[inside] == tail_sorted)
+    joined_tails, joined_heads = by_tail[fits], by_head[partner[fits]]
+    following[tails[joined_tails]] = heads[joined_heads]
+    return np.delete(tails, joined_tails), np.delete(heads, joined_heads)
+
+
+def _nearest_pairs(ends: Float, begins: Float) -> Iterator[tuple[int, int, float]]:
+    """Pairs (end, begin, distance) of as many points each, the nearest first, every point once."""
+    distance = np.linalg.norm(ends[:, None] - begins[None], axis=2)
+    free_end, free_begin = np.ones(len(ends), np.bool_), np.ones(len(begins), np.bool_)
+    for pair in np.argsort(distance, axis=None, kind="stable").tolist():
+        end, begin = divmod(pair, len(begins))
+        if free_end[end] and free_begin[begin]:
+            free_end[end] = free_begin[begin] = False
+            yield end, begin, float(distance[end, begin])
 
 
 def _refuse_wide(gaps: list[Gap], name: str, n_edges: int) -> None:

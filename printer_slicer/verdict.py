@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from hashlib import sha256
 
+from printer_slicer.errors import VerificationError
 from printer_slicer.gcode import read_moves
 from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
@@ -25,6 +26,7 @@ __all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "machine_of"]
 
 TIME_TOLERANCE = 0.01  # share by which simulated and modelled time may differ
 _LATENCY = 0.001  # s that an answer takes over USB
+_LONGEST = 30 * 86400.0  # s; no print takes that long, but a slip in a file may
 _PERSON = 60.0  # s until somebody answers a file that waits for a person
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
 _OURS = (b"M105", b"M110", b"M114", b"M115", b"M400")  # what the host asks on its own account
@@ -146,8 +148,16 @@ def dry_run(job: Job, profile: Profile, *, on_event: Callable[[Event], None] = l
         job: what to print.
         profile: its printer part makes the machine, the speed of the port and the window of the host.
         on_event: is told what the host is told, as it happens.
+
+    Raises:
+        VerificationError: the job would take more than 30 days.
     """
     printer = profile.printer
+    if job.seconds > _LONGEST:
+        raise VerificationError(
+            f"{job.name}: {job.seconds / 86400:.0f} days of motion and waiting are not simulated",
+            remedy="look for dwells (G4) and speed limits (M203, M220) that are far too large or small",
+        )
     comparison = Comparison(job.commands)
     simulated = SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=comparison)
     port = VirtualPort(simulated, baud=printer.baud, latency=_LATENCY)

@@ -158,12 +158,20 @@ def test_loops_where_two_sides_would_meet_are_left_out() -> None:
     assert walls.lost == pytest.approx([6.0] * 6)
 
 
-def test_walls_wide_enough_for_a_loop_lose_nothing() -> None:
-    for wide in (0.8, 1.0, 2.0, 10.0):
-        walls = lay_walls(sections_of(box((10, wide, 2))), plain(perimeters=2))
+def test_walls_wide_enough_for_their_loops_lose_nothing() -> None:
+    for wide, perimeters in ((0.8, 1), (1.0, 1), (2.0, 2), (10.0, 2)):
+        walls = lay_walls(sections_of(box((10, wide, 2))), plain(perimeters=perimeters))
 
-        assert walls.loops[0].n_rings == 6
+        assert walls.loops[-1].n_rings == 6
         assert walls.lost == pytest.approx([0] * 6, abs=1e-3)
+
+
+def test_a_strip_too_narrow_for_the_next_loop_is_counted_as_lost() -> None:
+    # Two beads of 0.45 mm leave a strip of about 0.34 mm between them.
+    walls = lay_walls(sections_of(box((30, 1.2, 2))), plain(perimeters=2))
+
+    gap = bead.spacing(0.45, walls.plan.height)
+    assert walls.lost == pytest.approx((1.2 - 0.45 - gap) * (30 - 0.45 - gap), rel=1e-3)
 
 
 def test_every_loop_becomes_one_closed_path_with_role_and_width() -> None:

@@ -374,7 +374,7 @@ def test_a_second_ctrl_c_halts_the_printer(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with served(tmp_path / "printer") as printer:
-        stopped(tmp_path, PrintError, job, str(tmp_path / "printer"), listen)
+        stopped(tmp_path, Cancelled, job, str(tmp_path / "printer"), listen)
         killed = any(printer.printer and printer.printer._board.killed for _ in ticks(5.0))
 
     assert presses == 2

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
+from pathlib import Path
 
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.parser import build_parser
@@ -29,6 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled,
         7 verification failed.
     """
+    if sys.stdout is None or sys.stderr is None:  # closed by the caller: `>&-`
+        nothing = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the rest of the process
+        sys.stdout, sys.stderr = sys.stdout or nothing, sys.stderr or nothing
     for stream in (sys.stdout, sys.stderr):
         if isinstance(
             stream, TextIOWrapper
@@ -77,5 +81,6 @@ def _output_failed(error: OSError) -> int:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"printer-slicer: {visible(message)}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # nobody is left to be told
+        print(f"printer-slicer: {visible(message)}", file=sys.stderr)
     return code

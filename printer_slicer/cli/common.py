@@ -18,9 +18,9 @@ from printer_slicer.errors import OutputError, UsageError
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
-__all__ = ["Stages", "check_writable", "profile_from", "say", "stages", "visible", "write_file"]
+__all__ = ["PATIENCE", "Stages", "check_writable", "profile_from", "say", "stages", "visible", "write_file"]
 
-_PATIENCE = 1.0  # s before a progress bar appears
+PATIENCE = 1.0  # s before a progress bar appears
 _STAGES = 10  # from loading to writing
 
 
@@ -99,7 +99,7 @@ class _LateBar:
         self._stage, self._done = "", -1
         self._show: Callable[[], object] | None = None
         self._stop: Callable[[], object] | None = None
-        self._timer = Timer(_PATIENCE, self._open)
+        self._timer = Timer(PATIENCE, self._open)
         self._timer.daemon = True
         self._timer.start()
 

@@ -10,13 +10,14 @@ from collections.abc import Callable
 from dataclasses import asdict
 from math import pi
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING
 
-from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
+from printer_slicer.cli.common import PATIENCE, check_writable, profile_from, say, stages, visible, write_file
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from
-from printer_slicer.stream.events import Accepted, Event, Message, ResendAsked, Temperature
+from printer_slicer.stream.events import Accepted, Action, Event, Message, ResendAsked, Stopping, Temperature
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
@@ -97,16 +98,16 @@ class _progress:  # noqa: N801 - used like a function
 
     def __init__(self, arguments: argparse.Namespace, job: Job, *, events: bool) -> None:
         self._job = job
+        self._quiet = arguments.quiet or arguments.json
         self._verbose = arguments.verbose and not arguments.quiet
         self._json = arguments.json and events
         self._bar: Callable[[int], None] | None = None
         self._close: Callable[[], object] = lambda: None
         self._wanted = not (arguments.json or arguments.quiet) and sys.stderr.isatty()
+        self._begun = monotonic()
         self._shown = -1
 
     def __enter__(self) -> Callable[[Event], None]:
-        if self._wanted:
-            self._open_bar()
         return self._tell
 
     def __exit__(self, *_: object) -> None:
@@ -143,11 +144,17 @@ class _progress:  # noqa: N801 - used like a function
             print(
                 json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
             )
-        elif self._verbose and isinstance(event, (Message, ResendAsked, Temperature)):
+        elif isinstance(event, Stopping) and not self._quiet:
+            print("stopping; Ctrl-C again halts the printer at once", file=sys.stderr)
+        elif isinstance(event, Action) and not self._quiet:
+            print(f"the printer asks: {visible(event.name)}", file=sys.stderr)
+        elif self._verbose and isinstance(event, (Message, ResendAsked, Stopping, Temperature)):
             print(event, file=sys.stderr)
 
     def _advance(self, done: int) -> None:
         """A hundred steps are enough for people and for programs."""
+        if self._wanted and self._bar is None and monotonic() - self._begun > PATIENCE:
+            self._open_bar()
         percent = done * 100 // len(self._job.commands)
         if percent == self._shown:
             return

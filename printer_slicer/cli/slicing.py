@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from printer_slicer.cli.common import profile_from, say, stages, write_file
+from printer_slicer.cli.facts import facts_of, runs_text, sentences
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
@@ -24,12 +24,10 @@ from printer_slicer.profile import Profile, profile_with
 from printer_slicer.slicing import cut
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.common import Stages
+    from printer_slicer.cli.facts import facts_of, runs_text, sentences
+from printer_slicer.cli.common import Stages
 
 __all__ = ["plan_command", "slice_command"]
-
-_WORTH_SAYING = 0.002  # share of the part
-_MOST_RUNS = 6  # stretches of equal height shown per plan
 
 
 def slice_command(arguments: argparse.Namespace) -> int:
@@ -48,17 +46,12 @@ def slice_command(arguments: argparse.Namespace) -> int:
         if arguments.picture:
             _draw_layer(program, arguments.layer, arguments.picture)
         write_file(output, gcode_of(program, profile, seconds=seconds))
-    facts = _facts(program, profile, seconds, mesh.volume)
-    facts["lost_mm3"] = round(float((stage.walls.lost * program.plan.height).sum()), 3)
-    facts["empty_layers"] = program.plan.n_layers - len(program.printed)
-    facts["open_edges"], facts["gaps"] = (
-        stage.sections.open_edges,
-        [asdict(gap) for gap in stage.sections.gaps[:10]],
-    )
+    facts = facts_of(mesh, stage, profile, seconds)
     if arguments.json:
         print(json.dumps({"output": str(output), **facts}))
     elif str(output) != "-":
-        _tell(arguments, output, facts)
+        first, *more = sentences(facts, arguments.set)
+        say(arguments, "\n  ".join([f"{output}: {first}", *more]))
     return 0
 
 
@@ -78,48 +71,6 @@ def _refuse_same(output: Path, model: Path) -> None:
         if not output.samefile(model):
             return
         raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
-
-
-def _facts(program: Program, profile: Profile, seconds: float, volume: float) -> dict[str, object]:
-    """What people want to know about a sliced part."""
-    area = np.pi * profile.material.filament_diameter**2 / 4
-    return {
-        "layers": program.plan.n_layers,
-        "planner": program.plan.planner,
-        "heights": [[count, height] for count, height in program.plan.runs()],
-        "seconds": round(seconds, 3),
-        "filament_mm": round(program.filament_used, 3),
-        "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
-        "moves": program.n_moves,
-        "volume_mm3": round(volume, 3),
-    }
-
-
-def _tell(arguments: argparse.Namespace, output: Path, facts: dict[str, object]) -> None:
-    heights = facts["heights"]
-    assert isinstance(heights, list)
-    say(arguments, f"{output}: {facts['layers']} layers ({_runs([(n, h) for n, h in heights])})")
-    say(
-        arguments,
-        f"  {spoken(float(str(facts['seconds'])))} of printing, {float(str(facts['filament_mm'])) / 1000:.2f} m"
-        f" of filament, {facts['filament_g']} g",
-    )
-    if facts["planner"] != "uniform" and any(
-        change.removeprefix("quality.").startswith("layer_height") for change in arguments.set
-    ):
-        say(
-            arguments,
-            f"  layer_height has no effect: planner {facts['planner']} chooses heights; see --planner uniform",
-        )
-    if facts["empty_layers"]:
-        say(arguments, f"  {facts['empty_layers']} layers stay empty: the part is narrower than a bead there")
-    if float(str(facts["lost_mm3"])) > _WORTH_SAYING * float(str(facts["volume_mm3"])):
-        say(arguments, f"  {facts['lost_mm3']} mm3 of the part are too narrow for a bead and stay empty")
-    if facts["open_edges"]:
-        gaps = facts["gaps"]
-        assert isinstance(gaps, list)
-        widest = f"; the widest gap closed is {gaps[0]['width']:g} mm at z {gaps[0]['z']:g}" if gaps else ""
-        say(arguments, f"  the mesh is not closed: {facts['open_edges']} edges without a neighbour{widest}")
 
 
 def _draw_layer(program: Program, number: int, path: Path) -> None:
@@ -225,17 +176,9 @@ def _as_text(name: str, table: dict[str, object], rows: list[dict[str, object]])
         assert isinstance(heights, list)
         layers = f"{row['layers']:>8}{_percent(row['layers_saved']):>9}"
         time = f"{spoken(float(str(row['seconds']))):>14}{_percent(row['time_saved']):>9}"
-        lines.append(f"  {row['plan']:<24}{layers}{time}   {_runs([(n, h) for n, h in heights])}")
+        lines.append(f"  {row['plan']:<24}{layers}{time}   {runs_text(heights)}")
     return "\n".join(lines)
 
 
 def _percent(share: object) -> str:
     return f"{float(str(share)) * 100:.1f} %"
-
-
-def _runs(runs: list[tuple[int, float]]) -> str:
-    """`75 x 0.4, 225 x 0.1 mm`, shortened when there are many."""
-    if len(runs) > _MOST_RUNS:
-        heights = [height for _, height in runs]
-        return f"{len(set(heights))} heights from {min(heights):g} to {max(heights):g} mm"
-    return ", ".join(f"{count} x {height:g}" for count, height in runs) + " mm"

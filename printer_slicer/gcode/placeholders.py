@@ -65,4 +65,8 @@ def fill_in(text: str, known: dict[str, str], place: str) -> list[str]:
         hint = f"did you mean {{{near[0]}}}?" if near else f"known: {', '.join(sorted(known))}"
         raise ProfileError(f"{place}: unknown placeholder {{{name}}}", remedy=hint)
 
-    return _NAME.sub(one, text).strip("\n").splitlines()
+    filled = _NAME.sub(one, text)
+    if "{" in filled or "}" in filled:
+        line = next(line for line in filled.splitlines() if "{" in line or "}" in line)
+        raise ProfileError(f"{place}: a brace without its partner: {line.strip()}", remedy="write {name}")
+    return filled.strip("\n").splitlines()

@@ -8,7 +8,8 @@ from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
 __all__ = ["crossed", "rings_around"]
 
-_PAIRS_AT_ONCE = 500_000
+_STRIP = 5.0  # mm
+_WAYS_AT_ONCE = 16
 
 
 def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
@@ -53,12 +54,23 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
     for k in np.unique(layer).tolist():
         points = slice(int(ring_points[k]), int(ring_points[k + 1]))
         a, b = outlines.xy[points], outlines.xy[following[points]]
-        ways = slice(int(ways_of[k]), int(ways_of[k + 1]))
-        # Few ways at a time: every way meets every edge of the layer in memory.
-        some = max(_PAIRS_AT_ONCE // max(len(a), 1), 1)
-        for first in range(ways.start, ways.stop, some):
-            part = slice(first, min(first + some, ways.stop))
-            result[part] = _any_crossing(begin[part], end[part], a, b)
+        here = np.arange(int(ways_of[k]), int(ways_of[k + 1]))
+        result[here] = _crossed_here(begin[here], end[here], a, b)
+    return result
+
+
+def _crossed_here(begin: Float, end: Float, a: Float, b: Float) -> Bool:
+    """(P,) whether each way crosses one of the edges; few ways at a time, against the edges around them only."""
+    result = np.zeros(len(begin), np.bool_)
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    # Neighbours in a sequence of strips have a small box around them, which few edges meet.
+    middle = (begin + end) / 2
+    strips = np.floor(middle[:, 1] / _STRIP)
+    for some in np.array_split(np.lexsort((middle[:, 0], strips)), len(begin) // _WAYS_AT_ONCE + 1):
+        ends = np.concatenate([begin[some], end[some]])
+        near = ((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1)
+        if near.any():
+            result[some] = _any_crossing(begin[some], end[some], a[near], b[near])
     return result
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Float, Int
 
-__all__ = ["Crossings", "cross", "section_areas", "spread"]
+__all__ = ["Crossings", "cross", "edge_faults", "section_areas", "spread"]
 
 _UInt = NDArray[np.uint64]
 _PAIRS_AT_ONCE = 4_000_000  # facet-plane pairs held at the same time: about 0.5 GB
@@ -78,6 +78,46 @@ def cross(triangles: Float, planes: Float) -> Crossings:
     head = _nodes(rising, flat_level[rising], flat_level[after[rising]], slot, base[edge_of_rising])
     tail = _nodes(falling, flat_level[after[falling]], flat_level[falling], slot, base[edge_of_falling])
     return Crossings(xy, plane, tail, head, unpaired)
+
+
+def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
+    """Edges of a mesh that do not have one facet on each side.
+
+    Args:
+        triangles: (F, 3, 3) mm.
+
+    Returns:
+        Middle points, each (n, 3) mm: of edges with one facet, of edges whose two facets face opposite ways, and of
+        edges that more than two facets share. Equal coordinates make equal corners.
+    """
+    corner = triangles.reshape(-1, 3)
+    tag = _hash(corner)
+    after = tag.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    forward = tag < after
+    low, high = np.where(forward, tag, after), np.where(forward, after, tag)
+    key = _mixed(low, high)
+    used = low != high  # an edge of no length belongs to a facet of no area
+    ordered = np.sort(key[used])
+    begins = (
+        np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+        if len(ordered)
+        else np.zeros(0, int)
+    )
+    count = np.diff(np.append(begins, len(ordered)))
+    turn = np.where(forward, 1, -1)
+    # Twice the same direction sums to two; a sum over all edges that is zero edge by edge has no such pair.
+    suspects = ordered[begins[count != 2]]
+    balance = int((key[used].astype(np.int64) * turn[used]).sum()) if len(ordered) else 0
+    if len(suspects) == 0 and balance == 0:
+        nothing = np.zeros((0, 3))
+        return nothing, nothing, nothing
+    middle = ((triangles + triangles[:, [1, 2, 0]]) / 2).reshape(-1, 3)[used]
+    unique, first, which, counts = np.unique(
+        key[used], return_index=True, return_inverse=True, return_counts=True
+    )
+    direction = np.bincount(which, weights=turn[used], minlength=len(unique))
+    open_, crowded = counts == 1, counts > 2
+    return middle[first[open_]], middle[first[(counts == 2) & (direction != 0)]], middle[first[crowded]]
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:
@@ -166,7 +206,11 @@ def _hash(corner: Float) -> _UInt:
 
 def _edge_key(tag: _UInt, low: Int, high: Int) -> _UInt:
     """One key per edge from the tags of its ends; which end is lower matters."""
-    key = (tag[low] * np.uint64(0xD6E8FEB86659FD93)) ^ tag[high]
+    return _mixed(tag[low], tag[high])
+
+
+def _mixed(low: _UInt, high: _UInt) -> _UInt:
+    key = (low * np.uint64(0xD6E8FEB86659FD93)) ^ high
     key ^= key >> np.uint64(32)
     return np.asarray(key * np.uint64(0xD6E8FEB86659FD93))
 

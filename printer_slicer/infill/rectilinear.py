@@ -10,13 +10,16 @@ from printer_slicer.model import Areas, Float, Int
 __all__ = ["rectilinear_lines"]
 
 
-def rectilinear_lines(area: Areas, spacing: Float, angle: Float, turn: Float) -> tuple[Float, Int, Int]:
+def rectilinear_lines(
+    area: Areas, spacing: Float, angle: Float, turn: Float, phase: Float | float = 0.0
+) -> tuple[Float, Int, Int]:
     """Polylines that fill `area` with lines `spacing` (L,) mm apart in direction `angle` (L,) radians.
 
-    Neighbouring lines are joined where that takes at most `turn` (L,) mm.
+    Neighbouring lines are joined where that takes at most `turn` (L,) mm. Rows lie at (j + phase) * spacing across
+    their direction, seen from the origin.
 
     Returns:
         Points (N, 2), number of points (M,) and layer (M,) of each polyline, by ascending layer.
     """
-    xy, start, layer = chain_rows(hatch(area, angle=angle, spacing=spacing), max_turn=turn)
+    xy, start, layer = chain_rows(hatch(area, angle=angle, spacing=spacing, phase=phase), max_turn=turn)
     return xy, np.diff(start), layer

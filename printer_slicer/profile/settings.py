@@ -33,7 +33,7 @@ class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     origin: Annotated[Literal["corner", "centre"], _meta("where x = y = 0 is on the bed")] = "corner"
     nozzle_diameter: Annotated[float, _meta("diameter of the nozzle's hole", "mm", ge=0.1, le=2)] = 0.4
     z_step: Annotated[float, _meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
-    min_layer: Annotated[float, _meta("thinnest layer the machine prints", "mm", ge=0.01, le=1)] = 0.08
+    min_layer: Annotated[float, _meta("thinnest layer the machine prints", "mm", ge=0.01, le=1)] = 0.09
     max_layer: Annotated[float, _meta("thickest layer the machine prints", "mm", ge=0.02, le=1.6)] = 0.32
     max_nozzle_temperature: Annotated[
         float, _meta("never heat the nozzle over this", "°C", ge=100, le=500)
@@ -173,7 +173,10 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_angle_deg: Annotated[float, _meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
     infill_overlap: Annotated[
         float, _meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
-    ] = 0.08
+    ] = 0.09
+    sparse_overlap: Annotated[
+        float, _meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+    ] = 0.25
     skirt_loops: Annotated[int, _meta("loops around the part on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
     brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0

@@ -18,6 +18,7 @@ __all__ = [
     "Reading",
     "ResendAsked",
     "Spot",
+    "Stopping",
     "Temperature",
 ]
 
@@ -105,6 +106,11 @@ class Halted:
 
 
 @dataclass(frozen=True, slots=True)
+class Stopping:
+    """The owner of the host, or the printer, wants the end: the end script goes out as soon as it is taken."""
+
+
+@dataclass(frozen=True, slots=True)
 class Finished:
     """The printer has executed all it was sent.
 
@@ -124,5 +130,15 @@ class Finished:
 
 
 Event: TypeAlias = (
-    Accepted | ResendAsked | Asked | Temperature | Busy | Identified | Action | Message | Halted | Finished
+    Accepted
+    | ResendAsked
+    | Asked
+    | Temperature
+    | Busy
+    | Identified
+    | Action
+    | Message
+    | Halted
+    | Stopping
+    | Finished
 )

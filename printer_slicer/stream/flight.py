@@ -15,6 +15,7 @@ An ok does not say whose it is. The first row that fits decides:
 
 from __future__ import annotations
 
+from collections import deque
 from math import inf
 from typing import TYPE_CHECKING, Final
 
@@ -33,6 +34,13 @@ _CAREFUL_LINES: Final = 300
 """Lines sent one at a time after an error."""
 
 _BREAK_WAIT: Final = b"\nM108\n"
+_BREAK_AGAIN: Final = 2.0
+_MOST_BREAKS: Final = 6
+"""Times that one wait is told to end: all of them together fit into any receive buffer."""
+
+_QUESTION_ROOM: Final = 16
+"""Bytes of the window kept for a question about the lines in flight."""
+
 _WAITS: Final = frozenset({b"M0", b"M1", b"M109", b"M190", b"M191"})
 
 _ECHO: Final = 0.5
@@ -59,7 +67,8 @@ class Flight:
         self._requested: int | None = None
         self._echo_until = -inf
         self._heat_with_ok = False
-        self._unnumbered_after: int | None = None
+        self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
+        self._breaks, self._broken = 0, -inf
 
     @property
     def due(self) -> float | None:
@@ -76,7 +85,7 @@ class Flight:
         lines, size = self._window
         if ledger.in_flight >= (1 if self._careful else lines):
             return 0
-        return size - ledger.bytes_in_flight
+        return size - _QUESTION_ROOM - ledger.bytes_in_flight
 
     def repeats(self) -> bool:
         """Whether the next line, which has its number already, may go out now."""
@@ -93,14 +102,29 @@ class Flight:
         self.watch.ask(now)
         return self.ledger.take(now, break_first=True)
 
-    def break_wait(self) -> bytes:
-        """What ends the waiting of a line in flight, for heat or for a person; nothing if none waits.
+    @property
+    def break_due(self) -> float:
+        """When to end the waiting of the oldest line, for heat or for a person; infinite if it does not wait."""
+        ledger = self.ledger
+        if (
+            not ledger.in_flight
+            or parse(ledger.oldest.command)[0] not in _WAITS
+            or self._breaks >= _MOST_BREAKS
+        ):
+            return inf
+        return self._broken + _BREAK_AGAIN
 
-        Without a number, because only then firmware looks at it while another command is being executed.
+    def break_wait(self, now: float) -> bytes:
+        """What ends the waiting of the oldest line, nothing if it does not wait or was just told.
+
+        Without a number, because only then firmware looks at it while another command is being executed. A command
+        that waits begins to wait when it is its turn, so it is told again until its ok comes.
         """
-        if not any(parse(command)[0] in _WAITS for command in self.ledger.commands()):
+        if now < self.break_due:
             return b""
-        self._unnumbered_after = self.ledger.cursor - 1
+        self._breaks += 1
+        self._broken = now
+        self._unnumbered.append(self.ledger.cursor - 1)
         return _BREAK_WAIT
 
     def accept(self, number: int, now: float, *, settled: bool = False) -> int:
@@ -108,6 +132,7 @@ class Flight:
         ledger = self.ledger
         self._careful = max(0, self._careful - (number - ledger.accepted))
         job = ledger.accept(number)
+        self._breaks, self._broken = 0, -inf
         self.burst.calm(number)
         self.watch.answered(now, settled=settled or not ledger.in_flight)
         return job
@@ -132,8 +157,8 @@ class Flight:
         if burst.swallow:
             burst.swallow = False
             return None
-        if self._unnumbered_after is not None and ledger.accepted >= self._unnumbered_after:
-            self._unnumbered_after = None
+        if self._unnumbered and ledger.accepted >= self._unnumbered[0]:
+            self._unnumbered.popleft()
             return None
         oldest = ledger.accepted + 1
         if not ledger.in_flight or (burst.wanted is not None and oldest >= burst.wanted):

@@ -143,7 +143,6 @@ class Streamer:
         check_commands(end_script)
         if self._apply(Trigger.CANCEL):
             self._script.cancel(end_script)
-            self._urgent = self._flight.break_wait()
             if self._ended:
                 self._events.append(told.Halted("cancelled before anything was printed", self._acknowledged))
 
@@ -176,6 +175,8 @@ class Streamer:
         if self._flight.burst.active and not self._go_back(now):
             return urgent
         out = [urgent]
+        if self._state is State.CANCELLING:
+            out.append(self._flight.break_wait(now))
         if self._flight.overdue(now):
             out.append(self._ask(now))
         while self._has_next():
@@ -189,6 +190,8 @@ class Streamer:
         if self._ended:
             return None
         due = self._greeting.due if self._state is State.CONNECTING else self._flight.due
+        if self._state is State.CANCELLING and due is not None:
+            due = max(min(due, self._flight.break_due), 0.0)
         return due if due is not None and isfinite(due) else None
 
     # Sending.

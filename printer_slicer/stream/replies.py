@@ -138,7 +138,7 @@ WithText: TypeAlias = Unknown | Position | Garbled
 _REPORTS: Final = (Temperature, Position, Identity)
 _PLAIN_OK: Final = (Ok(),)  # nearly every line is this one
 _NUMBER: Final = rb"(-?\d+(?:\.\d*)?)"
-_OK: Final = re.compile(rb"ok(?: N(\d+))?(?: P\d+)?(?: B\d+)?")
+_OK: Final = re.compile(rb"ok(?: N(\d{1,9}))?(?: P\d+)?(?: B\d+)?")
 _OK_AND: Final = re.compile(rb"ok\s")
 _HEATERS: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
 _HEATER: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
@@ -162,9 +162,9 @@ def _resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
 
 
 _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tuple[Reply, ...]]], ...]] = (
-    (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d+)(ok)?(?=\s|$)"), _resend),
-    (re.compile(rb"Last Line: *(\d+)\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
-    (re.compile(rb"expected line (\d+) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
+    (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _resend),
+    (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
+    (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
     (re.compile(rb"^start$"), lambda _: (Started(),)),
     (re.compile(rb"^wait$"), lambda _: (Wait(),)),
     (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_text(m[1])),)),

@@ -92,7 +92,7 @@ class Script:
         """Wait for the end of the motion, then ask where the printer is; None when nothing is left to ask.
 
         The question between is answered like no other, so an ok too many can make nobody believe in an early
-        end; and only a printer that has executed every line can be where the last one leads.
+        end; and a printer that has lost the last lines is not where they lead.
         """
         if self._closing:
             return self._closing.popleft()

@@ -30,7 +30,8 @@ _ON_ITS_WAY: Final = 0.5
 _ASK_AGAIN: Final = 1.0
 _ASK_AGAIN_LONGEST: Final = 8.0
 _MOST_QUESTIONS: Final = 6
-"""All of them together fit into the receive buffer of a printer that reads none of them."""
+"""The first one fits into the receive buffer behind the lines in flight; the others may not, if nothing was lost and
+the printer has stopped reading, but then there is nobody to be told anything."""
 
 
 class Watch:

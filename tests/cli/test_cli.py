@@ -486,7 +486,9 @@ def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
     import pty
 
     master, slave = pty.openpty()
-    with started("print", BOX, "--port", "sim:", *QUICK, cwd=tmp_path, stderr=slave) as running:
+    with started(
+        "print", PARTS / "vase.stl", "--port", "sim:", *QUICK, cwd=tmp_path, stderr=slave
+    ) as running:
         out, _ = running.communicate(timeout=30)
     os.close(slave)
     shown = read_all(master)

@@ -332,7 +332,7 @@ def test_a_reader_of_events_that_goes_away_does_not_leave_the_heaters_on(tmp_pat
 def test_a_checkpoint_of_an_earlier_failure_is_gone_after_a_good_print(tmp_path: Path) -> None:
     """Else the next person takes a finished print for one to be looked after."""
     (tmp_path / "job.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
-    (tmp_path / "job.checkpoint.json").write_text("{}\n", encoding="utf-8")
+    (tmp_path / "job.checkpoint.json").write_text('{"job": "job.gcode"}\n', encoding="utf-8")
     with printer(tmp_path / "port"):
         outcome = typed("print", "job.gcode", "--port", "port", *QUICK, cwd=tmp_path)
 
