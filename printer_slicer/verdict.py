@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 
@@ -22,7 +22,7 @@ from printer_slicer.stream.events import Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
-__all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "machine_of"]
+__all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "judge", "machine_of"]
 
 TIME_TOLERANCE = 0.01  # share by which simulated and modelled time may differ
 _LATENCY = 0.001  # s that an answer takes over USB
@@ -170,18 +170,39 @@ def dry_run(job: Job, profile: Profile, *, on_event: Callable[[Event], None] = l
         on_event(event)
 
     run(streamer, port, port.now, on_event=listen, longest_wait=_PATIENCE)
-    report = simulated.report()
-    heights_equal = _same_heights(job, report.layers)
+    return judge(job, profile, simulated.report(), comparison, ends=ends, total_seconds=port.now())
+
+
+def judge(
+    job: Job,
+    profile: Profile,
+    report: Report,
+    comparison: Comparison,
+    *,
+    ends: Sequence[Event] = (),
+    total_seconds: float | None = None,
+) -> Verdict:
+    """What a simulated print of a job came to, however its lines reached the printer.
+
+    Args:
+        job: what was to be printed.
+        profile: with which it was made.
+        report: the printer's own account.
+        comparison: was told every command that the printer executed.
+        ends: what the host said at its end, where it was asked.
+        total_seconds: from the first byte to the last; None adds up what the printer did.
+    """
+    waited = report.homing_seconds + report.heating_seconds
     return Verdict(
         job=job.name,
         commands=len(job.commands),
         executed=comparison.executed,
         identical=comparison.executed == len(job.commands) and comparison.n_strays == 0,
         heights=report.layers,
-        heights_equal=heights_equal,
+        heights_equal=_same_heights(job, report.layers),
         modelled_seconds=job.seconds,
         simulated_seconds=report.print_seconds,
-        total_seconds=port.now(),
+        total_seconds=report.print_seconds + waited if total_seconds is None else total_seconds,
         report=report,
         problems=tuple(_problems(job, profile, report, comparison, ends)),
     )
@@ -218,7 +239,7 @@ def _located(job: Job, comparison: Comparison, executed: int, text: str) -> str:
 
 
 def _problems(
-    job: Job, profile: Profile, report: Report, comparison: Comparison, ends: list[Event]
+    job: Job, profile: Profile, report: Report, comparison: Comparison, ends: Sequence[Event]
 ) -> list[str]:
     """Everything that should not be, in words."""
     problems = [f"the host gave up: {end.reason}" for end in ends if isinstance(end, Halted)]

@@ -186,7 +186,8 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "serve the simulated printer on a pseudo-terminal until interrupted",
         "  printer-slicer sim --pty /tmp/printer &\n"
         "  printer-slicer print part.stl --port /tmp/printer\n"
-        "  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send",
+        "  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send\n"
+        "  printer-slicer sim --pty /tmp/printer --expect part.stl   and say whether all of it was printed",
     )
     parser.add_argument(
         "--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it"
@@ -197,9 +198,10 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
     )
-    parser.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
-    parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting")
-    _output(parser)
+    parser.add_argument(
+        "--expect", metavar="MODEL|FILE.gcode", type=Path, help="judge at the end whether this was printed"
+    )
+    _common(parser)
     parser.set_defaults(run=_later("printing", "sim_command"))
 
 

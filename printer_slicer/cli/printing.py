@@ -21,7 +21,8 @@ from printer_slicer.stream.events import Accepted, Action, Event, Message, Resen
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
-    from printer_slicer.verdict import Verdict
+    from printer_slicer.sim.tally import Report
+    from printer_slicer.verdict import Comparison, Verdict
 
 __all__ = ["dry_run_command", "print_command", "sim_command"]
 
@@ -216,30 +217,16 @@ def _as_text(verdict: Verdict, profile: Profile) -> str:
 
 def sim_command(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal until interrupted."""
-    from printer_slicer.sim.printer import SimulatedPrinter
-    from printer_slicer.sim.pty_server import serve
-    from printer_slicer.verdict import Comparison, front_end_of, machine_of
+    from printer_slicer.verdict import Comparison, judge
 
-    printer = profile_from(arguments, slices=False).printer
     if arguments.report and arguments.json and str(arguments.report) == "-":
         raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
     if arguments.report:
         check_writable(arguments.report)
-    comparison = Comparison()
-    stopped: list[int] = []
-    signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
-
-    def ready(name: str) -> None:
-        say(arguments, f"simulated {printer.name} at {arguments.pty} ({name}); Ctrl-C ends it")
-        sys.stdout.flush()
-
-    report = serve(
-        lambda: SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=comparison),
-        arguments.pty,
-        speed=arguments.speed,
-        stop=lambda: bool(stopped),
-        ready=ready,
-    )
+    profile = profile_from(arguments, slices=bool(arguments.expect) and not is_gcode(arguments.expect))
+    job = job_from(arguments.expect, profile) if arguments.expect else None
+    comparison = Comparison(job.commands if job else ())
+    report = _serve(arguments, profile, comparison)
     result = {
         **asdict(report),
         "violations": [list(violation) for violation in report.violations],
@@ -247,14 +234,44 @@ def sim_command(arguments: argparse.Namespace) -> int:
         "job_commands": comparison.executed,
         "job_digest": comparison.digest,
     }
+    verdict = judge(job, profile, report, comparison) if job else None
+    if verdict and job:
+        result["verdict"] = _as_json(verdict, job)
     if arguments.report:
         write_file(arguments.report, (json.dumps(result) + "\n").encode())
     if arguments.json:
         print(json.dumps(result))
+    elif verdict:
+        say(arguments, _as_text(verdict, profile))
     else:
+        motion = f"{spoken(report.print_seconds)} of motion, {report.n_violations} violations"
         say(
             arguments,
-            f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights,"
-            f" {spoken(report.print_seconds)} of motion, {report.n_violations} violations",
+            f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}",
         )
+    if verdict:
+        _insist(verdict)
     return 0
+
+
+def _serve(arguments: argparse.Namespace, profile: Profile, comparison: Comparison) -> Report:
+    """Be a printer until Ctrl-C or SIGTERM; its account."""
+    from printer_slicer.sim.printer import SimulatedPrinter
+    from printer_slicer.sim.pty_server import serve
+    from printer_slicer.verdict import front_end_of, machine_of
+
+    printer = profile.printer
+    stopped: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
+
+    def ready(name: str) -> None:
+        say(arguments, f"simulated {printer.name} at {arguments.pty} ({name}); Ctrl-C ends it")
+        sys.stdout.flush()
+
+    return serve(
+        lambda: SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=comparison),
+        arguments.pty,
+        speed=arguments.speed,
+        stop=lambda: bool(stopped),
+        ready=ready,
+    )

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 import serial
-from command_line import BOX, NO_BUFFER, QUICK, USUAL, heard, is_message, process, started, typed
+from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message, process, started, typed
 
 from printer_slicer.jobs import commands_of
 from printer_slicer.profile import load_profile
@@ -292,15 +292,16 @@ def test_ctrl_c_before_the_printer_answers_is_a_cancelled_print(tmp_path: Path) 
     assert b"Traceback" not in err
 
 
-def test_sigterm_does_not_leave_the_heaters_on(tmp_path: Path) -> None:
-    """A computer that shuts down says SIGTERM: a print must not end with a hot nozzle in the part."""
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=["shutdown", "closed terminal"])
+def test_no_usual_signal_leaves_the_heaters_on(number: signal.Signals, tmp_path: Path) -> None:
+    """A computer that shuts down, a terminal that is closed: a print must not end with a hot nozzle in the part."""
     (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
     with (
         printer(tmp_path / "port", speed=100) as executed,
         started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing,
     ):
         heard(printing, b'"event": "progress"')
-        printing.terminate()
+        printing.send_signal(number)
         printing.communicate(timeout=20)
 
     assert printing.returncode == 6
@@ -393,3 +394,23 @@ def test_the_simulated_printer_refuses_a_report_that_cannot_be_written_before_it
 
     assert running.returncode == 2
     assert b"missing/report.json" in err
+
+
+@pytest.mark.parametrize(("expected", "code"), [("box.stl", 0), ("bridge.stl", 7)])
+def test_the_served_printer_judges_what_it_was_to_print(expected: str, code: int, tmp_path: Path) -> None:
+    """Through a pseudo-terminal and the serial library: executed = sent, heights as planned, time as modelled."""
+    flags = ("--pty", "port", "--speed", "0", "--expect", PARTS / expected, "--json")
+    with started("sim", *flags, cwd=tmp_path) as serving:
+        while not (tmp_path / "port").is_symlink():
+            assert serving.poll() is None
+            select.select([], [], [], 0.02)
+        printed = typed("print", PARTS / "box.stl", "--port", tmp_path / "port", cwd=tmp_path)
+        serving.terminate()
+        out, _ = serving.communicate(timeout=20)
+    verdict = json.loads(out)["verdict"]
+
+    assert printed.code == 0
+    assert serving.returncode == code
+    assert verdict["ok"] == verdict["executed_equals_sent"] == verdict["heights_equal_plan"] == (code == 0)
+    if not code:
+        assert verdict["simulated_seconds"] == pytest.approx(verdict["modelled_seconds"], rel=0.01)
