@@ -149,8 +149,8 @@ class _progress:  # noqa: N801 - used like a function
             print("stopping; Ctrl-C again halts the printer at once", file=sys.stderr)
         elif isinstance(event, Action) and not self._quiet:
             print(f"the printer asks: {visible(event.name)}", file=sys.stderr)
-        elif self._verbose and isinstance(event, (Message, ResendAsked, Stopping, Temperature)):
-            print(event, file=sys.stderr)
+        elif self._verbose and (text := _as_line(event)):
+            print(visible(text), file=sys.stderr)
 
     def _advance(self, done: int) -> None:
         """A hundred steps are enough for people and for programs."""
@@ -166,6 +166,22 @@ class _progress:  # noqa: N801 - used like a function
             print(json.dumps(line), flush=True)
         elif self._bar:
             self._bar(done)
+
+
+def _as_line(event: Event) -> str:
+    """What a person wants to read of an event when every word of the printer counts; empty for the rest."""
+    if isinstance(event, Message):
+        return event.text
+    if isinstance(event, ResendAsked):
+        return f"the printer asks for everything from line {event.number} again"
+    if isinstance(event, Temperature):
+        wanted = {True: " (waiting)", False: ""}[event.waiting]
+        heaters = (
+            f"{one.name} {one.actual:g}" + (f"/{one.target:g}" if one.target else "")
+            for one in event.readings
+        )
+        return f"{', '.join(heaters)} °C{wanted}"
+    return ""
 
 
 def _as_json(verdict: Verdict, job: Job) -> dict[str, object]:
