@@ -195,7 +195,10 @@ def _slowed(program: Program, profile: Profile) -> Program:
         factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[program.layer]
         # What is slower already, a first layer say, is not made faster by the lower bound.
         floor = np.minimum(program.speed, material.min_speed)
-        speed = np.where(is_bead & (factor < 1), np.maximum(speed * factor, floor), speed)
+        slower = np.where(is_bead & (factor < 1), np.maximum(speed * factor, floor), speed)
+        if (slower >= speed * _NEARLY).all():  # what is still too quick is as slow as it may be
+            break
+        speed = slower
     return replace(program, speed=speed)
 
 

@@ -10,6 +10,7 @@ __all__ = ["crossed", "rings_around"]
 
 _STRIP = 5.0  # mm
 _WAYS_AT_ONCE = 16
+_FEW_PAIRS = 50_000  # of ways and edges; looking for the near ones would take longer
 
 
 def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
@@ -61,6 +62,8 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
 
 def _crossed_here(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     """(P,) whether each way crosses one of the edges; few ways at a time, against the edges around them only."""
+    if len(begin) * len(a) <= _FEW_PAIRS:
+        return _any_crossing(begin, end, a, b)
     result = np.zeros(len(begin), np.bool_)
     low, high = np.minimum(a, b), np.maximum(a, b)
     # Neighbours in a sequence of strips have a small box around them, which few edges meet.
