@@ -115,6 +115,7 @@ class Verdict:
         executed: of these, executed in order.
         identical: every command was executed once, in order, and nothing else.
         heights: z values at which the printer laid plastic, in order.
+        primed: those of them that the start G-code laid plastic at.
         heights_equal: they are those of the job and, where it was sliced here, of the layer plan.
         modelled_seconds: of the time model.
         simulated_seconds: of the simulated printer.
@@ -128,6 +129,7 @@ class Verdict:
     executed: int
     identical: bool
     heights: tuple[float, ...]
+    primed: tuple[float, ...]
     heights_equal: bool
     modelled_seconds: float
     simulated_seconds: float
@@ -199,6 +201,7 @@ def judge(
         executed=comparison.executed,
         identical=comparison.executed == len(job.commands) and comparison.n_strays == 0,
         heights=report.layers,
+        primed=tuple(z for z in report.layers if z in set(_heights_before(job))),
         heights_equal=_same_heights(job, report.layers),
         modelled_seconds=job.seconds,
         simulated_seconds=report.print_seconds,

@@ -209,13 +209,14 @@ def _as_text(verdict: Verdict, profile: Profile) -> str:
     ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
     cm3 = report.filament * pi * profile.material.filament_diameter**2 / 4000
     sent = "executed = sent" if verdict.identical else "executed is NOT what was sent"
+    primed = f" and {len(verdict.primed)} of the start G-code" if verdict.primed else ""
     heights = "as planned" if verdict.heights_equal else "NOT as planned"
     simulated, modelled = spoken(verdict.simulated_seconds), spoken(verdict.modelled_seconds)
     length, grams = report.filament / 1000, cm3 * profile.material.density
     dry = f"the planner ran dry {report.starvations} times, {report.starved_seconds:.2f} s"
     facts = {
         "verdict": f"{sent}: {verdict.executed} of {verdict.commands} commands",
-        "layers": f"plastic at {len(verdict.heights)} heights, {heights}",
+        "layers": f"plastic at {len(verdict.heights) - len(verdict.primed)} heights{primed}, {heights}",
         "time": f"{simulated} of motion simulated, {modelled} modelled ({ratio:+.2%})",
         "in all": f"{spoken(verdict.total_seconds)} with homing and heating",
         "filament": f"{length:.2f} m, {grams:.1f} g; at most {report.peak_flow:.1f} mm3/s",
