@@ -130,14 +130,7 @@ def _positions(paths: Toolpaths, rows: _Rows) -> Float:
     xyz[:-1, 2] = z[rows.path] + np.where(lifted, rows.hop[rows.path], 0.0)
     pulling = rows.kind == _RETRACT  # still on the layer of the path before
     xyz[:-1, 2][pulling] = z[rows.path[pulling] - 1]
-    # Before the first path the nozzle is at the place and height to which the start G-code brought it.
-    return _with_last(xyz)
-
-
-def _with_last(xyz: Float) -> Float:
-    """The last move is a retraction on the spot."""
-    if len(xyz) > 1:
-        xyz[-1] = xyz[-2]
+    xyz[-1] = xyz[-2]  # the last move is a retraction on the spot
     return xyz
 
 

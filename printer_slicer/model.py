@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array
+from printer_slicer.geometry.areas import consecutive
 
 __all__ = [
     "Areas",
@@ -358,8 +359,7 @@ class Toolpaths:
 def reordered(xy: Float, size: Int, order: Int) -> tuple[Float, Int]:
     """Ragged points and sizes with their items in another order."""
     first, counts = (np.cumsum(size) - size)[order], size[order]
-    take = np.repeat(first - (np.cumsum(counts) - counts), counts) + np.arange(len(xy))
-    return xy[take], counts
+    return xy[consecutive(first, counts)], counts
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from itertools import groupby
 import numpy as np
 
 from printer_slicer.geometry import rings_around
+from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Areas, Float, Int, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -142,8 +143,7 @@ class _Route:
         paths, taken, turn = self.paths, np.array(self._taken, np.int64), np.array(self._turn, np.int64)
         size = np.diff(paths.start)[taken]
         start = np.concatenate([[0], np.cumsum(size)])
-        owner = np.repeat(np.arange(len(taken)), size)
-        step = np.arange(start[-1]) - start[owner]
+        owner, step = spread(size)
         closed = paths.closed[taken]
         turned_around = (~closed & (turn == 1))[owner]
         rotated = np.where(closed[owner], (step + turn[owner]) % np.maximum(size[owner], 1), step)

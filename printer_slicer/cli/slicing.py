@@ -90,15 +90,14 @@ def plan_command(arguments: argparse.Namespace) -> int:
         mesh = load_mesh(arguments.model)
         part = place(mesh, profile.printer)
         rows = _compare(part, profile, report)
-        if arguments.picture:
+        chosen = plan_layers(part, profile) if arguments.picture or arguments.json else None
+        if chosen is not None and arguments.picture:
             from printer_slicer.drawing import draw_plan
 
-            chosen = plan_layers(part, profile)
             sections = cut(part, chosen, profile.quality.resolution)
             write_file(arguments.picture, draw_plan(sections, arguments.model.name).encode())
     table = _table_1(mesh)
-    if arguments.json:
-        chosen = plan_layers(part, profile)
+    if chosen is not None and arguments.json:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         print(json.dumps({"part": table, "plans": rows, "layers": layers}))
     elif not arguments.quiet:
