@@ -53,7 +53,7 @@ class Role(IntEnum):
     SPARSE = 9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Mesh:
     """The surface of the part as loose triangles, as an STL file has them.
 
@@ -112,11 +112,14 @@ class LayerPlan:
         top: (L,) z of the top of each layer, strictly increasing; the nozzle prints at this height.
         cut: (L,) z at which the mesh is cut for each layer, within the layer.
         planner: name of the strategy that made the plan.
+        containment: "mid": a layer has the section at `cut`; "positive": everything that the part covers anywhere
+            between bottom and top; "negative": only what it covers everywhere between them.
     """
 
     top: Float
     cut: Float
     planner: str = ""
+    containment: str = "mid"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "top", frozen_array(self.top, np.float64, (-1,)))

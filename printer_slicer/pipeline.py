@@ -15,13 +15,15 @@ from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
-from printer_slicer.profile import Profile
+from printer_slicer.profile import OptimalPlanner, Profile, profile_with
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
+from printer_slicer.surface import Certificate
 
-__all__ = ["Report", "Stages", "gcode_of", "quiet", "slice_part", "slice_stages"]
+__all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
 
 Report = Callable[[str], None]
+_ROUNDS = 5  # of asking for a plan within a time budget
 
 
 def quiet(stage: str) -> None:
@@ -57,7 +59,34 @@ def slice_stages(
     report("placing")
     part = place(mesh, profile.printer)
     report("planning")
-    plan = plan or plan_layers(part, profile)
+    return _down_from(part, plan or plan_part(part, profile), profile, report)
+
+
+def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
+    """The layer plan of a placed part.
+
+    A planner that is given a time budget knows times from a model. Here the budget is held against the moves, and the
+    planner is asked for more or less until they agree.
+
+    Raises:
+        PartError: the part cannot be divided into layers.
+    """
+    plan, planner = plan_layers(part, profile), profile.quality.planner
+    budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
+    asked, tried = budget, []
+    for _ in range(_ROUNDS if budget else 0):
+        seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+        tried.append((seconds, plan))
+        if 0.98 * budget <= seconds <= budget:
+            break
+        asked *= 0.995 * budget / seconds
+        plan = plan_layers(part, profile_with(profile, {"quality.planner.time_budget": asked}))
+    # The one that uses the budget best, or else the quickest.
+    return min(tried, key=lambda one: (one[0] > budget, abs(budget - one[0])))[1] if tried else plan
+
+
+def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) -> Stages:
+    """From a placed part and its plan to the moves."""
     report("slicing")
     sections = cut(part, plan, profile.quality.resolution)
     report("perimeters")
@@ -68,7 +97,7 @@ def slice_stages(
     paths = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
     if paths[1].n_paths + paths[2].n_paths == 0:
         raise PartError(
-            f"{mesh.name}: no bead of {profile.extrusion_width:g} mm fits into the part",
+            f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",
             remedy="is the part in another unit? otherwise choose a thinner nozzle, more perimeters or denser infill",
         )
     report("ordering")
@@ -85,17 +114,31 @@ def slice_part(
     return slice_stages(mesh, profile, plan=plan, report=report).program
 
 
-def gcode_of(program: Program, profile: Profile, *, seconds: float | None = None) -> bytes:
+def gcode_of(
+    program: Program,
+    profile: Profile,
+    *,
+    seconds: float | None = None,
+    certificate: Certificate | None = None,
+) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes.
 
     Args:
         program: the moves.
         profile: what they were made with.
         seconds: modelled time of the moves where it is known already.
+        certificate: of the plan, to be told in comments.
 
     Raises:
         ProfileError: a placeholder in the start or end G-code that does not exist.
     """
     if seconds is None:
         seconds = float(move_seconds(program, profile).sum())
-    return write_gcode(program, profile, seconds)
+    facts: tuple[str, ...] = ()
+    if certificate is not None:
+        facts = (
+            f"certified error [mm] = {certificate.max_error:.4f}",
+            f"mean error [mm] = {certificate.mean_error:.4f}",
+            f"volume error [mm3] = {certificate.volume_error:.2f}",
+        )
+    return write_gcode(program, profile, seconds, facts)

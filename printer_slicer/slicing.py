@@ -7,13 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry import Areas, Float, Int, normalize, simplify
+from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
 from printer_slicer.geometry.planes import Crossings, cross, edge_faults
+from printer_slicer.geometry.slabs import slab_shadows
 from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Sections
 
 __all__ = ["contours", "cut", "mesh_faults", "open_places"]
 
 _ROUNDING = 1e-3  # mm; ends this close are the same point, written twice
+_FINE = (
+    0.002  # mm; contours that must not cross the surface are simplified by this much and moved away as much
+)
 _LARGEST_GAP = 1.0  # mm; a wider gap in a contour is a missing face, not a crack
 
 
@@ -23,20 +27,36 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
     Args:
         mesh: the part, standing on z = 0.
         plan: where each layer is cut.
-        resolution: contours are simplified by at most this, mm, before any polygon operation.
+        resolution: contours are simplified by at most this, mm, before any polygon operation; where a plan has
+            positive or negative containment, by less, and always to its side.
 
     Raises:
         PartError: the planes meet no material, or the contours cannot be closed.
     """
     crossings = cross(mesh.triangles, plan.cut)
     rings, gaps = _joined(crossings, plan, mesh.name)
-    solid = normalize(simplify(rings, resolution))
+    solid = (
+        normalize(simplify(rings, resolution)) if plan.containment == "mid" else _contained(mesh, plan, rings)
+    )
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
             remedy="the part may be thinner than one layer, or inside out; check its size and units",
         )
     return Sections(plan, solid, crossings.unpaired, tuple(gaps))
+
+
+def _contained(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
+    """Everything that the part covers in each layer, or only what it covers at every height of it.
+
+    The section at one height of a layer differs from that at another only where the surface lies between them, so the
+    section at the cut with the shadow of the surface in the layer is their union, and without it their intersection.
+    """
+    shadow = normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top))
+    section = normalize(rings)
+    if plan.containment == "positive":
+        return offset(simplify(union(section, shadow), _FINE), _FINE)
+    return offset(simplify(difference(section, shadow), _FINE), -_FINE)
 
 
 def contours(mesh: Mesh, plan: LayerPlan) -> Contours:

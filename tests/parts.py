@@ -220,8 +220,12 @@ def _profile(names: tuple[str, str, str], changes: tuple[tuple[str, object], ...
 def profile(
     printer: str = "marlin_220", material: str = "pla", quality: str = "standard", **changes: object
 ) -> Profile:
-    """A shipped profile with changes; `__` in a keyword stands for the dot: `planner__kind="area"`."""
-    named = tuple((key.replace("__", "."), value) for key, value in changes.items())
+    """A shipped profile with changes; `__` in a keyword stands for the dot: `planner__kind="area"`.
+
+    Its z step is 0.01 mm unless asked for, so that heights in tests are short numbers.
+    """
+    step = {} if "z_step" in changes else {"z_step": 0.01}
+    named = tuple((key.replace("__", "."), value) for key, value in (step | changes).items())
     return _profile((printer, material, quality), named)
 
 
@@ -233,6 +237,7 @@ def plain(**changes: object) -> Profile:
         "end_gcode": "",
         "min_layer_time": 0,
         "printer.origin": "centre",
+        "printer.z_step": 0.01,
     }
     named = tuple((key.replace("__", "."), value) for key, value in (still | changes).items())
     return _profile(("marlin_220", "pla", "standard"), named)

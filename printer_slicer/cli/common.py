@@ -18,7 +18,17 @@ from printer_slicer.errors import OutputError, UsageError
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
-__all__ = ["PATIENCE", "Stages", "check_writable", "profile_from", "say", "stages", "visible", "write_file"]
+__all__ = [
+    "PATIENCE",
+    "Stages",
+    "check_writable",
+    "profile_from",
+    "refuse_mixing",
+    "say",
+    "stages",
+    "visible",
+    "write_file",
+]
 
 PATIENCE = 1.0  # s before a progress bar appears
 _STAGES = 10  # from loading to writing
@@ -36,9 +46,7 @@ def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profi
     """
     from printer_slicer.profile import load_profile
 
-    changes: dict[str, object] = {}
-    if getattr(arguments, "planner", None):
-        changes["quality.planner.kind"] = arguments.planner
+    changes = _dialled(arguments)
     if getattr(arguments, "baud", None):
         changes["printer.baud"] = arguments.baud
     for change in arguments.set:
@@ -50,6 +58,41 @@ def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profi
         changes[key.strip()] = value.strip()
     names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
     return load_profile(*names, changes, slices=slices)
+
+
+def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
+    """The settings that flags with names of their own stand for."""
+    given = {
+        key.removeprefix("dial "): value for key, value in vars(arguments).items() if key.startswith("dial ")
+    }
+    changes: dict[str, object] = {key: value for key, value in given.items() if value is not None}
+    heights = str(changes.pop("heights", ""))
+    if ":" in heights:
+        low, high, *step = heights.split(":")
+        changes |= {
+            "quality.thinnest_layer": low,
+            "quality.thickest_layer": high,
+            "quality.layer_heights": "",
+        }
+        changes |= {"quality.layer_step": step[0]} if step else {}
+    elif heights:
+        changes["quality.layer_heights"] = heights
+    if getattr(arguments, "range", None):
+        changes["quality.planner.ranges"] = ";".join(arguments.range)
+    return changes
+
+
+def refuse_mixing(arguments: argparse.Namespace) -> None:
+    """Only one thing can go to stdout.
+
+    Raises:
+        UsageError: two would.
+    """
+    wants = {"-o": getattr(arguments, "output", None), "--picture": arguments.picture}
+    there = [f"{flag} -" for flag, path in wants.items() if str(path) == "-"]
+    there += ["--json"] if arguments.json else []
+    if len(there) > 1:
+        raise UsageError(f"{' and '.join(there)} both want stdout", remedy="write one of them to a file")
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:

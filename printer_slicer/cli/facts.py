@@ -7,19 +7,23 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.gcode import spoken
-from printer_slicer.model import Mesh, Program, Role
+from printer_slicer.model import Float, LayerPlan, Mesh, Program, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import mesh_faults
+from printer_slicer.surface import Certificate, find_flats
 
-__all__ = ["facts_of", "runs_text", "sentences"]
+__all__ = ["certificate_facts", "certificate_sentences", "facts_of", "flats_off", "runs_text", "sentences"]
 
 _WORTH_SAYING = 0.002  # share of the part
+_WORTH_MENTION = 0.01  # mm²
 _MOST_RUNS = 6  # stretches of equal height shown per plan
 _MOST_PLACES = 10
 
 
-def facts_of(mesh: Mesh, stages: Stages, profile: Profile, seconds: float) -> dict[str, Any]:
+def facts_of(
+    mesh: Mesh, stages: Stages, profile: Profile, seconds: float, certificate: Certificate
+) -> dict[str, Any]:
     """Everything worth knowing, ready for JSON.
 
     Args:
@@ -27,6 +31,7 @@ def facts_of(mesh: Mesh, stages: Stages, profile: Profile, seconds: float) -> di
         stages: the sliced part.
         profile: what it was sliced with.
         seconds: modelled time of the moves.
+        certificate: of the plan.
     """
     program = stages.program
     area = np.pi * profile.material.filament_diameter**2 / 4
@@ -53,6 +58,7 @@ def facts_of(mesh: Mesh, stages: Stages, profile: Profile, seconds: float) -> di
         "open_edges": stages.sections.open_edges,
         "n_gaps": len(stages.sections.gaps),
         "gaps": gaps,
+        "certificate": certificate_facts(certificate, stages.part, profile, shift),
     }
 
 
@@ -89,6 +95,7 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         change.removeprefix("quality.").startswith("layer_height") for change in changes
     ):
         lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
+    lines += certificate_sentences(facts["certificate"])[:1]
     if facts["empty_layers"]:
         many = "1 layer stays" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers stay"
         lines.append(f"{many} empty: the part is narrower than a bead there")
@@ -125,6 +132,98 @@ def _fault_sentences(facts: dict[str, Any]) -> list[str]:
             f"{facts['n_gaps']} gaps in contours were closed, the widest of {gap['width']:.3g} mm at {place}"
         )
     return lines
+
+
+def flats_off(part: Mesh, plan: LayerPlan) -> float:
+    """The farthest that a flat of more than 1 mm² is from the end of a layer, mm."""
+    flats = find_flats(part)[0]
+    ends = np.append(plan.top, 0.0)
+    return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
+
+
+def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, shift: Float) -> dict[str, Any]:
+    """What is proven about a plan, ready for JSON.
+
+    Args:
+        certificate: of the plan.
+        part: as it was placed.
+        profile: what it was planned with.
+        shift: (3,) mm from the placed part to the file's coordinates, in which places are told.
+    """
+    worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
+    place = np.round(np.add((worst.x, worst.y, worst.z), shift), 4)
+    return {
+        "planner": plan.planner,
+        "containment": plan.containment,
+        "layers": plan.n_layers,
+        "thicknesses": len(set(plan.height.tolist())),
+        "tolerance_mm": tolerance,
+        "max_error_mm": round(certificate.max_error, 6),
+        "mean_error_mm": round(certificate.mean_error, 6),
+        "volume_error_mm3": round(certificate.volume_error, 3),
+        "volume_error_share": round(certificate.volume_error / max(part.volume, 1e-9), 6),
+        "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
+        "flats": len(find_flats(part)[0]),
+        "flat_error_mm": round(flats_off(part, plan), 6),
+        "worst": dict(zip("xyz", place.tolist(), strict=True))
+        | {"layer": worst.layer + 1, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
+        "over_tolerance": [
+            {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
+            for low, high, bound in certificate.over(tolerance)
+        ],
+        "thinnest_layer_mm": profile.thinnest,
+        "first_layer_mm": profile.quality.first_layer_height,
+    }
+
+
+_WHY = {
+    "facet": "by a sloping facet",
+    "flat": "by a flat that no layer ends on",
+    "edge": "by an edge that is steeper than its facets",
+    "corner": "by a peak or pit that no layer ends on",
+    "top": "by the top of the part",
+}
+
+
+def certificate_sentences(facts: dict[str, Any]) -> list[str]:
+    """The certificate for people: the bound first.
+
+    Args:
+        facts: of `certificate_facts`.
+    """
+    worst, over = facts["worst"], facts["over_tolerance"]
+    side = {"mid": "wrong", "positive": "too much", "negative": "missing"}[facts["containment"]]
+    proven = f"certified error {facts['max_error_mm']:.4f} mm: nothing {side} is farther from the surface"
+    lines = [f"{proven}; {facts['volume_error_mm3']:.1f} mm3 in all, at most"]
+    if worst["kind"] in _WHY:
+        place = f"x {worst['x']:g} y {worst['y']:g} z {worst['z']:g}"
+        lines.append(f"attained in layer {worst['layer']} at {place}, {_WHY[worst['kind']]}")
+    share = 100 * facts["volume_error_share"]
+    lines.append(f"mean error {facts['mean_error_mm']:.4f} mm, volume error {share:.2f} % of the part")
+    flats = f"flats over 1 mm2 ({facts['flats']}) by {facts['flat_error_mm']:.4f} mm at most"
+    lines.append(f"top of the part off by {facts['height_error_mm']:.4f} mm, {flats}")
+    thin = facts.get("thin_features", {"area_mm2": 0.0})
+    if thin["area_mm2"] > _WORTH_MENTION:
+        lines.append(
+            f"features of {thin['area_mm2']:.2f} mm2 seen from above are thinner than the layers and may be lost, most "
+            f"of them near z {thin['z']:g}"
+        )
+    thinnest, tolerance = facts["thinnest_layer_mm"], facts["tolerance_mm"]
+    lines += [
+        f"over the tolerance of {tolerance:g} mm from z {stretch['from']:g} to {stretch['to']:g}: "
+        f"{stretch['bound_mm']:.4f} mm; {_remedy(stretch, thinnest, facts['first_layer_mm'])}"
+        for stretch in over[:_MOST_RUNS]
+    ]
+    if len(over) > _MOST_RUNS:
+        lines.append(f"and {len(over) - _MOST_RUNS} stretches more")
+    return lines
+
+
+def _remedy(stretch: dict[str, float], thinnest: float, first: float) -> str:
+    """What would bring a stretch within the tolerance."""
+    if stretch["from"] == 0 and first and stretch["to"] <= first + 1e-9:
+        return f"the first layer is set to {first:g} mm"
+    return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {thinnest / 2:g} mm"
 
 
 def runs_text(runs: list[tuple[int, float]] | list[list[float]]) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Final
 
 __all__ = ["build_parser"]
 
@@ -70,6 +72,18 @@ def _factor(text: str) -> float:
     return value
 
 
+def _seconds(text: str) -> float:
+    """A time such as 90m, 1h30m, 45s or 5400, in seconds."""
+    found = re.fullmatch(r"(?:([\d.]+)h)?\s*(?:([\d.]+)m(?:in)?)?\s*(?:([\d.]+)s?)?", text.strip())
+    if not found or not any(found.groups()):
+        raise argparse.ArgumentTypeError(f"{text} is no time; write 1h30m, 90m or 5400 (seconds)")
+    hours, minutes, seconds = (float(part or 0) for part in found.groups())
+    return 3600 * hours + 60 * minutes + seconds
+
+
+_READERS: Final[dict[str, Callable[[str], object]]] = {"--time-budget": _seconds}
+
+
 def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
     """A function that imports its module when it is called."""
 
@@ -98,11 +112,71 @@ def _common(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
     group.add_argument("--material", metavar="NAME", help="material profile, likewise")
     group.add_argument("--quality", metavar="NAME", help="quality profile, likewise")
-    group.add_argument("--planner", metavar="NAME", help="how layer heights are chosen: uniform, area")
     group.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
     )
+    _heights(parser)
     _output(parser)
+
+
+# flag -> setting, what to type, meaning
+_DIALS: Final = {
+    "--planner": (
+        "quality.planner.kind",
+        "NAME",
+        "how heights are chosen: optimal, uniform, area, cusp, stepwise, genetic",
+    ),
+    "--tolerance": (
+        "quality.tolerance",
+        "MM",
+        "greatest certified distance of a wrong place from the surface",
+    ),
+    "--heights": ("heights", "LIST", "0.1,0.2,0.3 or LOW:HIGH or LOW:HIGH:STEP, in mm"),
+    "--first-layer": (
+        "quality.first_layer_height",
+        "MM",
+        "height of the first layer; 0: as the planner likes",
+    ),
+    "--containment": (
+        "quality.containment",
+        "NAME",
+        "mid, positive (nothing missing), negative (nothing too much)",
+    ),
+    "--objective": (
+        "quality.planner.objective",
+        "NAME",
+        "balanced, time, layers, volume; for --planner optimal",
+    ),
+    "--error-price": (
+        "quality.planner.error_price",
+        "S",
+        "seconds that a mm3 of volume error may cost; likewise",
+    ),
+    "--snap": ("quality.planner.snap_tolerance", "MM", "layers end this near to flats; likewise"),
+    "--max-step": ("quality.planner.max_step", "MM", "greatest difference of neighbouring layers; likewise"),
+    "--max-layers": ("quality.planner.max_layers", "N", "least error with no more layers; likewise"),
+    "--time-budget": (
+        "quality.planner.time_budget",
+        "TIME",
+        "least error in this time: 90m, 1h30m, 5400; likewise",
+    ),
+}
+
+
+def _heights(parser: argparse.ArgumentParser) -> None:
+    """Flags that decide where layers end: short names of settings."""
+    group = parser.add_argument_group("layer heights")
+    for flag, (setting, what, meaning) in _DIALS.items():
+        group.add_argument(
+            flag, metavar=what, dest=f"dial {setting}", type=_READERS.get(flag, str), help=meaning
+        )
+    group.add_argument(
+        "--range",
+        metavar="LOW:HIGH:RULE",
+        action="append",
+        default=[],
+        help="tolerance=MM or layer_height=MM between two heights; may be repeated; likewise",
+    )
 
 
 def _output(parser: argparse.ArgumentParser) -> None:
@@ -125,7 +199,9 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.add_argument(
         "-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the model; - for stdout"
     )
-    parser.add_argument("--picture", metavar="FILE", type=Path, help="draw one layer's beads as SVG")
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
+    )
     parser.add_argument("--layer", metavar="N", type=int, default=1, help="which layer to draw, from 1")
     _common(parser)
     parser.set_defaults(run=_later("slicing", "slice_command"))
@@ -137,12 +213,19 @@ def _plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "plan",
         "compare layer plans for a part",
         "  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study\n"
-        "  printer-slicer plan part.stl --picture plan.svg --planner area",
+        "  printer-slicer plan part.stl --picture plan.png --tolerance 0.05\n"
+        "  printer-slicer plan part.stl --compare --heights 0.1:0.3:0.02\n"
+        "  printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03",
     )
     parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
-    parser.add_argument("--picture", metavar="FILE", type=Path, help="draw the chosen plan as SVG")
+    parser.add_argument(
+        "--compare", action="store_true", help="all planners, at the same tolerance and heights"
+    )
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw the chosen plan, SVG or PNG by the name"
+    )
     _common(parser)
-    parser.set_defaults(run=_later("slicing", "plan_command"))
+    parser.set_defaults(run=_later("planning", "plan_command"))
 
 
 def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect
@@ -18,15 +18,18 @@ __all__ = ["FLAVOURS", "Dialect", "Moves", "read_moves", "spoken", "write_gcode"
 FLAVOURS: Final[Mapping[str, Dialect]] = {"marlin": MARLIN, "klipper": KLIPPER}
 
 
-def write_gcode(program: Program, profile: Profile, seconds: float | None = None) -> bytes:
+def write_gcode(
+    program: Program, profile: Profile, seconds: float | None = None, facts: Sequence[str] = ()
+) -> bytes:
     """The text of a program in the printer's dialect, settings included as comments.
 
     Args:
         program: the moves.
         profile: what they were made with; its start and end G-code are filled in.
         seconds: modelled time of the moves, for the header; left out if not known.
+        facts: more lines for the header.
 
     Raises:
         ProfileError: a placeholder in the start or end G-code that does not exist.
     """
-    return write_program(program, profile, FLAVOURS[profile.printer.flavour], seconds)
+    return write_program(program, profile, FLAVOURS[profile.printer.flavour], seconds, facts)

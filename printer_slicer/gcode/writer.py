@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
 from typing import Final
 
@@ -29,13 +30,22 @@ TYPE_NAMES: Final = {
 }
 
 
-def write_program(program: Program, profile: Profile, dialect: Dialect, seconds: float | None) -> bytes:
+def write_program(
+    program: Program, profile: Profile, dialect: Dialect, seconds: float | None, facts: Sequence[str] = ()
+) -> bytes:
     """The whole file; nothing in it depends on when or where it was made."""
     known = values(program, profile)
     start = fill_in(profile.printer.start_gcode, known, f"printer {profile.printer.name!r}: start_gcode")
     end = fill_in(profile.printer.end_gcode, known, f"printer {profile.printer.name!r}: end_gcode")
     relative = profile.printer.relative_extrusion
-    before = [*_header(program, profile, seconds), "G21 ; mm", "G90", "M83", dialect.fan(0.0)]
+    before = [
+        *_header(program, profile, seconds),
+        *(f"; {fact}" for fact in facts),
+        "G21 ; mm",
+        "G90",
+        "M83",
+        dialect.fan(0.0),
+    ]
     before += [*dialect.limits(profile.printer), *start]
     before += ["G90", "M83" if relative else "M82", "G92 E0"]
     after = [*end, *_settings(profile)]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
-__all__ = ["combine", "load", "load_any", "offset", "simplify", "store"]
+__all__ = ["SegmentTree", "combine", "load", "load_any", "offset", "simplify", "store"]
 
 Shapes = NDArray[np.object_]
 
@@ -250,3 +250,22 @@ def _only_points(areas: Areas, keep: Bool) -> Areas:
     keep = keep & np.repeat(whole, np.diff(areas.ring_start))
     start = np.append(0, np.cumsum(count[whole]))
     return Areas(areas.xy[keep], start, areas.ring_layer[whole], areas.n_layers)
+
+
+class SegmentTree:
+    """Segments of the plane, found by where they are."""
+
+    def __init__(self, ends: Float) -> None:
+        """Take segments with these ends (S, 2, 2); there must be one at least."""
+        self._tree = shapely.STRtree(shapely.linestrings(ends))
+
+    def nearest(self, points: Float) -> Int:
+        """(P,) the segment nearest to each point (P, 2); any one of several."""
+        found = self._tree.query_nearest(shapely.points(points), all_matches=False)
+        return np.asarray(found[1], dtype=np.int64)
+
+    def meeting(self, low: Float, high: Float) -> tuple[Int, Int]:
+        """Pairs (box, segment) in which the segment's box touches the box from `low` to `high` (B, 2)."""
+        diagonals = shapely.linestrings(np.stack([low, high], axis=1))
+        box, segment = np.asarray(self._tree.query(diagonals), dtype=np.int64)
+        return box, segment

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Float, Int
 
-__all__ = ["Crossings", "cross", "edge_faults", "section_areas", "spread"]
+__all__ = ["Crossings", "corner_keys", "cross", "edge_faults", "edge_keys", "section_areas", "spread"]
 
 _UInt = NDArray[np.uint64]
 _PAIRS_AT_ONCE = 4_000_000  # facet-plane pairs held at the same time: about 0.5 GB
@@ -59,7 +59,7 @@ def cross(triangles: Float, planes: Float) -> Crossings:
     fall = level > level[:, following]
     rising, falling = np.flatnonzero(rise), np.flatnonzero(fall)
     corner = triangles.reshape(-1, 3)
-    tag = _hash(corner)
+    tag = corner_keys(corner)
     after = np.arange(len(corner)).reshape(-1, 3)[:, following].ravel()
     low = np.concatenate([rising, after[falling]])
     high = np.concatenate([after[rising], falling])
@@ -90,13 +90,10 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
         Middle points, each (n, 3) mm: of edges with one facet, of edges whose two facets face opposite ways, and of
         edges that more than two facets share. Equal coordinates make equal corners.
     """
-    corner = triangles.reshape(-1, 3)
-    tag = _hash(corner)
-    after = tag.reshape(-1, 3)[:, [1, 2, 0]].ravel()
-    forward = tag < after
-    low, high = np.where(forward, tag, after), np.where(forward, after, tag)
-    key = _mixed(low, high)
-    used = low != high  # an edge of no length belongs to a facet of no area
+    tag = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3).T
+    after = tag[[1, 2, 0]]
+    forward, used = tag < after, tag != after  # an edge of no length belongs to a facet of no area
+    key = edge_keys(tag)
     ordered = np.sort(key[used])
     begins = (
         np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
@@ -111,7 +108,7 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     if len(suspects) == 0 and balance == 0:
         nothing = np.zeros((0, 3))
         return nothing, nothing, nothing
-    middle = ((triangles + triangles[:, [1, 2, 0]]) / 2).reshape(-1, 3)[used]
+    middle = ((triangles + triangles[:, [1, 2, 0]]) / 2).transpose(1, 0, 2)[used]
     unique, first, which, counts = np.unique(
         key[used], return_index=True, return_inverse=True, return_counts=True
     )
@@ -191,8 +188,8 @@ def _nodes(half_edge: Int, first: Int, last: Int, slot: Int, base: Int) -> Int:
     return nodes
 
 
-def _hash(corner: Float) -> _UInt:
-    """(n,) 64 bits from the coordinates of each corner; equal coordinates, equal bits."""
+def corner_keys(corner: Float) -> _UInt:
+    """(n,) 64 bits from the coordinates (n, 3) of each corner; equal coordinates, equal bits."""
     bits = (corner + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0
     mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= mixed >> np.uint64(29)
@@ -202,6 +199,12 @@ def _hash(corner: Float) -> _UInt:
     mixed += bits[:, 2]
     mixed *= np.uint64(0x94D049BB133111EB)
     return np.asarray(mixed ^ (mixed >> np.uint64(31)))
+
+
+def edge_keys(tag: _UInt) -> _UInt:
+    """(3, F) 64 bits for the edge after each corner, from the keys of the corners; both directions have the same."""
+    after = tag[[1, 2, 0]]
+    return _mixed(np.minimum(tag, after), np.maximum(tag, after))
 
 
 def _edge_key(tag: _UInt, low: Int, high: Int) -> _UInt:

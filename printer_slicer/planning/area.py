@@ -21,14 +21,13 @@ from printer_slicer.geometry.planes import section_areas
 from printer_slicer.model import Bool, Float, Int, LayerPlan, Mesh
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import AreaPlanner, Profile
+from printer_slicer.surface.flats import find_flats
 
 __all__ = ["plan_area"]
 
 _ROUNDING = (
     1e-4  # mm; coordinates in STL files have 24 bits, so a level may lie this far from where it was drawn
 )
-_FLAT = 1e-3  # rise over run under which a facet is a flat that a layer should end on
-_SMALLEST_FLAT = 1.0  # mm²
 
 
 def plan_area(mesh: Mesh, profile: Profile) -> LayerPlan:
@@ -92,7 +91,8 @@ def _aligned(mesh: Mesh, steps: Steps, thin: int, thick: int, settings: AreaPlan
     constant = _long_enough(level, constant, thick)
     bottom, rest = steps.begin()
     heights = [np.array([bottom], np.int64)] if bottom else []
-    ends, is_thick = _regions(level, constant, _flats(mesh, steps), bottom, steps) if rest else ([], [])
+    flats = np.rint(find_flats(mesh)[0] / steps.size).astype(np.int64)
+    ends, is_thick = _regions(level, constant, flats, bottom, steps) if rest else ([], [])
     for end, wide in zip(ends, is_thick, strict=True):
         layers = fill(end - bottom, thick if wide else thin, steps.lowest, steps.highest)
         heights.append(layers)
@@ -134,18 +134,6 @@ def _long_enough(level: Int, constant: Bool, thick: int) -> Bool:
     run = np.cumsum(np.diff(constant.astype(np.int64), prepend=0) != 0)
     length = np.bincount(run, weights=np.diff(level))
     return np.asarray(constant & (length[run] >= thick))
-
-
-def _flats(mesh: Mesh, steps: Steps) -> Int:
-    """Heights of horizontal facets that together are larger than `_SMALLEST_FLAT`, in steps."""
-    z = mesh.triangles[:, :, 2]
-    a, b, c = mesh.triangles.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a) / 2
-    flat = np.hypot(normal[:, 0], normal[:, 1]) <= _FLAT * np.abs(normal[:, 2])
-    place = np.round(z[flat].mean(axis=1) / steps.size).astype(np.int64)
-    heights, which = np.unique(place, return_inverse=True)
-    area = np.bincount(which, weights=np.abs(normal[flat, 2]), minlength=len(heights))
-    return heights[area >= _SMALLEST_FLAT]
 
 
 def _regions(

@@ -10,6 +10,9 @@ from printer_slicer.profile import Profile
 
 __all__ = ["Steps", "fill"]
 
+_LIST_STEP = 0.01  # mm between allowed heights, where neither the profile nor the printer asks for more
+_NEARLY = 1e-2  # of a step; 32-bit coordinates hold heights no better
+
 
 class Steps:
     """Converts between mm and the z steps of the printer.
@@ -19,6 +22,7 @@ class Steps:
         lowest, highest: the printer's limits, in steps.
         part: height of the part rounded up to a whole step, in steps.
         first: the first layer's height in steps, 0 where the planner may choose.
+        allowed: (n,) ascending, the heights that a planner may choose, in steps.
     """
 
     def __init__(self, mesh: Mesh, profile: Profile) -> None:
@@ -26,15 +30,33 @@ class Steps:
         self._height = mesh.height
         self.lowest = int(np.ceil(profile.printer.min_layer / self.size - 1e-6))
         self.highest = int(np.floor(profile.printer.max_layer / self.size + 1e-6))
-        # A part may rise over the last whole step by less than half a step: that much is the machine's resolution.
-        self.part = max(self.of(mesh.height), 1)
+        self._containment = profile.quality.containment
+        self.part = max(self._whole(mesh.height), 1)
         self.first = self.of(profile.quality.first_layer_height)
+        self.allowed = self._allowed(profile)
         if self.part < self.lowest:
             raise PlanError(
                 f"{mesh.name}: {mesh.height:.4g} mm high, thinner than the thinnest layer of "
                 f"{profile.printer.name!r} ({profile.printer.min_layer:g} mm)",
                 remedy="is the part in another unit? otherwise scale it up or lower printer.min_layer",
             )
+
+    def _allowed(self, profile: Profile) -> Int:
+        quality = profile.quality
+        if quality.layer_heights:
+            listed = np.unique([self.of(height) for height in quality.layer_heights]).astype(np.int64)
+            return listed[(listed >= self.lowest) & (listed <= self.highest)]
+        thin = max(self.of(profile.thinnest), self.lowest)
+        thick = max(min(self.of(profile.thickest), self.highest), thin)
+        step = quality.layer_step or max(_LIST_STEP, self.size)
+        return np.arange(thin, thick + 1, max(self.of(step), 1), dtype=np.int64)
+
+    def _whole(self, height: float) -> int:
+        """Steps in the part; it may rise over the last one by half of one, or not at all, as it is contained."""
+        steps = height / self.size
+        if self._containment == "mid":
+            return round(steps)
+        return int(np.ceil(steps - _NEARLY) if self._containment == "positive" else np.floor(steps + _NEARLY))
 
     def of(self, height: float) -> int:
         """The nearest number of steps to a height in mm."""
@@ -50,14 +72,16 @@ class Steps:
             return self.first, rest
         if self.part <= self.highest:
             return self.part, 0
-        return self.part - self.part // 2, self.part // 2
+        upper = max(self.part // 2, self.lowest)  # a narrow range may have no two layers that fit
+        return max(self.part - upper, self.lowest), upper
 
     def plan(self, heights: Int, planner: str) -> LayerPlan:
         """The plan of layers with these heights in steps."""
         top = np.round(np.cumsum(heights) * self.size, 7)
         bottom = np.concatenate([[0.0], top[:-1]])
         # A last layer that rises over the part is cut in the middle of the material it does contain.
-        return LayerPlan(top, (bottom + np.minimum(top, max(self._height, float(bottom[-1])))) / 2, planner)
+        cut = (bottom + np.minimum(top, max(self._height, float(bottom[-1])))) / 2
+        return LayerPlan(top, cut, planner, self._containment)
 
 
 def fill(total: int, step: int, lowest: int, highest: int) -> Int:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import floor
 from typing import NamedTuple
 
-from printer_slicer.profile.settings import Profile
+from printer_slicer.profile.settings import OptimalPlanner, Profile
 
 __all__ = ["Conflict", "conflicts"]
 
@@ -28,6 +28,7 @@ class Conflict(NamedTuple):
 def conflicts(profile: Profile) -> Iterator[Conflict]:
     """Settings of a profile that contradict each other."""
     yield from _layers(profile)
+    yield from _planner(profile)
     yield from _widths(profile)
     yield from _heat(profile)
 
@@ -38,17 +39,14 @@ def _varies(profile: Profile) -> bool:
 
 def _layers(profile: Profile) -> Iterator[Conflict]:
     """Every layer height that a planner may use lies within the printer's limits and on its z steps."""
-    printer, quality = profile.printer, profile.quality
+    printer = profile.printer
     if printer.min_layer > printer.max_layer:
         over = f"{printer.min_layer:g} mm is over printer.max_layer, {printer.max_layer:g} mm"
         yield Conflict("printer.min_layer", over, "lower one or raise the other")
     if profile.thinnest > profile.thickest:
         over = f"{profile.thinnest:g} mm is over the thickest layer, {profile.thickest:g} mm"
         yield Conflict("quality.thinnest_layer", over, "lower it, or raise quality.thickest_layer")
-    for name in ("layer_height", "first_layer_height", "thinnest_layer", "thickest_layer"):
-        height = getattr(quality, name)
-        if height == 0 or (_varies(profile) and name == "layer_height"):
-            continue
+    for name, height in _heights(profile):
         if not printer.min_layer - 1e-9 <= height <= printer.max_layer + 1e-9:
             yield Conflict(
                 f"quality.{name}",
@@ -64,6 +62,39 @@ def _layers(profile: Profile) -> Iterator[Conflict]:
                 f"{height:g} mm is no multiple of printer.z_step {printer.z_step:g} mm",
                 f"take {lower:g} or {lower + printer.z_step:g}",
             )
+
+
+def _heights(profile: Profile) -> Iterator[tuple[str, float]]:
+    """All layer heights that the quality names, each with its key."""
+    quality = profile.quality
+    for name in ("layer_height", "first_layer_height", "thinnest_layer", "thickest_layer"):
+        height = getattr(quality, name)
+        if height and not (_varies(profile) and name == "layer_height"):
+            yield name, height
+    yield from (("layer_heights", height) for height in quality.layer_heights)
+    if isinstance(quality.planner, OptimalPlanner):
+        for stretch in quality.planner.ranges:
+            if stretch.layer_height:
+                yield "planner.ranges", stretch.layer_height
+
+
+def _planner(profile: Profile) -> Iterator[Conflict]:
+    """What the settings of a planner must satisfy together."""
+    quality, printer = profile.quality, profile.printer
+    steps = quality.layer_step / printer.z_step
+    if abs(steps - round(steps)) > 1e-6:
+        no_multiple = f"{quality.layer_step:g} mm is no multiple of printer.z_step {printer.z_step:g} mm"
+        yield Conflict("quality.layer_step", no_multiple, f"take {max(floor(steps), 1) * printer.z_step:g}")
+    planner = quality.planner
+    if not isinstance(planner, OptimalPlanner):
+        return
+    if planner.max_layers and planner.time_budget:
+        both = "and quality.planner.time_budget both say how much the least volume error may cost"
+        yield Conflict("quality.planner.max_layers", both, "set one of them to 0")
+    for stretch in planner.ranges:
+        if stretch.high <= stretch.low:
+            turned = f"a range from {stretch.low:g} to {stretch.high:g} mm is empty"
+            yield Conflict("quality.planner.ranges", turned, "name the lower end first")
 
 
 def _widths(profile: Profile) -> Iterator[Conflict]:

@@ -16,14 +16,15 @@ import msgspec
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.checks import conflicts
+from printer_slicer.profile.lists import list_as_text, list_from_text
 from printer_slicer.profile.settings import (
-    AreaPlanner,
+    PLANNER_SETTINGS,
     Material,
+    OptimalPlanner,
     Printer,
     Profile,
     Quality,
     Speeds,
-    UniformPlanner,
 )
 
 __all__ = [
@@ -41,7 +42,8 @@ __all__ = [
 KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
 _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
 DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "adaptive"}
-_PLANNERS: Mapping[str, type[msgspec.Struct]] = {"uniform": UniformPlanner, "area": AreaPlanner}
+
+_LISTS = ("layer_heights", "planner.ranges")
 
 
 class _Source(NamedTuple):
@@ -154,7 +156,7 @@ def _describe(prefix: str, struct: type) -> Iterator[tuple[str, str, str, str, s
                     "literal",
                     "",
                     kinds,
-                    "uniform",
+                    "optimal",
                     "which strategy; the others' settings are refused",
                 )
             for one in nested:
@@ -179,7 +181,10 @@ def _row(key: str, entry: msgspec.inspect.Field) -> tuple[str, str, str, str, st
     if isinstance(kind, msgspec.inspect.LiteralType):
         limits = [" | ".join(map(str, kind.values))]
     default = "required" if entry.default is msgspec.NODEFAULT else str(entry.default)
-    return key, type(kind).__name__.removesuffix("Type").lower(), unit, ", ".join(limits), default, meaning
+    name = (
+        "list" if isinstance(kind, msgspec.inspect.VarTupleType) else type(kind).__name__.removesuffix("Type")
+    )
+    return key, name.lower(), unit, ", ".join(limits), default.replace("()", "empty"), meaning
 
 
 def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
@@ -187,7 +192,7 @@ def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
         if isinstance(value, dict):
             yield from _flatten(value, f"{prefix}{key}.")
         else:
-            yield prefix + key, value
+            yield prefix + key, list_as_text(value) if isinstance(value, list | tuple) else value
 
 
 def _find(kind: str, name: str, beside: Path, asked_by: str) -> Path:
@@ -256,6 +261,8 @@ def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def _change(sources: dict[str, _Source], key: str, value: object) -> None:
     """Apply one change in place."""
     kind, path = _resolve(sources, key)
+    if path in _LISTS and isinstance(value, str):
+        value = list_from_text(path, value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -273,8 +280,8 @@ def _keys(kind: str, values: Mapping[str, Any]) -> list[str]:
     keys = [name for name in struct.__struct_fields__ if name not in ("planner", "speeds")]
     if kind == "quality":
         table = values.get("planner")
-        chosen = table.get("kind", "uniform") if isinstance(table, dict) else "uniform"
-        planner = _PLANNERS.get(str(chosen), UniformPlanner)
+        chosen = table.get("kind", "optimal") if isinstance(table, dict) else "optimal"
+        planner = PLANNER_SETTINGS.get(str(chosen), OptimalPlanner)
         keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
         keys += [f"speeds.{name}" for name in Speeds.__struct_fields__]
     return keys
@@ -338,7 +345,7 @@ def _convert(kind: str, source: _Source) -> Any:
 def _choices(struct: type[msgspec.Struct], path: str) -> str:
     """The allowed values of a setting that is one of a few words; nothing for other settings."""
     if path == "planner.kind":
-        return ", ".join(_PLANNERS)
+        return ", ".join(PLANNER_SETTINGS)
     rows = {row[0]: row for row in _describe("", struct)}
     row = rows.get(f".{path}")
     return row[3].replace(" |", ",") if row and row[1] == "literal" else ""

@@ -6,11 +6,27 @@ The constructors do not check bounds; `printer_slicer.profile.load_profile` and 
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, get_args
 
 from msgspec import Meta, Struct, field
 
-__all__ = ["AreaPlanner", "Material", "Planner", "Printer", "Profile", "Quality", "Speeds", "UniformPlanner"]
+__all__ = [
+    "PLANNER_SETTINGS",
+    "AreaPlanner",
+    "CuspPlanner",
+    "GeneticPlanner",
+    "HeightRange",
+    "Material",
+    "OptimalPlanner",
+    "Planner",
+    "Printer",
+    "Profile",
+    "Quality",
+    "Speeds",
+    "StepwisePlanner",
+    "UniformPlanner",
+]
 
 
 def _meta(meaning: str, unit: str = "", **bounds: Any) -> Meta:
@@ -139,14 +155,84 @@ class AreaPlanner(
     guarded: Annotated[bool, _meta("go thick only if the area at the far plane is equal too")] = False
 
 
-Planner = UniformPlanner | AreaPlanner
+class CuspPlanner(
+    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="cusp", tag_field="kind"
+):
+    """From the bed up, each layer as thick as the steepest facet in it allows; nothing looks ahead further."""
+
+    metric: Annotated[
+        Literal["cusp", "triangle", "wasserfall", "topography"], _meta("what a layer's error is measured by")
+    ] = "cusp"
+
+
+class StepwisePlanner(
+    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="stepwise", tag_field="kind"
+):
+    """Slabs of the thickest layer, each divided evenly as far as the cusp height asks."""
+
+
+class GeneticPlanner(
+    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="genetic", tag_field="kind"
+):
+    """Random search for few layers under the cusp height."""
+
+    seed: Annotated[int, _meta("the same seed gives the same plan", ge=0, le=1000000)] = 0
+    population: Annotated[int, _meta("plans alive at the same time", ge=4, le=10000)] = 60
+    generations: Annotated[int, _meta("how often they breed", ge=1, le=100000)] = 200
+
+
+class HeightRange(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A stretch of z with rules of its own; layers end at both of its ends."""
+
+    low: Annotated[float, _meta("where it begins, over the bed", "mm", ge=0, le=10000)]
+    high: Annotated[float, _meta("where it ends", "mm", gt=0, le=10000)]
+    tolerance: Annotated[float, _meta("tolerance in it; 0: the quality's", "mm", ge=0, le=2)] = 0
+    layer_height: Annotated[
+        float, _meta("height of its layers; 0: as the planner has it", "mm", ge=0, le=1.6)
+    ] = 0
+
+
+class OptimalPlanner(
+    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="optimal", tag_field="kind"
+):
+    """The best of all plans whose certified error is within the tolerance."""
+
+    objective: Annotated[
+        Literal["balanced", "time", "layers", "volume"],
+        _meta("what is least: minutes and volume error at their price, minutes, layers, or volume error"),
+    ] = "balanced"
+    error_price: Annotated[
+        float, _meta("what a mm³ of volume error may cost, for objective = balanced", "s/mm³", ge=0, le=1e6)
+    ] = 20
+    snap_tolerance: Annotated[
+        float, _meta("layers end this near to flats; 0: half of the printer's z_step", "mm", ge=0, le=1)
+    ] = 0
+    max_step: Annotated[
+        float, _meta("neighbouring layers differ by no more than this; 0: by anything", "mm", ge=0, le=1)
+    ] = 0
+    max_layers: Annotated[
+        int, _meta("the least volume error with no more layers; 0: any number", ge=0, le=1000000)
+    ] = 0
+    time_budget: Annotated[
+        float, _meta("the least volume error in this modelled time; 0: any time", "s", ge=0, le=1e8)
+    ] = 0
+    ranges: Annotated[
+        tuple[HeightRange, ...],
+        _meta("LOW:HIGH:tolerance=MM or LOW:HIGH:layer_height=MM, separated by ;", "mm"),
+    ] = ()
+
+
+Planner = UniformPlanner | AreaPlanner | CuspPlanner | StepwisePlanner | GeneticPlanner | OptimalPlanner
+PLANNER_SETTINGS: Final[Mapping[str, type[Struct]]] = {
+    str(kind.__struct_config__.tag): kind for kind in get_args(Planner)
+}
 
 
 class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How the part shall come out."""
 
     name: Annotated[str, _meta("what people call this quality")]
-    planner: Planner = field(default_factory=UniformPlanner)
+    planner: Planner = field(default_factory=OptimalPlanner)
     layer_height: Annotated[float, _meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
     first_layer_height: Annotated[float, _meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
     thinnest_layer: Annotated[
@@ -155,6 +241,21 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     thickest_layer: Annotated[
         float, _meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
     ] = 0
+    layer_step: Annotated[
+        float,
+        _meta("variable heights are this far apart; 0: 0.01 mm, or z_step if that is more", "mm", ge=0, le=1),
+    ] = 0
+    layer_heights: Annotated[
+        tuple[float, ...],
+        _meta("the only variable heights allowed; empty: all from thinnest to thickest", "mm"),
+    ] = ()
+    tolerance: Annotated[
+        float, _meta("how far wrongly filled or empty places may lie from the surface", "mm", ge=0.001, le=2)
+    ] = 0.12
+    containment: Annotated[
+        Literal["mid", "positive", "negative"],
+        _meta("layers balanced about the surface, everywhere outside of it, or everywhere inside"),
+    ] = "mid"
     resolution: Annotated[float, _meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = (
         0.0125
     )
@@ -197,10 +298,10 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def thinnest(self) -> float:
-        """Thinnest layer a planner may use, mm."""
-        return self.quality.thinnest_layer or self.printer.min_layer
+        """Thinnest layer a planner may choose, mm."""
+        return min(self.quality.layer_heights, default=self.quality.thinnest_layer or self.printer.min_layer)
 
     @property
     def thickest(self) -> float:
-        """Thickest layer a planner may use, mm."""
-        return self.quality.thickest_layer or self.printer.max_layer
+        """Thickest layer a planner may choose, mm."""
+        return max(self.quality.layer_heights, default=self.quality.thickest_layer or self.printer.max_layer)

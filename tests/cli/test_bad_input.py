@@ -195,11 +195,11 @@ BAD_SETTINGS = [
     ("perimeters=", ["quality.perimeters", "int"]),
     ("relative_extrusion=perhaps", ["printer.relative_extrusion", "bool", "perhaps"]),
     ("seam=front", ["quality.seam", "front", "aligned", "nearest", "rear"]),
-    ("planner.kind=cusp", ["quality.planner.kind", "cusp", "uniform", "area"]),
+    ("planner.kind=cosp", ["quality.planner.kind", "cosp", "uniform", "area"]),
     ("planner=area", ["planner", "planner.kind"]),
     ("name=x", ["name", "printer.name", "material.name", "quality.name"]),
     ("layer_height=0.5", ["quality.layer_height", "0.5", "0.32"]),
-    ("layer_height=0.205", ["quality.layer_height", "0.205", "z_step", "0.2", "0.21"]),
+    ("layer_height=0.2012", ["quality.layer_height", "0.2012", "z_step", "0.2", "0.2025"]),
     ("nozzle_temperature=300", ["material.nozzle_temperature", "300", "260"]),
     ("perimeters", ["--set perimeters", "KEY=VALUE"]),
     ("=3", ["--set =3", "KEY=VALUE"]),
@@ -219,7 +219,7 @@ def test_a_setting_that_cannot_be_is_refused(setting: str, parts: list[str], tmp
 @pytest.mark.parametrize("command", MODEL_COMMANDS, ids=lambda words: words[0])
 def test_an_unknown_planner_is_refused_and_the_known_ones_are_listed(command: list[str]) -> None:
     refused(
-        typed(command[0], BOX, *command[1:], "--planner", "cusp"), 2, "planner", "cusp", "uniform", "area"
+        typed(command[0], BOX, *command[1:], "--planner", "cosp"), 2, "planner", "cosp", "uniform", "area"
     )
 
 

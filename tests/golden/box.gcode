@@ -328,6 +328,10 @@ M104 S0
 ; quality.first_layer_height = 0.2
 ; quality.thinnest_layer = 0
 ; quality.thickest_layer = 0
+; quality.layer_step = 0
+; quality.layer_heights = 
+; quality.tolerance = 0.12
+; quality.containment = mid
 ; quality.resolution = 0.0125
 ; quality.extrusion_width = 0
 ; quality.perimeters = 2

@@ -1,0 +1,103 @@
+"""Our profile in the words of PrusaSlicer's command line."""
+
+from __future__ import annotations
+
+from printer_slicer.profile import Profile
+
+__all__ = ["prusa_settings"]
+
+_FLAGS = (
+    "only-retract-when-crossing-perimeters",
+    "no-extra-perimeters",
+    "no-ensure-vertical-shell-thickness",
+)
+"""Switches: nothing that we do not do, and what both do in the same way."""
+
+
+def prusa_settings(profile: Profile) -> dict[str, str]:
+    """Option (without dashes) -> value; switches have the empty value. Layer heights are left to the caller.
+
+    Where both have a setting it gets our value; where PrusaSlicer alone has it, the one that comes nearest to what we
+    do. Shells are given in mm to both.
+    """
+    return dict.fromkeys(_FLAGS, "") | _machine(profile) | _shape(profile) | _speeds(profile)
+
+
+def _machine(profile: Profile) -> dict[str, str]:
+    printer, material = profile.printer, profile.material
+    (left, front), (right, back) = printer.corners
+    numbers = {
+        "max-print-height": printer.bed_z,
+        "nozzle-diameter": printer.nozzle_diameter,
+        "retract-length": printer.retract_length,
+        "retract-speed": printer.retract_speed,
+        "deretract-speed": printer.deretract_speed,
+        "retract-before-travel": printer.retract_before_travel,
+        "retract-lift": printer.z_hop,
+        "filament-diameter": material.filament_diameter,
+        "extrusion-multiplier": material.flow_ratio,
+        "filament-max-volumetric-speed": material.max_flow,
+        "temperature": material.nozzle_temperature,
+        "first-layer-temperature": material.first_layer_nozzle_temperature,
+        "bed-temperature": material.bed_temperature,
+        "first-layer-bed-temperature": material.first_layer_bed_temperature,
+        "slowdown-below-layer-time": material.min_layer_time,
+        "min-print-speed": material.min_speed,
+    }
+    return {key: f"{number:g}" for key, number in numbers.items()} | {
+        "gcode-flavor": "marlin2",  # both our dialects obey it, and 2.5 knows no other one of ours
+        "bed-shape": f"{left:g}x{front:g},{right:g}x{front:g},{right:g}x{back:g},{left:g}x{back:g}",
+        "center": f"{(left + right) / 2:g},{(front + back) / 2:g}",
+        "start-gcode": "G28",  # priming and presenting the part are no part of the comparison
+        "end-gcode": "M84",
+    }
+
+
+def _shape(profile: Profile) -> dict[str, str]:
+    quality, width = profile.quality, profile.extrusion_width
+    numbers = {
+        "extrusion-width": width,
+        "first-layer-extrusion-width": width,
+        "perimeters": quality.perimeters,
+        "bottom-solid-layers": 1,
+        "top-solid-layers": 1,
+        "bottom-solid-min-thickness": quality.bottom_thickness,
+        "top-solid-min-thickness": quality.top_thickness,
+        "fill-angle": quality.infill_angle_deg,
+        "solid-infill-below-area": 0,
+        "skirts": quality.skirt_loops,
+        "skirt-distance": quality.skirt_distance,
+        "min-skirt-length": 0,
+        "brim-width": quality.brim_width,
+        "resolution": quality.resolution,
+    }
+    return (
+        {key: f"{number:g}" for key, number in numbers.items()}
+        | {
+            "perimeter-generator": "classic",
+            "seam-position": quality.seam,
+            "fill-pattern": quality.infill,
+            "top-fill-pattern": "rectilinear",
+            "bottom-fill-pattern": "rectilinear",
+            "fill-density": f"{100 * quality.infill_density:g}%",
+            "infill-overlap": f"{100 * quality.sparse_overlap:g}%",
+        }
+        | ({"external-perimeters-first": ""} if quality.outer_perimeter_first else {})
+    )
+
+
+def _speeds(profile: Profile) -> dict[str, str]:
+    speeds = profile.quality.speeds
+    numbers = {
+        "perimeter-speed": speeds.inner_perimeter,
+        "external-perimeter-speed": speeds.outer_perimeter,
+        "small-perimeter-speed": speeds.outer_perimeter,
+        "gap-fill-speed": speeds.inner_perimeter,
+        "infill-speed": speeds.sparse,
+        "solid-infill-speed": speeds.solid,
+        "top-solid-infill-speed": speeds.top_skin,
+        "bridge-speed": speeds.bridge,
+        "first-layer-speed": speeds.first_layer,
+        "travel-speed": speeds.travel,
+    }
+    return {key: f"{number:g}" for key, number in numbers.items()}

@@ -1,0 +1,172 @@
+"""The tables of the planning benchmark, and whether its targets are met."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from statistics import median
+from typing import Final
+
+from benchmarks.curves import Frontier, Minutes, Row
+from benchmarks.match import Match
+from benchmarks.sweeps import OPTIMAL, USUAL
+
+__all__ = ["BASES", "judgement", "match_table", "plan_table", "ratio_table"]
+
+BASES: Final[tuple[tuple[str, Minutes], ...]] = (
+    ("our toolpaths over every plan", lambda row: row.score.minutes),
+    ("PrusaSlicer's toolpaths over every plan", lambda row: row.prusa_minutes),
+    ("everybody's own G-code", lambda row: row.own_minutes),
+)
+"""Ways to count minutes."""
+
+_DEVIATION, _MINUTES = 0.75, 0.8
+"""Targets against the best peer: our deviation by its in equal minutes, or minutes by its for equal deviation."""
+
+_LAYERS: Final = {"PrusaSlicer adaptive": 0.95, "Cura adaptive": 0.90}
+"""Targets at the peer's own errors: layers by its, median over the parts; never more than 1."""
+
+_WHOLE: Final = 1e-9
+
+
+def plan_table(rows: Sequence[Row]) -> str:
+    """Everything about every plan. Distances are µm, the volume is mm³."""
+    heads = ["planner", "setting", "layers", "min", "own min", "Prusa min", "mean", "p95", "max", "bound"]
+    heads += ["volume", "worst flat", "top", "CPU s"]
+    return _table(heads, [_cells(row) for row in rows], 2)
+
+
+def _cells(row: Row) -> list[str]:
+    score = row.score
+    lengths = (score.mean, score.p95, score.max, score.bound)
+    return [
+        row.family,
+        row.setting,
+        str(score.layers),
+        f"{score.minutes:.1f}",
+        "=" if row.ours else f"{row.own_minutes:.1f}",
+        _number(row.prusa_minutes, ".1f"),
+        f"{1e3 * lengths[0]:.2f}",
+        *(f"{1e3 * length:.1f}" for length in lengths[1:]),
+        f"{score.volume:.2f}",
+        f"{1e3 * score.worst_flat:.1f}",
+        f"{1e3 * score.top_error:+.1f}",
+        _number(row.cpu, ".2f"),
+    ]
+
+
+def ratio_table(rows: Sequence[Row], minutes: Minutes) -> str:
+    """Our curve against each plan of the peers; those that no other peer's plan beats have a star.
+
+    Empty where there are no such minutes of ours or of a peer.
+    """
+    lines: list[list[str]] = []
+    if not any(row.ours and minutes(row) is not None for row in rows):
+        return ""
+    for row, best, deviation, time in _ratios(rows, minutes):
+        name = f"{row.family}{' *' if best else ''}"
+        own = minutes(row) or 0.0
+        lines.append(
+            [
+                name,
+                row.setting,
+                f"{own:.1f}",
+                f"{1e3 * row.score.mean:.2f}",
+                _number(deviation),
+                _number(time),
+            ]
+        )
+    heads = [
+        "peer",
+        "setting",
+        "min",
+        "mean µm",
+        "our deviation in its minutes",
+        "our minutes for its deviation",
+    ]
+    return _table(heads, lines, 2) if lines else ""
+
+
+def _ratios(rows: Sequence[Row], minutes: Minutes) -> Iterator[tuple[Row, bool, float | None, float | None]]:
+    """For each plan of a peer: whether it is among the best, our deviation by its, our minutes by its."""
+    ours = Frontier([row for row in rows if row.ours and row.family in OPTIMAL], minutes)
+    theirs = [row for row in rows if not row.ours and minutes(row) is not None]
+    for row in theirs:
+        own = minutes(row) or 0.0
+        best = not any(
+            (minutes(other) or 0.0) <= own and other.score.mean < row.score.mean for other in theirs
+        )
+        mean, time = ours.mean_at(own), ours.minutes_at(row.score.mean)
+        deviation = None if mean is None or row.score.mean < _WHOLE else mean / row.score.mean
+        yield row, best, deviation, None if time is None else time / own
+
+
+def match_table(matches: Sequence[Match]) -> str:
+    """Fewest layers with no larger error and volume error than a peer's plan."""
+    lines = []
+    for one in matches:
+        layers = one.our_layers / one.layers - 1 if one.our_layers else None
+        time = one.our_minutes / one.minutes - 1 if one.our_minutes else None
+        terms = [one.family, one.setting, f"{1e3 * one.bound:.1f}", f"{one.volume:.2f}", str(one.layers)]
+        shares = [_number(layers, "+.1%"), _number(one.volume_ratio), _number(time, "+.1%")]
+        lines.append([*terms, str(one.our_layers or "none"), *shares])
+    heads = [
+        "peer",
+        "setting",
+        "bound µm",
+        "volume mm³",
+        "layers",
+        "our layers",
+        "",
+        "volume, equal layers",
+        "minutes",
+    ]
+    return _table(heads, lines, 2)
+
+
+def judgement(parts: Sequence[tuple[Sequence[Row], Sequence[Match]]]) -> str:
+    """Every target, and how near all parts together come."""
+    lines = []
+    for name, minutes in BASES:
+        found = [
+            (deviation, time)
+            for rows, _ in parts
+            for _, best, deviation, time in _ratios(rows, minutes)
+            if best and (deviation is not None or time is not None)
+        ]
+        if found:
+            met = sum(
+                (d is not None and d <= _DEVIATION) or (t is not None and t <= _MINUTES) for d, t in found
+            )
+            worst = max((d for d, _ in found if d is not None), default=0.0)
+            lines.append(
+                f"{name}: of {len(found)} best plans of peers {met} are beaten by {_DEVIATION:g} of the deviation or "
+                f"{_MINUTES:g} of the minutes; largest ratio of deviations {worst:.3f}"
+            )
+    return "\n".join([*lines, *_layer_lines([one for _, some in parts for one in some])])
+
+
+def _layer_lines(matches: Sequence[Match]) -> Iterator[str]:
+    """Whether ours need fewer layers at the errors of the peers' own adaptive plans."""
+    for family, target in _LAYERS.items():
+        known = [
+            (one, (one.our_layers or 2 * one.layers) / one.layers) for one in matches if one.family == family
+        ]
+        usual = [share for one, share in known if one.setting == USUAL[family]]
+        if usual:
+            most = max(share for _, share in known)
+            met = "met" if median(usual) <= target and most <= 1 else "MISSED"
+            yield (
+                f"layers at the errors of {family}: median {median(usual):.3f} of its usual ones (target {target:g}), "
+                f"most {most:.3f} of {len(known)} plans (target 1): {met}"
+            )
+
+
+def _number(value: float | None, form: str = ".3f") -> str:
+    return "-" if value is None else f"{value:{form}}"
+
+
+def _table(heads: Sequence[str], lines: Sequence[Sequence[str]], n_words: int) -> str:
+    """A table whose first columns are words and whose others are numbers."""
+    rule = "|" + "---|" * n_words + "---:|" * (len(heads) - n_words)
+    rows = ["| " + " | ".join(line) + " |" for line in [heads, *lines]]
+    return "\n".join([rows[0], rule, *rows[1:]])

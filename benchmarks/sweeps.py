@@ -1,0 +1,174 @@
+"""Which planners and peers take part, and how they are set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from benchmarks.curves import Row
+from benchmarks.peers import CuraEngine, Part, Printed, PrusaSlicer
+from benchmarks.scoring import Judge
+from printer_slicer.model import LayerPlan
+from printer_slicer.planning import PLANNERS, plan_layers
+from printer_slicer.profile import Profile, profile_with
+
+__all__ = ["OPTIMAL", "USUAL", "Attempt", "attempts", "our_row", "peer_attempts", "peer_row"]
+
+OPTIMAL = ("optimal", "optimal, any error", "optimal, any flats", "optimal, N layers")
+"""Families that make up our curve."""
+
+USUAL = {"PrusaSlicer adaptive": "adaptive 0.5", "Cura adaptive": "adaptive 0.2/0.01"}
+"""What the peers' windows begin with."""
+
+_PRICES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 512.0)  # s/mm³
+_LOW_PRICES = (0.0, 0.1, 0.3, 1.0, 4.0, 16.0)  # where flats may be missed for the sake of time
+_COUNTS = (0.7, 0.8, 0.9, 1.0, 1.2)  # of the layers of the nominal height
+_METRICS = ("cusp", "triangle", "wasserfall", "topography")
+_QUALITIES = (0.0, 0.25, 0.5, 0.75, 1.0)
+_THRESHOLDS = (0.05, 0.1, 0.2, 0.4)  # mm
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One of our planners with settings.
+
+    Attributes:
+        family: a line of the picture.
+        setting: what to call the settings.
+        changes: of the profile.
+    """
+
+    family: str
+    setting: str
+    changes: Mapping[str, object]
+
+
+def attempts(part: Part, *, quick: bool) -> list[Attempt]:
+    """Every planner there is, with settings over the range where it can be compared."""
+    found = [*_simple(part.profile), *_by_tolerance(part.profile), *_optimal(part)]
+    found = [attempt for attempt in found if attempt.changes["quality.planner.kind"] in PLANNERS]
+    return [attempt for attempt in found if attempt.family in OPTIMAL or not quick]
+
+
+def _heights(profile: Profile) -> list[float]:
+    """Uniform layer heights over the range, mm."""
+    evenly = np.linspace(profile.thinnest, profile.thickest, 5).round(2)
+    return sorted({profile.quality.layer_height, *evenly.tolist()})
+
+
+def _simple(profile: Profile) -> Iterator[Attempt]:
+    for height in _heights(profile):
+        changes = {"quality.planner.kind": "uniform", "quality.layer_height": height}
+        yield Attempt("uniform", f"{height:g} mm", changes)
+    areas = {"kind": "area", "aligned": True, "guarded": True, "relative_tolerance": 0.0005}
+    yield Attempt("area", "aligned, guarded", _planner(areas))
+
+
+def _by_tolerance(profile: Profile) -> Iterator[Attempt]:
+    """Planners with one dial, from what the thinnest layers reach to what the thickest cannot miss."""
+    tolerances = np.geomspace(profile.thinnest / 2, profile.thickest / 2, 4).round(3).tolist()
+    kinds: list[dict[str, object]] = [{"kind": "cusp", "metric": metric} for metric in _METRICS]
+    kinds += [{"kind": "stepwise"}, {"kind": "genetic"}]
+    for settings in kinds:
+        family = " ".join(str(value) for value in settings.values())
+        # A random search takes long: one plan shows where it stands.
+        for tolerance in tolerances if family != "genetic" else [profile.quality.tolerance]:
+            changes = _planner(settings) | {"quality.tolerance": tolerance}
+            yield Attempt(family, f"tolerance {tolerance:g}", changes)
+
+
+def _optimal(part: Part) -> Iterator[Attempt]:
+    profile, (asked, free, unsnapped, counted) = part.profile, OPTIMAL
+    # No layer that is cut in its middle can be wrong by more than half of its height.
+    loose = {"quality.tolerance": profile.thickest / 2}
+    for price in _PRICES:
+        changes = _planner({"kind": "optimal", "error_price": price})
+        yield Attempt(asked, f"{price:g} s/mm³", changes)
+        yield Attempt(free, f"{price:g} s/mm³", changes | loose)
+    for price in _LOW_PRICES:
+        changes = _planner({"kind": "optimal", "error_price": price, "snap_tolerance": 1.0})
+        yield Attempt(unsnapped, f"{price:g} s/mm³", changes | loose)
+    usual = part.mesh.height / profile.quality.layer_height
+    for share in _COUNTS:
+        count = round(share * usual)
+        changes = _planner({"kind": "optimal", "objective": "volume", "max_layers": count}) | loose
+        if count * profile.thickest >= part.mesh.height:
+            yield Attempt(counted, f"{count}", changes)
+
+
+def _planner(settings: Mapping[str, object]) -> dict[str, object]:
+    return {f"quality.planner.{key}": value for key, value in settings.items()}
+
+
+def our_row(judge: Judge, attempt: Attempt, prusa: PrusaSlicer | None) -> Row:
+    """Plan, score, and if PrusaSlicer is given let it print the same layers.
+
+    Raises:
+        PrinterSlicerError: there is no such plan.
+        RunError: PrusaSlicer failed.
+    """
+    part = judge.part
+    profile = profile_with(part.profile, attempt.changes)
+    begun = process_time()
+    plan = plan_layers(part.mesh, profile)
+    cpu = process_time() - begun
+    score = judge.score(plan)
+    fed = prusa.stack(part, plan) if prusa else None
+    return Row(
+        attempt.family,
+        attempt.setting,
+        plan,
+        score,
+        ours=True,
+        own_minutes=score.minutes,
+        prusa_minutes=fed.seconds / 60 if fed else None,
+        cpu=cpu,
+        strayed=_strayed(plan, fed.plan) if fed else None,
+        dropped=plan.n_layers - fed.plan.n_layers if fed else None,
+    )
+
+
+def _strayed(plan: LayerPlan, printed: LayerPlan) -> float:
+    """Largest distance, mm, of a printed layer from the nearest of the plan's."""
+    return float(np.abs(printed.top[:, None] - plan.top).min(axis=1).max())
+
+
+def peer_attempts(
+    part: Part, prusa: PrusaSlicer | None, cura: CuraEngine | None, *, quick: bool
+) -> list[tuple[str, Callable[[], Printed]]]:
+    """(family, how to run it) for every peer and setting."""
+    heights = [part.profile.quality.layer_height] if quick else _heights(part.profile)
+    found: list[tuple[str, Callable[[], Printed]]] = []
+    if prusa:
+        found += _each("PrusaSlicer uniform", lambda height: prusa.uniform(part, height), heights)
+        qualities = _QUALITIES[2:] if quick else _QUALITIES
+        found += _each("PrusaSlicer adaptive", lambda quality: prusa.adaptive(part, quality), qualities)
+    if cura:
+        found += _each("Cura uniform", lambda height: cura.uniform(part, height), heights)
+        thresholds = _THRESHOLDS[2:] if quick else _THRESHOLDS
+        found += _each("Cura adaptive", lambda threshold: cura.adaptive(part, threshold), thresholds)
+    return found
+
+
+def _each(
+    family: str, run: Callable[[float], Printed], values: Sequence[float]
+) -> list[tuple[str, Callable[[], Printed]]]:
+    return [(family, lambda value=value: run(value)) for value in values]  # type: ignore[misc]
+
+
+def peer_row(judge: Judge, family: str, printed: Printed) -> Row:
+    """Score what a peer printed."""
+    plan = judge.completed(printed.plan)
+    minutes = printed.seconds / 60
+    return Row(
+        family,
+        printed.setting,
+        plan,
+        judge.score(plan),
+        ours=False,
+        own_minutes=minutes,
+        prusa_minutes=minutes if family.startswith("PrusaSlicer") else None,
+    )

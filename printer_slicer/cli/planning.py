@@ -1,0 +1,198 @@
+"""`plan`: layer plans of a part side by side, and the certificate of the chosen one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
+from printer_slicer.cli.facts import certificate_facts, certificate_sentences, flats_off, runs_text
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.gcode import spoken
+from printer_slicer.mesh_io import load_mesh
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.pipeline import plan_part, slice_part
+from printer_slicer.placing import place
+from printer_slicer.profile import Profile, profile_with
+from printer_slicer.slicing import cut
+from printer_slicer.surface import Certificate, certify, find_flats, read_surface, thin_areas
+
+if TYPE_CHECKING:
+    from printer_slicer.cli.common import Stages
+
+__all__ = ["plan_command"]
+
+# Every strategy with what tells its variants apart: name in the table -> changes to the profile.
+_VARIANTS: Mapping[str, dict[str, object]] = {
+    "area, literal": {"kind": "area", "aligned": False, "guarded": False},
+    "area, guarded": {"kind": "area", "aligned": False, "guarded": True},
+    "area, aligned": {"kind": "area", "aligned": True, "guarded": False},
+    "cusp": {"kind": "cusp", "metric": "cusp"},
+    "cusp, triangle": {"kind": "cusp", "metric": "triangle"},
+    "cusp, wasserfall": {"kind": "cusp", "metric": "wasserfall"},
+    "cusp, topography": {"kind": "cusp", "metric": "topography"},
+    "stepwise": {"kind": "stepwise"},
+    "genetic": {"kind": "genetic"},
+    "optimal, layers": {"kind": "optimal", "objective": "layers"},
+    "optimal, time": {"kind": "optimal", "objective": "time"},
+    "optimal, balanced": {"kind": "optimal", "objective": "balanced"},
+    "optimal, volume": {"kind": "optimal", "objective": "volume"},
+}
+
+
+def plan_command(arguments: argparse.Namespace) -> int:
+    """Compare layer plans: the tables of the paper for any part, and what is proven about the chosen plan."""
+    if arguments.picture:
+        from printer_slicer.drawing import check_picture
+
+        check_picture(arguments.picture)
+    refuse_mixing(arguments)
+    profile = profile_from(arguments)
+    with stages(arguments) as report:
+        report("loading")
+        mesh = load_mesh(arguments.model)
+        part = place(mesh, profile.printer)
+        report("planning")
+        chosen = plan_part(part, profile)
+        certificate = certify(read_surface(part), chosen)
+        rows = _compare(part, profile, chosen, report, everything=arguments.compare)
+        if arguments.picture:
+            report("drawing")
+            _draw(part, certificate, profile, arguments.model.name, arguments.picture)
+    table = _table_1(mesh)
+    facts = certificate_facts(certificate, part, profile, np.asarray(mesh.bounds[0] - part.bounds[0]))
+    facts |= {"thin_features": _thin(part, chosen)}
+    if arguments.json:
+        layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
+        layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
+        print(json.dumps({"part": table, "plans": rows, "certificate": facts, "layers": layers}))
+    elif not arguments.quiet:
+        print(_as_text(arguments.model.name, table, rows))
+        print(
+            "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
+        )
+    return 0
+
+
+def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
+    """How much of the part is thinner than the layers, mm² seen from above, and the z where most of it is."""
+    if plan.containment != "mid":
+        return {"area_mm2": 0.0, "z": 0.0}
+    areas = thin_areas(read_surface(part), cut(part, plan, 0.0))
+    return {"area_mm2": round(float(areas.sum()), 3), "z": round(float(plan.bottom[areas[:-1].argmax()]), 4)}
+
+
+def _draw(part: Mesh, certificate: Certificate, profile: Profile, title: str, path: Path) -> None:
+    """Write the picture of the chosen plan."""
+    from printer_slicer.drawing import draw_plan, picture_bytes
+
+    sections = cut(part, certificate.plan, profile.quality.resolution)
+    bounded = certificate.plan.planner not in ("uniform", "area")
+    picture = draw_plan(
+        sections,
+        certificate,
+        title,
+        tolerance=profile.quality.tolerance if bounded else None,
+        flats=find_flats(part)[0],
+    )
+    write_file(path, picture_bytes(picture, path))
+
+
+def _table_1(mesh: Mesh) -> dict[str, object]:
+    """The paper's Table 1: what the file holds."""
+    levels = np.unique(np.round(mesh.triangles[:, :, 2], 6))
+    return {
+        "vertices": 3 * mesh.n_facets,
+        "facets": mesh.n_facets,
+        "levels": len(levels),
+        "level_steps": [round(float(step), 6) for step in np.diff(levels[:50], prepend=levels[0])],
+        "size": [round(float(length), 6) for length in mesh.size],
+        "volume": round(mesh.volume, 6),
+    }
+
+
+def _compare(
+    part: Mesh, profile: Profile, chosen: LayerPlan, report: Stages, *, everything: bool
+) -> list[dict[str, object]]:
+    """The paper's Table 2 and beyond: uniform thin, uniform thick, the chosen plan, and all others if wanted."""
+    rows: list[dict[str, object]] = []
+    for name, variant in _jobs(profile, everything=everything).items():
+        report(f"planning {name}")
+        plan = chosen if variant is profile else plan_part(part, variant)
+        program = slice_part(part, variant, plan=plan)
+        seconds = float(move_seconds(program, variant).sum())
+        certificate = certify(read_surface(part), plan)
+        most, slowest = (rows[0]["layers"], rows[0]["seconds"]) if rows else (plan.n_layers, seconds)
+        rows.append(
+            {
+                "plan": name,
+                "layers": plan.n_layers,
+                "heights": [[n, h] for n, h in plan.runs()],
+                "seconds": round(seconds, 3),
+                "layers_saved": round(1 - plan.n_layers / float(str(most)), 4),
+                "time_saved": round(1 - seconds / float(str(slowest)), 4),
+                "filament_mm": round(program.filament_used, 3),
+                "max_error_mm": round(certificate.max_error, 6),
+                "volume_error_mm3": round(certificate.volume_error, 3),
+                "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
+                "flat_error_mm": round(flats_off(part, plan), 6),
+            }
+        )
+    return rows
+
+
+def _jobs(profile: Profile, *, everything: bool) -> dict[str, Profile]:
+    """Name in the table -> profile: same tolerance and heights for all."""
+    thin, thick = profile.thinnest, profile.thickest
+    kind = profile.quality.planner.__struct_config__.tag
+    heights = {thin, thick} if kind != "uniform" else {thin, thick, profile.quality.layer_height}
+    jobs = {
+        f"uniform {height:g} mm": profile_with(
+            profile, {"quality.planner.kind": "uniform", "quality.layer_height": height}
+        )
+        for height in sorted(heights)
+    }
+    if kind == "uniform":
+        jobs[f"uniform {profile.quality.layer_height:g} mm"] = profile
+    if everything:
+        for name, changes in _VARIANTS.items():
+            jobs[name] = profile_with(
+                profile, {f"quality.planner.{key}": value for key, value in changes.items()}
+            )
+    if kind != "uniform":
+        jobs[f"{kind} {thin:g} to {thick:g} mm"] = profile
+    return jobs
+
+
+def _as_text(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:
+    size, steps = table["size"], table["level_steps"]
+    shown = ", ".join(f"{step:g}" for step in steps[:8]) + (", ..." if len(steps) > 8 else "")
+    columns = f"{'layers':>8}{'saved':>9}{'time':>14}{'saved':>9}"
+    columns += f"{'error mm':>10}{'mm3':>9}{'top mm':>9}{'flats mm':>10}"
+    lines = [
+        f"Table 1. {name}",
+        f"  STL vertices      {table['vertices']}",
+        f"  facets            {table['facets']}",
+        f"  levels in z       {table['levels']} ({shown} mm, each from the one before)",
+        f"  envelope          {' x '.join(f'{length:g}' for length in size)} mm",
+        f"  volume            {table['volume']} mm3",
+        "",
+        "Table 2. Layer plans; time is modelled for the chosen printer, material and quality; error: no wrong place is",
+        "farther from the surface; mm3: wrongly filled or empty, at most; top, flats: how far the part's top and its",
+        "flats are off",
+        f"  {'plan':<24}{columns}   heights from the bed up",
+    ]
+    return "\n".join(lines + [_row_text(row) for row in rows])
+
+
+def _row_text(row: Mapping[str, Any]) -> str:
+    layers = f"{row['layers']:>8}{100 * row['layers_saved']:>7.1f} %"
+    time = f"{spoken(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"
+    error = f"{row['max_error_mm']:>10.3f}{row['volume_error_mm3']:>9.1f}"
+    ends = f"{row['height_error_mm']:>9.3f}{row['flat_error_mm']:>10.3f}"
+    return f"  {row['plan']:<24}{layers}{time}{error}{ends}   {runs_text(row['heights'])}"

@@ -1,0 +1,133 @@
+"""Mesh + Sections -> Deviation: how far the surface of the part is from what is printed.
+
+What is printed is taken as the stack of sections, each as a body with upright walls from the bottom to the top of its
+layer. Its boundary is the walls, and where neighbouring sections differ the treads and undersides between them; the
+bed side of the first layer and the top of the last one are among these. Nothing is assumed about the part, so a missing
+top, a flat that no layer ends at, a lost feature and the stairs on a slope all count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.errors import PartError
+from printer_slicer.geometry import frozen_array
+from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.model import Bool, Float, Int, Mesh, Sections
+
+__all__ = ["Deviation", "deviation"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Deviation:
+    """Distances from points on the surface of the part to the boundary of the stacked layers.
+
+    Attributes:
+        points: (n, 3) mm, spread evenly over the surface at random.
+        distance: (n,) mm.
+    """
+
+    points: Float
+    distance: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen_array(self.points, np.float64, (-1, 3)))
+        object.__setattr__(self, "distance", frozen_array(self.distance, np.float64, (len(self.points),)))
+
+    @property
+    def mean(self) -> float:
+        """Mean distance, mm."""
+        return float(self.distance.mean())
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the mean, mm; infinite for a single point."""
+        n = len(self.distance)
+        return float(self.distance.std(ddof=1) / np.sqrt(n)) if n > 1 else np.inf
+
+    @property
+    def p95(self) -> float:
+        """The distance that 95 % of the points do not exceed, mm."""
+        return float(np.percentile(self.distance, 95))
+
+    @property
+    def max(self) -> float:
+        """Largest distance found, mm; the largest there is may be a little more."""
+        return float(self.distance.max())
+
+
+def deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, seed: int = 0) -> Deviation:
+    """Distances from random points on the surface of the part to the boundary of its stacked layers.
+
+    Each distance is exact but for rounding; only the choice of the points is random.
+
+    Args:
+        mesh: the part, standing on z = 0.
+        sections: the areas printed in each layer; cut with resolution 0 they hold the error of the layers alone.
+        n_points: how many points, one at least.
+        seed: the same seed gives the same points.
+
+    Raises:
+        PartError: no layer contains any material.
+        ValueError: no points are asked for.
+    """
+    if n_points < 1:
+        raise ValueError(f"at least one point is needed, got {n_points}")
+    if sections.solid.n_rings == 0:
+        raise PartError(
+            f"{mesh.name}: no layer contains any material",
+            remedy="the part may be thinner than one layer; check its size and units",
+        )
+    points = _points_on(mesh, n_points, np.random.default_rng(seed))
+    return Deviation(points, _distance_to_stack(points, sections))
+
+
+def _points_on(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
+    """(count, 3) random points, each piece of the surface as likely as its area."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    share = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    # A facet without area spans no part of the scale and is never chosen.
+    facet = np.searchsorted(share[:-1], rng.random(count) * share[-1], side="right")
+    # The square root spreads points evenly over a triangle, though it has less room towards its first corner.
+    away, across = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    return np.asarray((1 - away) * a[facet] + away * ((1 - across) * b[facet] + across * c[facet]))
+
+
+def _distance_to_stack(points: Float, sections: Sections) -> Float:
+    """(n,) from each point to the boundary of the stack: the walls beside it, then all that is above and below."""
+    planes = np.concatenate([[0.0], sections.plan.top])
+    xy, z = np.ascontiguousarray(points[:, :2]), points[:, 2]
+    outlines = Outlines(sections.solid, xy.min(axis=0), xy.max(axis=0))
+    home = np.clip(np.searchsorted(planes[1:], z), 0, sections.plan.n_layers - 1).astype(np.int64)
+    outside = np.maximum(z - planes[home + 1], planes[home] - z)
+    best: Float = np.hypot(outlines.distance(xy, home), np.maximum(outside, 0.0))
+    inside = outlines.inside(xy, home)
+    for step in (1, -1):
+        _search(outlines, planes, (xy, z, home, inside), best, step)
+    return best
+
+
+def _search(
+    outlines: Outlines, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
+) -> None:
+    """Lower `best` by what lies above (step 1) or below (step -1) each point, layer by layer.
+
+    A point whose xy is in exactly one of two neighbouring sections lies straight over or under a tread; nothing
+    beyond it is nearer. The rim of a tread belongs to a wall, so for all other points the walls are enough.
+    """
+    xy, z, layer, inside = start
+    active = np.arange(len(xy))
+    while len(active):
+        away = np.abs(z[active] - planes[layer + (step > 0)])
+        near = away < best[active]
+        active, away, layer, inside = active[near], away[near], layer[near] + step, inside[near]
+        exists = (layer >= 0) & (layer < len(planes) - 1)
+        beyond = np.zeros(len(active), np.bool_)
+        beyond[exists] = outlines.inside(xy[active[exists]], layer[exists])
+        tread = inside != beyond
+        best[active[tread]] = away[tread]
+        further = exists & ~tread
+        active, away, layer, inside = active[further], away[further], layer[further], beyond[further]
+        best[active] = np.minimum(best[active], np.hypot(outlines.distance(xy[active], layer), away))

@@ -1,0 +1,7 @@
+"""Pictures, as SVG or PNG: a layer plan with its error, and the beads of one layer."""
+
+from printer_slicer.drawing.canvas import Picture, check_picture, picture_bytes
+from printer_slicer.drawing.layer import draw_layer, layer_picture
+from printer_slicer.drawing.plan import draw_plan
+
+__all__ = ["Picture", "check_picture", "draw_layer", "draw_plan", "layer_picture", "picture_bytes"]

@@ -1,0 +1,353 @@
+"""Pictures as lists of plain shapes, and the two ways to write them: SVG text and PNG through Pillow.
+
+Places are px from the upper left corner, x to the right, y downward, and count edges of pixels, not their middles.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import unicodedata
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from itertools import groupby, pairwise
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+
+from printer_slicer.errors import UsageError
+from printer_slicer.model import Float
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from PIL.Image import Image
+    from PIL.ImageDraw import ImageDraw
+    from PIL.ImageFont import FreeTypeFont
+    from PIL.ImageFont import ImageFont as BitmapFont
+
+__all__ = ["Box", "Fill", "Line", "Picture", "Shape", "Text", "check_picture", "picture_bytes", "text_width"]
+
+Anchor = Literal["start", "middle", "end"]
+
+_CONTROL: Final = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_FONT: Final = "Helvetica, Arial, 'Liberation Sans', sans-serif"
+_FINE: Final = 10  # SVG coordinates of areas are whole tenths of a px
+_FINER: Final = 3  # PNGs are drawn this many times as large and then reduced: 10 shades on each edge
+_PIL_ANCHOR: Final = {"start": "ls", "middle": "ms", "end": "rs"}
+_RAISED: Final = {"²": "2", "³": "3"}
+_RAISED_SIZE, _RAISED_BY = 0.62, 0.36  # of the size of the text
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fill:
+    """An area of one colour.
+
+    Attributes:
+        rings: (n, 2) px each. Rings that turn the same way unite; holes turn the other way than what they are cut from.
+        colour: "#rrggbb".
+        name: what it stands for, for programs that read the SVG; empty: nothing in particular.
+    """
+
+    rings: tuple[Float, ...]
+    colour: str
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """A line through points (n, 2), px.
+
+    Attributes:
+        points: at least two.
+        colour: "#rrggbb".
+        width: px.
+        dash: lengths of stroke and gap, px; empty: one stroke.
+        round: whether the ends are round, half the width longer than the line.
+        name: as with `Fill`.
+    """
+
+    points: Float
+    colour: str
+    width: float = 1.0
+    dash: tuple[float, float] | tuple[()] = ()
+    round: bool = False
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """An upright rectangle; `edge` is the colour of a thin line around it, empty for none."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    colour: str
+    edge: str = ""
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """One line of text; (x, y) is where its base line begins, has its middle, or ends."""
+
+    x: float
+    y: float
+    text: str
+    size: float
+    colour: str = "#222222"
+    anchor: Anchor = "start"
+    bold: bool = False
+
+
+Shape = Fill | Line | Box | Text
+_EDGE_WIDTH: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """Shapes on white, the first at the back.
+
+    Attributes:
+        width, height: px.
+        shapes: what there is to see.
+        title: what it shows, for people who do not see it.
+    """
+
+    width: int
+    height: int
+    shapes: tuple[Shape, ...]
+    title: str = ""
+
+    def svg(self) -> str:
+        """The picture as an SVG document, scaled to whatever place it is put into."""
+        head = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width} {self.height}" role="img" '
+            f'font-family="{_FONT}">'
+        )
+        title = f"<title>{escape(_visible(self.title))}</title>"
+        back = f'<rect width="{self.width}" height="{self.height}" fill="#ffffff"/>'
+        return "\n".join([head, title, back, *_svg_parts(self.shapes), "</svg>"]) + "\n"
+
+    def png(self) -> bytes:
+        """The picture as a PNG file, one px of the picture a pixel.
+
+        Letters that Pillow's own font lacks are drawn without their accents, or as empty boxes.
+        """
+        from PIL import Image, ImageDraw  # noqa: PLC0415 - only PNGs need it
+
+        image = Image.new("RGB", (self.width * _FINER, self.height * _FINER), "#ffffff")
+        pen = ImageDraw.Draw(image)
+        for shape in self.shapes:
+            match shape:
+                case Fill():
+                    _paint_fill(image, pen, shape)
+                case Line():
+                    _paint_line(pen, shape)
+                case Box():
+                    _paint_box(pen, shape)
+                case Text():
+                    _paint_text(pen, shape)
+        stream = io.BytesIO()
+        image.reduce(_FINER).save(stream, "PNG")
+        return stream.getvalue()
+
+
+def text_width(text: str, size: float) -> float:
+    """About how many px a line of text takes; no font that SVG viewers put there takes much more."""
+    wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
+    return size * (0.58 * (len(text) - wide) + 1.02 * wide)
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a file name that says neither SVG nor PNG, before long work begins; `-` is stdout and takes SVG.
+
+    Raises:
+        UsageError: the name ends otherwise.
+    """
+    if str(path) == "-" or path.suffix.lower() in {".svg", ".png"}:
+        return
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a device or a pipe, which takes SVG
+        return
+    what = (
+        f"{path.suffix} is not a kind of picture made here" if path.suffix else "no kind of picture is named"
+    )
+    raise UsageError(f"{path}: {what}", remedy="end the name in .svg or .png; - writes SVG to stdout")
+
+
+def picture_bytes(picture: Picture, path: Path) -> bytes:
+    """The picture as the file of this name shall have it: PNG for .png, SVG for .svg and for `-`.
+
+    Raises:
+        UsageError: the name ends otherwise.
+    """
+    check_picture(path)
+    return picture.png() if path.suffix.lower() == ".png" else picture.svg().encode()
+
+
+def _visible(text: str) -> str:
+    """The text without control characters: XML cannot hold them, and one line cannot show them."""
+    return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+# SVG
+
+
+def _svg_parts(shapes: Sequence[Shape]) -> Iterator[str]:
+    """One element a line; areas in whole tenths of a px, in a group that says so."""
+    for areas, several in groupby(shapes, lambda shape: isinstance(shape, Fill)):
+        if areas:
+            yield f'<g transform="scale({1 / _FINE:g})">'
+        yield from map(_svg_part, several)
+        if areas:
+            yield "</g>"
+
+
+def _svg_part(shape: Shape) -> str:
+    match shape:
+        case Fill():
+            outline = "".join(map(_svg_ring, shape.rings))
+            return f'<path{_svg_name(shape.name)} fill="{shape.colour}" d="{outline}"/>'
+        case Line():
+            return _svg_line(shape)
+        case Box():
+            edge = f' stroke="{shape.edge}" stroke-width="{_EDGE_WIDTH}"' if shape.edge else ""
+            size = f'width="{shape.width:.2f}" height="{shape.height:.2f}"'
+            place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" {size}'
+            return f'<rect{_svg_name(shape.name)} {place} fill="{shape.colour}"{edge}/>'
+        case Text():
+            place = f'x="{shape.x:.1f}" y="{shape.y:.1f}" font-size="{shape.size:g}"'
+            anchor = f' text-anchor="{shape.anchor}"' if shape.anchor != "start" else ""
+            bold = ' font-weight="bold"' if shape.bold else ""
+            style = f'fill="{shape.colour}"{anchor}{bold}'
+            return f"<text {place} {style}>{escape(_visible(shape.text))}</text>"
+
+
+def _svg_name(name: str) -> str:
+    return f' class="{name}"' if name else ""
+
+
+def _svg_ring(ring: Float) -> str:
+    """A closed outline in tenths of a px: where it begins, then steps from corner to corner."""
+    place = np.rint(ring * _FINE).astype(np.int64)
+    steps = np.diff(place, axis=0)
+    steps = steps[steps.any(axis=1)]
+    x, y = place[0].tolist()
+    return f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist()))}z" if len(steps) > 1 else ""
+
+
+def _svg_line(line: Line) -> str:
+    points = "L".join(f"{x:.2f} {y:.2f}" for x, y in line.points.tolist())
+    dash = f' stroke-dasharray="{line.dash[0]:g} {line.dash[1]:g}"' if line.dash else ""
+    ends = ' stroke-linecap="round" stroke-linejoin="round"' if line.round else ""
+    stroke = f'stroke="{line.colour}" stroke-width="{line.width:.2f}"{ends}{dash}'
+    return f'<path{_svg_name(line.name)} fill="none" d="M{points}" {stroke}/>'
+
+
+# PNG
+
+
+def _fine(points: Float) -> Float:
+    """Where Pillow, which counts middles of pixels, has these points on the enlarged picture."""
+    return points * _FINER - 0.5
+
+
+def _paint_fill(image: Image, pen: ImageDraw, fill: Fill) -> None:
+    rings = [_fine(ring) for ring in fill.rings if len(ring) > 2]
+    sizes = [_turned_area(ring) for ring in rings]
+    if not any(size < 0 for size in sizes) or not any(size > 0 for size in sizes):
+        for ring in rings:
+            pen.polygon(ring.ravel().tolist(), fill=fill.colour)
+        return
+    _paint_with_holes(
+        image, fill.colour, sorted(zip(rings, sizes, strict=True), key=lambda pair: -abs(pair[1]))
+    )
+
+
+def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]]) -> None:
+    """Rings from the largest to the smallest, each put on or cut out, painted at once through a mask."""
+    from PIL import Image as images  # noqa: N813, PLC0415 - only PNGs need it
+    from PIL import ImageDraw  # noqa: PLC0415
+
+    corners = np.concatenate([ring for ring, _ in rings])
+    low = np.maximum(np.floor(corners.min(axis=0)), 0).astype(int)
+    high = np.minimum(np.ceil(corners.max(axis=0)) + 1, image.size).astype(int)
+    if (high <= low).any():
+        return
+    mask = images.new("1", (int(high[0] - low[0]), int(high[1] - low[1])))
+    pen = ImageDraw.Draw(mask)
+    outward = rings[0][1] > 0
+    for ring, size in rings:
+        pen.polygon((ring - low).ravel().tolist(), fill=int((size > 0) == outward))
+    image.paste(colour, (int(low[0]), int(low[1])), mask)
+
+
+def _turned_area(ring: Float) -> float:
+    """Area of a ring, px², negative if it turns the other way round."""
+    x, y = (ring - ring[0]).T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def _paint_line(pen: ImageDraw, line: Line) -> None:
+    width = max(round(line.width * _FINER), 1)
+    for piece in _dashes(line.points, line.dash) if line.dash else [line.points]:
+        places = _fine(piece)
+        pen.line(
+            places.ravel().tolist(), fill=line.colour, width=width, joint="curve" if line.round else None
+        )
+        if line.round and width > 2:
+            for x, y in (places[0].tolist(), places[-1].tolist()):
+                reach = (width - 1) / 2
+                pen.ellipse((x - reach, y - reach, x + reach, y + reach), fill=line.colour)
+
+
+def _dashes(points: Float, dash: tuple[float, float]) -> Iterator[Float]:
+    """The strokes of a dashed line; each straight piece of the line begins anew."""
+    stroke, gap = dash
+    for a, b in pairwise(points):
+        length = float(np.hypot(*(b - a)))
+        for begin in np.arange(0.0, length, stroke + gap):
+            end = min(begin + stroke, length)
+            yield np.array([a + (b - a) * begin / length, a + (b - a) * end / length])
+
+
+def _paint_box(pen: ImageDraw, box: Box) -> None:
+    x0, y0 = round(box.x * _FINER), round(box.y * _FINER)
+    x1 = max(round((box.x + box.width) * _FINER) - 1, x0)
+    y1 = max(round((box.y + box.height) * _FINER) - 1, y0)
+    pen.rectangle((x0, y0, x1, y1), fill=box.colour)
+    if box.edge:
+        pen.rectangle((x0, y0, x1, y1), outline=box.edge, width=max(round(_EDGE_WIDTH * _FINER), 1))
+
+
+def _paint_text(pen: ImageDraw, text: Text) -> None:
+    """Pillow's own font has no raised figures: they are drawn small and high."""
+    pieces = [piece for piece in re.split("([²³])", _visible(text.text)) if piece]
+    fonts = [_font(text.size * (_RAISED_SIZE if piece in _RAISED else 1)) for piece in pieces]
+    shown = [_RAISED.get(piece) or _plain(piece) for piece in pieces]
+    widths = [font.getlength(piece) for font, piece in zip(fonts, shown, strict=True)]
+    x, y = text.x * _FINER, text.y * _FINER
+    x -= sum(widths) * {"start": 0.0, "middle": 0.5, "end": 1.0}[text.anchor]
+    # The font comes in one weight; bold letters get an outline of their own colour.
+    stroke = text.size * _FINER / 55 if text.bold else 0.0
+    for piece, letters, font, width in zip(pieces, shown, fonts, widths, strict=True):
+        up = text.size * _FINER * _RAISED_BY if piece in _RAISED else 0.0
+        pen.text((x, y - up), letters, text.colour, font, "ls", stroke_width=stroke)
+        x += width
+
+
+@cache
+def _font(size: float) -> FreeTypeFont | BitmapFont:
+    from PIL import ImageFont  # noqa: PLC0415 - only PNGs need it
+
+    return ImageFont.load_default(size * _FINER)
+
+
+def _plain(text: str) -> str:
+    """Letters without their accents, which Pillow's own font lacks."""
+    return "".join(
+        letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter)
+    )

@@ -1,0 +1,75 @@
+"""Colours that tell layer heights and roles apart, also for people who see fewer colours.
+
+Heights run along viridis (van der Walt and Smith, 2015; the table is in the public domain, CC0): equal steps look
+equal, and lightness only ever rises, so it reads the same with any kind of colour blindness and in grey. Single colours
+are from the set of Okabe and Ito, "Color universal design", 2008, and greys.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.model import Float, Role
+
+__all__ = ["CALM", "ROLE_COLOURS", "WARNING", "height_colours", "mixed", "shaded"]
+
+CALM: Final = "#5b8fb0"  # where there is nothing to tell apart
+WARNING: Final = "#d55e00"
+ROLE_COLOURS: Final = {
+    Role.SKIRT: "#999999",
+    Role.BRIM: "#666666",
+    Role.INNER_PERIMETER: "#f0d000",
+    Role.OUTER_PERIMETER: "#d55e00",
+    Role.BRIDGE: "#56b4e9",
+    Role.BOTTOM_SKIN: "#cc79a7",
+    Role.SOLID: "#0072b2",
+    Role.TOP_SKIN: "#222222",
+    Role.SPARSE: "#009e73",
+}
+# Every sixteenth of viridis; straight lines between them stay within 6 of its 255 steps.
+_VIRIDIS: Final = (
+    *("#440154", "#48186a", "#472d7b", "#424086", "#3b528b", "#33638d", "#2c728e", "#26828e", "#21918c"),
+    *("#1f9f88", "#27ad81", "#3dbc74", "#5cc863", "#81d34d", "#aadc32", "#d5e21a", "#fde725"),
+)
+# The ends are left out: the darkest cannot be shaded any more, the lightest is lost on white. Few heights need less.
+_MIDDLE, _REACH, _REACH_OF_TWO, _MANY = 0.53, 0.37, 0.29, 6
+
+
+def _numbers(colour: str) -> Float:
+    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float64)
+
+
+def _name(numbers: Float) -> str:
+    red, green, blue = np.clip(np.rint(numbers), 0, 255).astype(int).tolist()
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def height_colours(heights: Float) -> list[str]:
+    """The colour of each layer: dark for thin, light for thick ones; one calm colour if all are equally thick.
+
+    Args:
+        heights: (L,) mm.
+    """
+    values, which = np.unique(heights, return_inverse=True)
+    if len(values) < 2:
+        return [CALM] * len(heights)
+    # Half by the height itself, half by its rank: two heights that are nearly equal still look different.
+    share = (values - values[0]) / (values[-1] - values[0]) / 2 + np.linspace(0, 0.5, len(values))
+    reach = float(np.interp(len(values), [2, _MANY], [_REACH_OF_TWO, _REACH]))
+    place = (_MIDDLE + reach * (2 * share - 1)) * (len(_VIRIDIS) - 1)
+    stops = np.array([_numbers(colour) for colour in _VIRIDIS])
+    table = np.column_stack([np.interp(place, np.arange(len(stops)), column) for column in stops.T])
+    names = [_name(row) for row in table]
+    return [names[i] for i in which.ravel().tolist()]
+
+
+def shaded(colour: str, light: float) -> str:
+    """The colour in less light: 1 as it is, 0 black."""
+    return _name(_numbers(colour) * light)
+
+
+def mixed(colour: str, other: str, share: float) -> str:
+    """The colour with a share of another one, 0 to 1."""
+    return _name(_numbers(colour) * (1 - share) + _numbers(other) * share)

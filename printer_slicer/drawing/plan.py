@@ -1,0 +1,145 @@
+"""The picture of a layer plan: the part from the side, its error over z, the stack in 3D, and what it comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, text_width
+from printer_slicer.drawing.colours import WARNING, height_colours
+from printer_slicer.drawing.frame import Panel, ZAxis
+from printer_slicer.drawing.legend import draw_legend, legend_height
+from printer_slicer.drawing.side import draw_error, draw_front, draw_grid, draw_heights, z_axis
+from printer_slicer.drawing.stack import draw_stack
+from printer_slicer.model import Float, LayerPlan, Sections
+from printer_slicer.surface import Certificate
+
+__all__ = ["draw_plan"]
+
+_WIDTH, _MARGIN = 1600, 40
+_LEGEND_TOP: Final = 212
+_APART: Final = 84  # px from the legend to the panels: their labels are between
+_FOOT: Final = 94  # px under the panels, for theirs
+_TALLEST: Final = 620  # px, of the panels; parts that are not tall get less
+_FRONT, _ERROR, _HEIGHTS, _STACK = (108, 560), (616, 816), (872, 1032), (1084, 1570)  # px, from left to right
+_TITLE, _FACT, _NAME, _SMALL = 46, 46, 25, 22  # px, sizes of letters
+_SMALLEST_TITLE: Final = 26
+_DARK, _SOFT = "#1f2430", "#5b6472"
+
+
+def draw_plan(
+    sections: Sections,
+    certificate: Certificate,
+    title: str,
+    *,
+    tolerance: float | None = None,
+    flats: Float | Sequence[float] = (),
+) -> Picture:
+    """The part from the front, each layer's error bound and height beside it over the same z, and the stack in 3D.
+
+    Every layer has the colour of its height, in all of them.
+
+    Args:
+        sections: the part's solid areas; their plan gives the layers.
+        certificate: of the same plan.
+        title: one line over the picture.
+        tolerance: mm that no error should exceed; None: there is none.
+        flats: mm, heights of horizontal surfaces, marked on the z axis.
+
+    Raises:
+        ValueError: the certificate is of another plan, or there are no layers.
+    """
+    plan = sections.plan
+    if plan.n_layers == 0:
+        raise ValueError("a plan without layers has no picture")
+    if not np.array_equal(certificate.plan.top, plan.top):
+        raise ValueError("sections and certificate are of different plans")
+    colours = height_colours(plan.height)
+    top = _LEGEND_TOP + legend_height(plan) + _APART
+    axis, scale = z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
+    front, error, heights, stack = (
+        Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
+    )
+    prisms, step = draw_stack(sections, colours, replace(stack, top=top - 40))
+    over = certificate.over(tolerance) if tolerance is not None else []
+    shapes = [
+        *_head(title, certificate, over, tolerance),
+        *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _APART)),
+        *draw_grid(axis, replace(front, right=heights.right)),
+        *_flat_marks(axis, front, flats),
+        *draw_front(sections, colours, axis, front, scale),
+        *draw_error(certificate, over, axis, error, tolerance=tolerance),
+        *draw_heights(plan, colours, axis, heights),
+        *prisms,
+        *_names(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
+    ]
+    height = round(axis.floor + _FOOT)
+    return Picture(_WIDTH, height, tuple(shapes), f"{title}: layer plan, {_count(plan)}")
+
+
+def _head(
+    title: str, certificate: Certificate, over: Sequence[tuple[float, float, float]], tolerance: float | None
+) -> Iterator[Shape]:
+    """Title, and the facts that should still be read when the picture is small."""
+    room = _WIDTH - 2 * _MARGIN
+    size = max(min(_TITLE, _TITLE * room / max(text_width(title, _TITLE), 1)), _SMALLEST_TITLE)
+    while text_width(title, size) > room:
+        title = title[: int(len(title) * room / text_width(title, size)) - 2] + "…"
+    yield Text(_MARGIN, 64, title, size, _DARK, bold=True)
+    places = (_MARGIN, 350, 790, 1180)
+    for x, (fact, meaning, warns) in zip(places, _facts(certificate, over, tolerance), strict=True):
+        yield Text(x, 142, fact, _FACT, WARNING if warns else _DARK, bold=True)
+        yield Text(x, 176, meaning, _NAME, WARNING if warns else _SOFT)
+
+
+def _facts(
+    certificate: Certificate, over: Sequence[tuple[float, float, float]], tolerance: float | None
+) -> Iterator[tuple[str, str, bool]]:
+    """What the plan comes to: number, meaning, and whether it is a warning."""
+    plan, worst = certificate.plan, certificate.worst
+    thin, thick = float(plan.height.min()), float(plan.height.max())
+    yield _count(plan), f"planner {plan.planner}" if plan.planner else "", False
+    heights = f"{_number(thin)} mm" if thin == thick else f"{_number(thin)} to {_number(thick)} mm"
+    yield heights, "layer height", False
+    where = f", at z {worst.z:.4g} mm" if certificate.max_error > 0 else ""
+    limit = f", above {tolerance:g}" if over else where
+    yield f"{_number(certificate.max_error)} mm", f"max error{limit}", bool(over)
+    yield f"{_number(certificate.volume_error)} mm³", "volume error", False
+
+
+def _count(plan: LayerPlan) -> str:
+    return f"{plan.n_layers} layer{'s' if plan.n_layers != 1 else ''}"
+
+
+def _number(value: float) -> str:
+    """Three figures; thousands apart; 0 for what is less than a thousandth of anything."""
+    if 999.5 <= value < 1e7:
+        return f"{value:,.0f}".replace(",", " ")
+    return f"{value:.3g}" if value >= 0.0005 else "0"
+
+
+def _flat_marks(axis: ZAxis, panel: Panel, flats: Float | Sequence[float]) -> Iterator[Shape]:
+    """A tick for each flat, at the right of the part."""
+    for z in np.asarray(flats, np.float64).tolist():
+        if 0 <= z <= axis.total * 1.001:
+            y = axis.y(z)
+            yield Line(np.array([(panel.right + 10, y), (panel.right + 28, y)]), _DARK, 2.5, name="flat")
+
+
+def _names(axis: ZAxis, stretched: float, step: float, *, has_flats: bool) -> Iterator[Shape]:
+    """What the panels show, under them."""
+    low, lower = axis.floor + 1.3 * _SMALL, axis.floor + 66
+    yield Text(_FRONT[0] - 12, axis.y(axis.total) - 22, "z mm", _SMALL, _SOFT, "end")
+    if stretched > 1.01:
+        yield Text(_FRONT[0], low, f"z drawn {stretched:.2g} times as large", _SMALL, _SOFT)
+    if has_flats:
+        yield Text(_FRONT[1] + 28, low, "flats", _SMALL, _SOFT, "end")
+    yield Text(_FRONT[0], lower, "seen from the front", _NAME, _DARK, bold=True)
+    yield Text(_ERROR[0], lower, "error bound, mm", _NAME, _DARK, bold=True)
+    yield Text(_HEIGHTS[0] - 8, lower, "layer height, mm", _NAME, _DARK, bold=True)
+    yield Text(_STACK[0], lower, "the stack of layers", _NAME, _DARK, bold=True)
+    if step:
+        yield Text(_STACK[1], lower, f"bed grid {step:g} mm", _SMALL, _SOFT, "end")

@@ -1,0 +1,71 @@
+"""Points against the outlines of their layers: how far away, inside or outside."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int
+from printer_slicer.geometry.planar import SegmentTree
+
+__all__ = ["Outlines", "distance_to_segments"]
+
+
+class Outlines:
+    """The outlines of all layers in one search tree.
+
+    Each layer has a cell of its own on a square lattice, so that one query serves points of many layers. The cells are
+    so far apart that the nearest segment to a point is never one of another layer, if its own has any. Distances are
+    measured where the segments really are; only the search sees the moved ones.
+    """
+
+    def __init__(self, areas: Areas, low: Float, high: Float) -> None:
+        """Take clean areas, and the corners (2,) of the box, mm, in which all points to ask for will lie."""
+        self._begin, self._end = areas.xy, areas.xy[areas.following]
+        self._n_layers = areas.n_layers
+        self._layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+        self._filled = np.bincount(self._layer, minlength=areas.n_layers) > 0
+        self._right = float(self._begin[:, 0].max(initial=high[0]))
+        room = np.maximum(high, self._begin.max(axis=0, initial=-np.inf))
+        room -= np.minimum(low, self._begin.min(axis=0, initial=np.inf))
+        # A segment of the own layer is within one diagonal, one of another layer more than one diagonal away.
+        self._pitch = 2.5 * float(np.hypot(*room)) + 1.0
+        cell = self._cell(self._layer)
+        moved = np.stack([self._begin + cell, self._end + cell], axis=1)
+        self._tree = SegmentTree(moved) if len(moved) else None
+
+    def distance(self, points: Float, layer: Int) -> Float:
+        """(P,) mm from each point (P, 2) to the nearest outline of its layer; inf where the layer is empty."""
+        result = np.full(len(points), np.inf)
+        known = np.flatnonzero(self._filled[layer])
+        if self._tree is not None and len(known):
+            here, cell = points[known], self._cell(layer[known])
+            nearest = self._tree.nearest(here + cell)
+            result[known] = distance_to_segments(here, self._begin[nearest], self._end[nearest])
+        return result
+
+    def inside(self, points: Float, layer: Int) -> Bool:
+        """(P,) whether each point (P, 2) is in the area of its layer: a ray to the right leaves it an odd time."""
+        if self._tree is None or not len(points):
+            return np.zeros(len(points), np.bool_)
+        far = np.column_stack([np.full(len(points), self._right), points[:, 1]])
+        cell = self._cell(layer)
+        point, segment = self._tree.meeting(points + cell, far + cell)
+        (x, y), (ax, ay), (bx, by) = points[point].T, self._begin[segment].T, self._end[segment].T
+        # Each end belongs to the part of the segment above it, so that a ray through a corner counts once.
+        rising, falling = (ay <= y) & (by > y), (ay > y) & (by <= y)
+        left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+        crossed = (rising & (left > 0)) | (falling & (left < 0))
+        return np.asarray(np.bincount(point[crossed], minlength=len(points)) % 2 == 1)
+
+    def _cell(self, layer: Int) -> Float:
+        """(P, 2) how far the cell of each layer is moved."""
+        side = int(np.ceil(np.sqrt(self._n_layers)))
+        return np.column_stack(np.divmod(layer, side)) * self._pitch
+
+
+def distance_to_segments(points: Float, begin: Float, end: Float) -> Float:
+    """(P,) mm from each point (P, 2) to the segment from `begin` to `end` (P, 2) that goes with it."""
+    along, gap = end - begin, points - begin
+    length = (along**2).sum(axis=1)
+    place = np.clip((gap * along).sum(axis=1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    return np.asarray(np.hypot(*(gap - place[:, None] * along).T))

@@ -1,0 +1,61 @@
+"""Settings that are lists, as people type them: `0.1, 0.2, 0.3` and `10:20:tolerance=0.05; 30:31:layer_height=0.1`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from printer_slicer.errors import ProfileError
+
+__all__ = ["list_as_text", "list_from_text"]
+
+_RANGE_KEYS = ("tolerance", "layer_height")
+
+
+def list_from_text(key: str, text: str) -> list[Any]:
+    """The list that the text of a setting stands for; empty text is an empty list.
+
+    Args:
+        key: `layer_heights` or `planner.ranges`.
+        text: as in the heading of this module.
+
+    Raises:
+        ProfileError: it cannot be read so.
+    """
+    readers: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
+        "layer_heights": (",", float, "0.1, 0.2, 0.3"),
+        "planner.ranges": (";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
+    }
+    separator, read, example = readers[key]
+    try:
+        return [read(item) for item in text.split(separator) if item.strip()]
+    except ValueError:
+        raise ProfileError(
+            f"{key}: {text!r} cannot be read as a list", remedy=f"write it like this: {example}"
+        ) from None
+
+
+def _range(text: str) -> dict[str, float]:
+    """LOW:HIGH:KEY=VALUE[:KEY=VALUE] as a table."""
+    low, high, *rules = (part.strip() for part in text.split(":"))
+    table = {"low": float(low), "high": float(high)}
+    for rule in rules:
+        key, sign, value = rule.partition("=")
+        if not sign or key.strip() not in _RANGE_KEYS:
+            raise ValueError(rule)
+        table[key.strip()] = float(value)
+    if len(table) == 2:
+        raise ValueError(text)
+    return table
+
+
+def list_as_text(values: Sequence[Any]) -> str:
+    """The text that `list_from_text` reads back."""
+    if values and isinstance(values[0], Mapping):
+        return "; ".join(_range_text(item) for item in values)
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def _range_text(table: Mapping[str, float]) -> str:
+    rules = "".join(f":{key}={table[key]:g}" for key in _RANGE_KEYS if table.get(key))
+    return f"{table['low']:g}:{table['high']:g}{rules}"

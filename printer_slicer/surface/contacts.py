@@ -1,0 +1,186 @@
+"""Where a ball can touch the surface, and how steeply: what the certified error is made of.
+
+A ball that rests on the surface touches a facet along its normal, an edge along a direction between the normals of its
+facets, a corner along a direction of its normal cone. What counts is the vertical part of that direction, its *rise*:
+how fast the distance to the surface can grow while one moves vertically. Let e be an edge, and let m be the direction
+in one of its facets that leaves e at a right angle. The directions u in which a ball can touch e are those with
+u · e = 0 and u · m <= 0 for the m of every facet at e. The steepest direction at right angles to e has the rise
+√(1 - e_z²) and is one of them exactly if no m points upward; otherwise the steepest touch at e is along the normal of a
+facet. A corner adds something only if all its edges lead downward (it then has rise 1), for the rim of a cone of
+directions that does not hold the vertical belongs to the edges. Balls that touch from below see the same upside down:
+there it is the edges whose every m points upward, and the corners from which all leads upward. Both sides go into one
+list: what one side does not need is what stops a way down the surface from going on (see `runs`).
+
+Nothing here asks whether the mesh is closed, oriented or free of crossings: a missing neighbour takes conditions
+away and can only raise a rise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from printer_slicer.geometry import frozen_array
+from printer_slicer.geometry.planes import corner_keys, edge_keys
+from printer_slicer.model import Bool, Float, Int, Mesh
+
+__all__ = ["Contacts", "find_contacts"]
+
+_LEVEL: Final = 1e-9  # sine of the slope under which a direction counts as horizontal
+_NO_AREA: Final = 1e-12  # of its longest edge squared: such a facet has no normal worth the name
+_AT_ONCE: Final = 1 << 15  # facets whose columns stay in the processor's cache
+_Keys = NDArray[np.uint64]
+_NEXT: Final = [1, 2, 0]
+_BEFORE: Final = [2, 0, 1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contacts:
+    """Stretches of z in which balls touch the surface, by ascending `low`.
+
+    Attributes:
+        low, high: (n,) mm; equal for flats, level edges and extrema.
+        rise: (n,) 0 to 1, how fast the distance to the surface can grow with z.
+        source: (n,) where it is, of F facets: facet f as f; the edge after its corner c as F + 3 f + c; that corner
+            itself as 4 F + 3 f + c.
+    """
+
+    low: Float
+    high: Float
+    rise: Float
+    source: Int
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high", "rise"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (len(self.source),)))
+        object.__setattr__(self, "source", frozen_array(self.source, np.int64, (-1,)))
+
+    def events(self) -> Float:
+        """(n,) heights of flats, level ridges and valleys, and of corners that are highest or lowest around, mm."""
+        return np.unique(self.low[(self.low == self.high) & (self.rise > 1 - _LEVEL)])
+
+    def mirrored(self) -> Contacts:
+        """The same seen upside down: z becomes -z."""
+        order = np.argsort(-self.high, kind="stable")
+        return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
+
+
+class _Marks(NamedTuple):
+    """Corners or edges that may add a contact, and those whose like must not, by their keys.
+
+    Attributes:
+        place: (n,) number of each that may.
+        key: (n,) its key.
+        refused: (m,) keys of those that no contact has.
+    """
+
+    place: Int
+    key: _Keys
+    refused: _Keys
+
+    @classmethod
+    def joined(cls, blocks: Sequence[_Marks]) -> _Marks:
+        """The marks of all blocks of facets."""
+        return cls(*(np.concatenate(columns) for columns in zip(*blocks, strict=True)))
+
+    def kept(self) -> Int:
+        """The numbers of those whose key is not refused.
+
+        Refused keys go into a table by some of their bits, where a later one may overwrite an earlier one; those that
+        were overwritten go into the next table by other bits. Every round is a scatter and two gathers, no sorting.
+        """
+        place, key, others, shift = self.place, self.key, self.refused, np.uint64(0)
+        while len(others) and len(place):
+            n_bits = len(others).bit_length() + 1
+            mask = np.uint64((1 << n_bits) - 1)
+            table = np.zeros(1 << n_bits, np.uint64)
+            slot = (others >> shift) & mask
+            table[slot] = others
+            free = table[(key >> shift) & mask] != key
+            place, key = place[free], key[free]
+            others = others[table[slot] != others]
+            shift = np.uint64((int(shift) + 11) % 40)
+        return place
+
+
+class _Block(NamedTuple):
+    """What one block of facets says: rise, lowest and highest z of each facet, and marks.
+
+    Attributes:
+        facets: (3, n) rise, low and high.
+        ridges, valleys: edges by 3 f + c, where facet f has the edge after its corner c.
+        peaks, pits: corners by 3 f + c.
+    """
+
+    facets: Float
+    ridges: _Marks
+    valleys: _Marks
+    peaks: _Marks
+    pits: _Marks
+
+
+def find_contacts(mesh: Mesh) -> Contacts:
+    """Where balls touch the surface, from above or from below.
+
+    Args:
+        mesh: the part; any triangles will do.
+    """
+    blocks = [_block(mesh.triangles, begin) for begin in range(0, max(mesh.n_facets, 1), _AT_ONCE)]
+    rise, low, high = np.concatenate([block.facets for block in blocks], axis=1)
+    ridges, valleys, peaks, pits = (
+        _Marks.joined(marks).kept() for marks in list(zip(*blocks, strict=True))[1:]
+    )
+    edges, corners = np.union1d(ridges, valleys), np.concatenate([peaks, pits])
+    start, end = mesh.triangles[edges // 3, edges % 3], mesh.triangles[edges // 3, (edges + 1) % 3]
+    steep = np.hypot(*(end - start)[:, :2].T) / np.linalg.norm(end - start, axis=1)
+    tip = mesh.triangles[corners // 3, corners % 3, 2]
+    low = np.concatenate([low, np.minimum(start[:, 2], end[:, 2]), tip])
+    high = np.concatenate([high, np.maximum(start[:, 2], end[:, 2]), tip])
+    rise = np.concatenate([rise, steep, np.ones(len(corners))])
+    source = np.concatenate([np.arange(mesh.n_facets), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
+    order = np.flatnonzero(rise > _LEVEL)
+    order = order[np.argsort(low[order], kind="stable")]
+    return Contacts(low[order], high[order], rise[order], source[order])
+
+
+def _block(triangles: Float, begin: int) -> _Block:
+    """The contacts that the facets from `begin` on may have."""
+    corners = triangles[begin : begin + _AT_ONCE]
+    x, y, z = (np.ascontiguousarray(corners[:, :, axis].T) for axis in range(3))  # (3, n): corner, facet
+    run, across, climb = (column[_NEXT] - column for column in (x, y, z))
+    normal_x = across[0] * climb[1] - climb[0] * across[1]
+    normal_y = climb[0] * run[1] - run[0] * climb[1]
+    normal_z = run[0] * across[1] - across[0] * run[1]
+    level = np.sqrt(run * run + across * across)
+    length = np.sqrt(level * level + climb * climb)
+    size = np.sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z)
+    level /= np.maximum(length, 1e-300)  # √(1 - e_z²)
+    # A facet without area can lie in any plane through its edges, and has no inward direction that could refuse one.
+    solid = size > _NO_AREA * length.max(axis=0) ** 2
+    rise = np.where(solid, np.abs(normal_z) / np.maximum(size, 1e-300), level.max(axis=0))
+    inward = normal_x * across - normal_y * run  # m_z, times the lengths of normal and edge
+    slack = np.where(solid, _LEVEL * size * length, np.inf)
+    keys = corner_keys(np.stack([x, y, z], axis=2).reshape(-1, 3)).reshape(3, -1)
+    number = 3 * (begin + np.arange(len(corners))) + np.arange(3)[:, None]
+    steeper = (level > rise + _LEVEL) & (length > 0)
+    edges = edge_keys(keys)
+    ridges, valleys = (
+        _Marks(number[steeper & ~no], edges[steeper & ~no], edges[no])
+        for no in (inward > slack, inward < -slack)
+    )
+    peaks, pits = (
+        _Marks(number[~no], keys[~no], keys[no]) for no in (_beside_higher(z, keys), _beside_higher(-z, keys))
+    )
+    return _Block(np.stack([rise, z.min(axis=0), z.max(axis=0)]), ridges, valleys, peaks, pits)
+
+
+def _beside_higher(z: Float, keys: _Keys) -> Bool:
+    """(3, n) corners that have another one as high or higher beside them in their facet."""
+    beside = np.zeros(z.shape, np.bool_)
+    for others in (_NEXT, _BEFORE):
+        beside |= (z[others] >= z) & (keys[others] != keys)
+    return beside

@@ -1,0 +1,128 @@
+"""How far from the surface a vertical run can lead: the integral of the steepest rise met so far.
+
+Start at height s at a place of the surface and move straight up to height e. At every height z on the way the distance
+to the surface grows at most at the rise of its nearest point, which lies below z and not below s (the distance is at
+most z - s). Hence it ends at most at the integral, over z from s to e, of G(z): the steepest rise of all contacts that
+reach from below z to above s. Rises are at most 1, so the bound is at most e - s.
+
+The same number bounds the way back. Let p be a place of the surface at height z between s and e. Walk down the surface
+the steepest way: a mm of height leads κ = rise / √(1 - rise²) mm sideways, so p lies within H(z), the integral of κ(G)
+from s to z, of the wall that stands on the contour at height s. The walk ends early only in a pit, a flat or a level
+valley; G is 1 from there on. And if the vertical line through p passes the surface once between this cut and the next
+one, the layer differs from its neighbour there, so p lies within e - z of the plane between them. The larger z, the
+larger H and the smaller e - z; where they meet both equal some R, and the integral of G is at least
+R G + R √(1 - G²) >= R with G taken there, because G grows with z. Where the vertical line passes the surface more
+often, a feature is thinner than the layers and may be lost; no bound can be given for the way back then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.model import Float, Int
+from printer_slicer.surface.contacts import Contacts
+
+__all__ = ["painted", "run_bounds", "run_tables", "steepest"]
+
+_SAME = (
+    1e-3  # of a cell; coordinates this near to a cell's border lie on it but for the rounding of 32-bit files
+)
+
+
+def run_bounds(contacts: Contacts, start: Float, end: Float) -> Float:
+    """(n,) mm, the bounds of the runs from `start` up to `end`, exactly.
+
+    Args:
+        contacts: of the surface, seen from above.
+        start: (n,) mm, ascending.
+        end: (n,) mm; no run overlaps the next.
+    """
+    if len(start) == 0:
+        return np.zeros(0)
+    at_start = _reaching(contacts, start)
+    first, last = np.searchsorted(contacts.low, start), np.searchsorted(contacts.low, end)
+    count = np.maximum(last - first, 0)
+    # One list for all runs: of each run the start, then the contacts that begin within it.
+    begin = np.cumsum(count + 1) - (count + 1)
+    run = np.repeat(np.arange(len(start)), count + 1)
+    inside = np.ones(len(run), np.bool_)
+    inside[begin] = False
+    place = (np.arange(len(run)) - begin[run] - 1 + first[run])[inside]
+    z, rise = start[run], at_start[run]
+    z[inside], rise[inside] = contacts.low[place], contacts.rise[place]
+    # Runs are two apart and rises at most one, so the running maximum starts anew with every run.
+    steepest_yet = np.maximum.accumulate(rise + 2.0 * run) - 2.0 * run
+    until = np.append(z[1:], end[-1])
+    until[np.append(begin[1:], len(run)) - 1] = end
+    weighted = steepest_yet * np.maximum(until - z, 0)
+    return np.bincount(run, weights=weighted, minlength=len(start)).astype(np.float64)
+
+
+def _reaching(contacts: Contacts, planes: Float) -> Float:
+    """(n,) the steepest rise of the contacts that begin below each plane and reach over it."""
+    first = np.searchsorted(planes, contacts.low, side="right")
+    last = np.searchsorted(planes, contacts.high, side="left") - 1
+    some = first <= last
+    return painted(first[some], last[some], contacts.rise[some], len(planes))
+
+
+def steepest(contacts: Contacts, start: float, end: float) -> int:
+    """Index of the contact that weighs most in the run from `start` to `end`; -1 where there is none."""
+    within = np.flatnonzero((contacts.low < end) & ((contacts.high > start) | (contacts.low >= start)))
+    if len(within) == 0:
+        return -1
+    share = contacts.rise[within] * (end - np.maximum(contacts.low[within], start))
+    return int(within[np.argmax(share)])
+
+
+def run_tables(contacts: Contacts, cell: float, n_cells: int, length: Int, *, bottom: float = 0.0) -> Float:
+    """(len(length), n_cells + 1) mm, the bounds of runs of `length` cells up from every border between cells.
+
+    Within a cell the steepest rise counts from the bottom, so the table
+    errs upward, by less than a cell. Runs that leave the cells end with the last one.
+
+    Args:
+        contacts: of the surface, seen from above.
+        cell: mm.
+        n_cells: how many.
+        length: (n,) ascending, in cells.
+        bottom: z of the lowest border, mm.
+    """
+    first = np.floor((contacts.low - bottom) / cell + _SAME).astype(np.int64)
+    last = np.maximum(np.ceil((contacts.high - bottom) / cell - _SAME).astype(np.int64) - 1, first)
+    some = (last >= 0) & (first < n_cells)
+    rise = painted(
+        np.maximum(first[some], 0), np.minimum(last[some], n_cells - 1), contacts.rise[some], n_cells
+    )
+    table = np.zeros((len(length), n_cells + 1))
+    total, highest = np.zeros(n_cells), np.zeros(n_cells)
+    row = 0
+    for ahead in range(int(length[-1])):
+        left = n_cells - ahead
+        if left > 0:
+            np.maximum(highest[:left], rise[ahead:], out=highest[:left])
+            total[:left] += highest[:left]
+        if length[row] == ahead + 1:
+            table[row, :n_cells] = total
+            row += 1
+    return table * cell
+
+
+def painted(first: Int, last: Int, value: Float, n: int) -> Float:
+    """(n,) the largest of the values, all at least 0, whose range `first` to `last` (inclusive) covers each place.
+
+    A range is covered by two overlapping ones whose length is a power of two; those are noted by length and start, and
+    handed down from each length to its half.
+    """
+    if len(first) == 0:
+        return np.zeros(n)
+    # frexp is exact for integers: length = m * 2^e with 0.5 <= m < 1, so e - 1 is floor(log2(length)).
+    level = np.frexp((last - first + 1).astype(np.float64))[1].astype(np.int64) - 1
+    notes = np.zeros((int(level.max()) + 1, n))
+    np.maximum.at(notes, (level, first), value)
+    np.maximum.at(notes, (level, last + 1 - (1 << level)), value)
+    for p in range(len(notes) - 1, 0, -1):
+        half = 1 << (p - 1)
+        np.maximum(notes[p - 1], notes[p], out=notes[p - 1])
+        np.maximum(notes[p - 1, half:], notes[p, :-half], out=notes[p - 1, half:])
+    return np.asarray(notes[0])
