@@ -25,14 +25,13 @@ from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
 from benchmarks.reports import BASES, judgement, match_table, plan_table, ratio_table
 from benchmarks.scoring import Judge
+from benchmarks.sizes import printable
 from benchmarks.sweeps import attempts, our_row, peer_attempts, peer_row
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.mesh_io import FORMATS, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, load_profile
-
-_SMALLEST, _ENLARGED = 10.0, 60.0  # mm, largest edge of a part's envelope
 
 
 @dataclass(slots=True)
@@ -158,12 +157,11 @@ def _measure(
 
 
 def _sized(result: Result, mesh: Mesh) -> Mesh:
-    """The mesh; one that is too small to print, having been drawn in another unit, is enlarged."""
-    largest = float(mesh.size.max())
-    if largest >= _SMALLEST:
-        return mesh
-    _told(result, f"{result.name}: {largest:.3g} mm, drawn in another unit? enlarged to {_ENLARGED:g} mm")
-    return Mesh(mesh.triangles * (_ENLARGED / largest), mesh.name)
+    """The mesh, large enough to print."""
+    sized, told = printable(mesh)
+    if told:
+        _told(result, told)
+    return sized
 
 
 def _different(rows: Sequence[Row]) -> list[Row]:
