@@ -77,7 +77,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     for _ in range(_ROUNDS if budget else 0):
         seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
         tried.append((seconds, plan))
-        if 0.98 * budget <= seconds <= budget:
+        if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
             break
         asked *= 0.995 * budget / seconds
         plan = plan_layers(part, profile_with(profile, {"quality.planner.time_budget": asked}))

@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer.gcode import spoken
 from printer_slicer.model import Float, LayerPlan, Mesh, Program, Role
 from printer_slicer.pipeline import Stages
-from printer_slicer.profile import Profile
+from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
 
@@ -41,7 +41,9 @@ def facts_of(
         | {"width": gap.width}
         for gap in stages.sections.gaps[:_MOST_PLACES]
     ]
+    planner = profile.quality.planner
     return {
+        "time_budget": planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0,
         "layers": program.plan.n_layers,
         "planner": program.plan.planner,
         "heights": [[count, height] for count, height in program.plan.runs()],
@@ -95,6 +97,9 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         change.removeprefix("quality.").startswith("layer_height") for change in changes
     ):
         lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
+    if 0 < facts["time_budget"] < facts["seconds"]:
+        budget = spoken(facts["time_budget"])
+        lines.append(f"the time budget of {budget} cannot be kept with this tolerance and these heights")
     lines += certificate_sentences(facts["certificate"])[:1]
     if facts["empty_layers"]:
         many = "1 layer stays" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers stay"

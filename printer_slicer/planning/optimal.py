@@ -47,6 +47,7 @@ _ODD: Final = 1.1  # times its cost for a layer of a height that is not on the l
 _SLACK: Final = (
     1e-5  # mm under the tolerance: tables take coordinates a little below a border for being on it
 )
+_BISECTIONS: Final = 12
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
 
 
@@ -85,6 +86,8 @@ class _Search:
         self._arcs, self._steps = arcs, steps
         self._settings, self._profile = settings, profile
         self._start, self._end = arcs.lattice.ends()
+        self._fines, self._impossible = self._broken(), self._under_the_bed()
+        self._listed, self._free = self._allowed()
 
     def best(self) -> Int:
         """Heights in units of the best plan."""
@@ -123,10 +126,9 @@ class _Search:
 
     def _by_rules(self, objective: Float, worth: float, search: Callable[[Float], Int | None]) -> Int:
         """The plan that a search finds with the rules in force, and with the list of heights eased if it must be."""
-        listed, free = self._listed()
-        cost = self._fines() * worth + np.where(listed, objective, _ODD * objective) + self._impossible()
+        cost = self._fines * worth + np.where(self._listed, objective, _ODD * objective) + self._impossible
         for unlisted in (np.inf, _UNLISTED * worth):
-            found = search(np.where(free, cost, cost + unlisted))
+            found = search(np.where(self._free, cost, cost + unlisted))
             if found is not None:
                 return found
         raise PlanError(
@@ -155,8 +157,8 @@ class _Search:
         while self._sum(spent, kept) > budget and high < 1e9:
             low, high = high, 10 * high
             kept = self._solved(loss + high * spent)
-        for _ in range(24):
-            price = (low + high) / 2
+        for _ in range(_BISECTIONS):
+            price = np.sqrt(low * high) if low else high / 8
             found = self._solved(loss + price * spent)
             if self._sum(spent, found) <= budget:
                 high, kept = price, found
@@ -168,14 +170,14 @@ class _Search:
         """The total of a table over the layers of a plan."""
         return float(table[heights - self._arcs.lattice.heights[0], np.cumsum(heights)].sum())
 
-    def _impossible(self) -> Float:
+    def _under_the_bed(self) -> Float:
         """(R, n + 1) infinite for layers that begin under the bed, or on it with another than the first height."""
         first = self._steps.first // self._arcs.lattice.steps
         heights = self._arcs.lattice.heights[:, None]
         wrong = (self._start == 0) & (heights != first) if first else np.zeros_like(self._start, np.bool_)
         return np.where((self._start < 0) | wrong, np.inf, 0.0)
 
-    def _listed(self) -> tuple[Bool, Bool]:
+    def _allowed(self) -> tuple[Bool, Bool]:
         """(R, n + 1) layers of an allowed height; and those with the ones that may have any, next to event planes."""
         lattice = self._arcs.lattice
         allowed = np.isin(lattice.heights * lattice.steps, self._steps.allowed)[:, None]
@@ -203,7 +205,7 @@ class _Search:
         """(R, 1) rows of a height in mm."""
         return np.asarray(self._arcs.lattice.heights == round(height / self._arcs.lattice.unit))[:, None]
 
-    def _fines(self) -> Float:
+    def _broken(self) -> Float:
         """(R, n + 1) what every layer breaks, in the cost of the dearest layer."""
         fines = _EXCESS * np.maximum(self._arcs.bound - (self._tolerances() - _SLACK), 0.0)
         # Half a layer that is no higher than the tolerance cannot be wrong by more, rounding or not.
