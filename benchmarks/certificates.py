@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.processes import SAMPLES, machine_note
 from benchmarks.sizes import printable
-from printer_slicer.deviation import deviation
+from printer_slicer.deviation import measure_deviation
 from printer_slicer.mesh_io import FORMATS, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.placing import place
@@ -84,7 +84,7 @@ def _row(path: Path, profile: Profile, n_points: int) -> bool:
     off = np.abs(np.append(plan.top, 0.0)[:, None] - heights).min(axis=0).max(initial=0.0)
     top = certificate.overshoot - certificate.missing
     sections = cut(part, plan, 0.0)
-    back = deviation(part, sections, n_points)
+    back = measure_deviation(part, sections, n_points)
     above = int((distance > bounds[layer] + _ROUNDING).sum())
     errors = (certificate.max_error, distance.max(initial=0.0))
     columns = [path.stem, f"{part.n_facets}", f"{plan.n_layers}", f"{min(seconds):.2f}"]

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.peers import Part
-from printer_slicer.deviation import deviation
+from printer_slicer.deviation import measure_deviation
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import LayerPlan
 from printer_slicer.pipeline import Stages, slice_stages
@@ -74,7 +74,7 @@ class Judge:
     def _measured(self, plan: LayerPlan) -> Score:
         mesh = self.part.mesh
         stages = self._sliced(plan)
-        distances = deviation(mesh, stages.sections, self._n_points)
+        distances = measure_deviation(mesh, stages.sections, self._n_points)
         certificate = self.certificate(plan)
         return Score(
             layers=plan.n_layers,

@@ -15,21 +15,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from printer_slicer.drawing import draw_layer, draw_plan
+    from printer_slicer.deviation import Deviation, measure_deviation
+    from printer_slicer.drawing import draw_layer, draw_plan, layer_picture, picture_bytes
     from printer_slicer.errors import PrinterSlicerError
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.jobs import Job, job_from
     from printer_slicer.mesh_io import export_stl, load_mesh
     from printer_slicer.model import LayerPlan, Mesh, Program, Sections
-    from printer_slicer.pipeline import Stages, gcode_of, slice_part, slice_stages
+    from printer_slicer.pipeline import Stages, gcode_of, plan_part, slice_part, slice_stages
     from printer_slicer.placing import place
     from printer_slicer.planning import plan_layers
     from printer_slicer.printing import print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
     from printer_slicer.slicing import contours, cut
+    from printer_slicer.surface import Certificate, certify, read_surface
     from printer_slicer.verdict import Verdict, dry_run
 
 _HOMES = {
+    "Certificate": "surface",
+    "Deviation": "deviation",
     "Job": "jobs",
     "LayerPlan": "model",
     "Mesh": "model",
@@ -39,6 +43,7 @@ _HOMES = {
     "Sections": "model",
     "Stages": "pipeline",
     "Verdict": "verdict",
+    "certify": "surface",
     "contours": "slicing",
     "cut": "slicing",
     "draw_layer": "drawing",
@@ -47,18 +52,25 @@ _HOMES = {
     "export_stl": "mesh_io",
     "gcode_of": "pipeline",
     "job_from": "jobs",
+    "layer_picture": "drawing",
     "load_mesh": "mesh_io",
     "load_profile": "profile",
+    "measure_deviation": "deviation",
     "move_seconds": "extrusion",
+    "picture_bytes": "drawing",
     "place": "placing",
     "plan_layers": "planning",
+    "plan_part": "pipeline",
     "print_job": "printing",
     "profile_with": "profile",
+    "read_surface": "surface",
     "slice_part": "pipeline",
     "slice_stages": "pipeline",
 }
 
 __all__ = [
+    "Certificate",
+    "Deviation",
     "Job",
     "LayerPlan",
     "Mesh",
@@ -68,6 +80,7 @@ __all__ = [
     "Sections",
     "Stages",
     "Verdict",
+    "certify",
     "contours",
     "cut",
     "draw_layer",
@@ -76,13 +89,18 @@ __all__ = [
     "export_stl",
     "gcode_of",
     "job_from",
+    "layer_picture",
     "load_mesh",
     "load_profile",
+    "measure_deviation",
     "move_seconds",
+    "picture_bytes",
     "place",
     "plan_layers",
+    "plan_part",
     "print_job",
     "profile_with",
+    "read_surface",
     "slice_part",
     "slice_stages",
 ]

@@ -17,7 +17,7 @@ from printer_slicer.geometry import frozen_array
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.model import Bool, Float, Int, Mesh, Sections
 
-__all__ = ["Deviation", "deviation"]
+__all__ = ["Deviation", "measure_deviation"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class Deviation:
         return float(self.distance.max())
 
 
-def deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, seed: int = 0) -> Deviation:
+def measure_deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, seed: int = 0) -> Deviation:
     """Distances from random points on the surface of the part to the boundary of its stacked layers.
 
     Each distance is exact but for rounding; only the choice of the points is random.

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.deviation import Deviation, deviation
+from printer_slicer.deviation import Deviation, measure_deviation
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas, Float
 from printer_slicer.geometry.nearest import Outlines, distance_to_segments
@@ -34,7 +34,7 @@ KDTree: Any = import_module("scipy.spatial").KDTree  # it has no types
 
 
 def judged(mesh: Mesh, plan: LayerPlan, n_points: int = 4000, seed: int = 0) -> Deviation:
-    return deviation(mesh, cut(mesh, plan, 0.0), n_points, seed)
+    return measure_deviation(mesh, cut(mesh, plan, 0.0), n_points, seed)
 
 
 def wedge(run: float, rise: float, depth: float) -> Mesh:
@@ -181,7 +181,7 @@ BODIES = [twisted(), sheared_prism(3, 4, 6), sphere(2), box_with_hole((6, 6, 4),
 def test_distances_agree_with_a_dense_sample_of_the_boundary(mesh: Mesh, tops: tuple[float, ...]) -> None:
     spacing = 0.06
     sections = cut(mesh, LayerPlan.from_tops(np.array(tops)), 0.0)
-    result = deviation(mesh, sections, 500, seed=3)
+    result = measure_deviation(mesh, sections, 500, seed=3)
     sampled = KDTree(boundary(sections, spacing)).query(result.points)[0]
 
     assert (result.distance <= sampled + 1e-4).all()  # shapely and the stack round alike, not the same
@@ -270,11 +270,11 @@ def test_the_seed_decides_the_points_and_nothing_else_does() -> None:
 
 def test_the_standard_error_tells_how_far_means_of_other_seeds_lie_apart() -> None:
     sections = cut(sphere(), layers(50, 0.4), 0.0)
-    results = [deviation(sphere(), sections, 400, seed) for seed in range(40)]
+    results = [measure_deviation(sphere(), sections, 400, seed) for seed in range(40)]
 
     spread = np.std([result.mean for result in results], ddof=1)
     assert results[0].standard_error == pytest.approx(spread, rel=0.5)
-    assert deviation(sphere(), sections, 1).standard_error == np.inf
+    assert measure_deviation(sphere(), sections, 1).standard_error == np.inf
 
 
 def test_facets_without_area_get_no_points() -> None:
@@ -283,13 +283,13 @@ def test_facets_without_area_get_no_points() -> None:
     mesh = Mesh(np.concatenate([needle, body.triangles, needle]))
     sections = cut(body, layers(10, 0.2), 0.0)
 
-    assert deviation(mesh, sections, 1000).points.max() <= 10
+    assert measure_deviation(mesh, sections, 1000).points.max() <= 10
 
 
 def test_a_stack_without_material_is_refused() -> None:
     plan = layers(10, 0.2)
     with pytest.raises(PartError, match="no layer contains any material"):
-        deviation(box(), Sections(plan, Areas.empty(10)))
+        measure_deviation(box(), Sections(plan, Areas.empty(10)))
 
 
 def test_a_judgement_without_points_is_refused() -> None:
