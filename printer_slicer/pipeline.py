@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
@@ -18,12 +20,13 @@ from printer_slicer.planning import plan_layers
 from printer_slicer.profile import OptimalPlanner, Profile, profile_with
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
-from printer_slicer.surface import Certificate
+from printer_slicer.surface import Certificate, certify, read_surface
 
 __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
 
 Report = Callable[[str], None]
-_ROUNDS = 5  # of asking for a plan within a time budget
+_LONGEST = 1e8  # s
+_ROUNDS = 6  # of asking for a plan within a time budget
 
 
 def quiet(stage: str) -> None:
@@ -73,16 +76,27 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     """
     plan, planner = plan_layers(part, profile), profile.quality.planner
     budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
-    asked, tried = budget, []
-    for _ in range(_ROUNDS if budget else 0):
+    if not budget:
+        return plan
+    asked, low, high = budget, 0.0, np.inf
+    tried: list[tuple[float, LayerPlan]] = []
+    for _ in range(_ROUNDS):
         seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
         tried.append((seconds, plan))
         if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
             break
-        asked *= 0.995 * budget / seconds
+        low, high = (asked, high) if seconds <= budget else (low, asked)
+        asked = (low + high) / 2 if low and high < np.inf else min(asked * 0.995 * budget / seconds, _LONGEST)
         plan = plan_layers(part, profile_with(profile, {"quality.planner.time_budget": asked}))
-    # The one that uses the budget best, or else the quickest.
-    return min(tried, key=lambda one: (one[0] > budget, abs(budget - one[0])))[1] if tried else plan
+    if all(seconds > budget for seconds, _ in tried):
+        hurry = {"quality.planner.time_budget": 0, "quality.planner.objective": "time"}
+        plan = plan_layers(part, profile_with(profile, hurry))
+        seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+        tried.append((seconds, plan))
+    within = [plan for seconds, plan in tried if seconds <= budget]
+    if not within:
+        return min(tried, key=lambda one: one[0])[1]
+    return min(within, key=lambda plan: certify(read_surface(part), plan).volume_error)
 
 
 def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) -> Stages:
@@ -136,8 +150,11 @@ def gcode_of(
         seconds = float(move_seconds(program, profile).sum())
     facts: tuple[str, ...] = ()
     if certificate is not None:
+        worst = certificate.worst
         facts = (
+            f"layer heights = {len(set(certificate.plan.height.tolist()))}",
             f"certified error [mm] = {certificate.max_error:.4f}",
+            f"certified error attained = layer {worst.layer + 1}, z {worst.z:.4g}, {worst.kind}",
             f"mean error [mm] = {certificate.mean_error:.4f}",
             f"volume error [mm3] = {certificate.volume_error:.2f}",
         )

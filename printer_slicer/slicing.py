@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
-from printer_slicer.geometry.planes import Crossings, cross, edge_faults
+from printer_slicer.geometry.planes import Crossings, connected, cross, edge_faults
 from printer_slicer.geometry.slabs import slab_shadows
 from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Sections
 
@@ -52,11 +52,33 @@ def _contained(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
     The section at one height of a layer differs from that at another only where the surface lies between them, so the
     section at the cut with the shadow of the surface in the layer is their union, and without it their intersection.
     """
-    shadow = normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top))
     section = normalize(rings)
     if plan.containment == "positive":
+        shadow = normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top))
         return offset(simplify(union(section, shadow), _FINE), _FINE)
-    return offset(simplify(difference(section, shadow), _FINE), -_FINE)
+    return offset(simplify(_common(mesh, plan, section), _FINE), -_FINE)
+
+
+def _common(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
+    """What the part covers at every height of each layer.
+
+    Bodies that overlap hide parts of each other's surface, so each is taken for itself; voids are bodies inside out.
+    """
+    body = connected(mesh.triangles)
+    if body.max(initial=0) == 0:
+        return difference(section, normalize(slab_shadows(mesh.triangles, plan.bottom, plan.top)))
+    solid, hollow = Areas.empty(plan.n_layers), Areas.empty(plan.n_layers)
+    for number in range(int(body.max()) + 1):
+        one = Mesh(mesh.triangles[body == number], mesh.name)
+        shadow = normalize(slab_shadows(one.triangles, plan.bottom, plan.top))
+        if one.volume >= 0:
+            rings = _joined(cross(one.triangles, plan.cut), plan, mesh.name)[0]
+            solid = union(solid, difference(normalize(rings), shadow))
+        else:
+            turned = Mesh(one.triangles[:, ::-1], mesh.name)
+            rings = _joined(cross(turned.triangles, plan.cut), plan, mesh.name)[0]
+            hollow = union(hollow, union(normalize(rings), shadow))
+    return difference(solid, hollow)
 
 
 def contours(mesh: Mesh, plan: LayerPlan) -> Contours:

@@ -69,6 +69,10 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
     heights = str(changes.pop("heights", ""))
     if ":" in heights:
         low, high, *step = heights.split(":")
+        if len(step) > 1:
+            raise UsageError(
+                f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP", remedy="in mm: 0.1:0.3:0.02"
+            )
         changes |= {
             "quality.thinnest_layer": low,
             "quality.thickest_layer": high,

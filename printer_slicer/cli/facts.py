@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.gcode import spoken
 from printer_slicer.model import Float, LayerPlan, Mesh, Program, Role
 from printer_slicer.pipeline import Stages
+from printer_slicer.planning.steps import tolerances
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
@@ -163,6 +164,7 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         "layers": plan.n_layers,
         "thicknesses": len(set(plan.height.tolist())),
         "tolerance_mm": tolerance,
+        "ranges": len(getattr(profile.quality.planner, "ranges", ())),
         "max_error_mm": round(certificate.max_error, 6),
         "mean_error_mm": round(certificate.mean_error, 6),
         "volume_error_mm3": round(certificate.volume_error, 3),
@@ -174,7 +176,7 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         | {"layer": worst.layer + 1, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
-            for low, high, bound in certificate.over(tolerance)
+            for low, high, bound in certificate.over(tolerances(profile, plan.bottom, plan.top))
         ],
         "thinnest_layer_mm": profile.thinnest,
         "first_layer_mm": profile.quality.first_layer_height,
@@ -200,22 +202,26 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
     side = {"mid": "wrong", "positive": "too much", "negative": "missing"}[facts["containment"]]
     proven = f"certified error {facts['max_error_mm']:.4f} mm: nothing {side} is farther from the surface"
     lines = [f"{proven}; {facts['volume_error_mm3']:.1f} mm3 in all, at most"]
+    many = f"{facts['layers']} layers of {facts['thicknesses']} heights"
     if worst["kind"] in _WHY:
         place = f"x {worst['x']:g} y {worst['y']:g} z {worst['z']:g}"
         lines.append(f"attained in layer {worst['layer']} at {place}, {_WHY[worst['kind']]}")
     share = 100 * facts["volume_error_share"]
-    lines.append(f"mean error {facts['mean_error_mm']:.4f} mm, volume error {share:.2f} % of the part")
+    lines.append(
+        f"{many}; mean error {facts['mean_error_mm']:.4f} mm, volume error {share:.2f} % of the part"
+    )
     flats = f"flats over 1 mm2 ({facts['flats']}) by {facts['flat_error_mm']:.4f} mm at most"
     lines.append(f"top of the part off by {facts['height_error_mm']:.4f} mm, {flats}")
     thin = facts.get("thin_features", {"area_mm2": 0.0})
     if thin["area_mm2"] > _WORTH_MENTION:
         lines.append(
-            f"features of {thin['area_mm2']:.2f} mm2 seen from above are thinner than the layers and may be lost, most "
-            f"of them near z {thin['z']:g}"
+            f"edges and features of {thin['area_mm2']:.2f} mm2, seen from above, are thinner than the layers and come "
+            f"out smaller or not at all, most of them near z {thin['z']:g}"
         )
     thinnest, tolerance = facts["thinnest_layer_mm"], facts["tolerance_mm"]
+    wanted = "" if facts["ranges"] else f" of {tolerance:g} mm"
     lines += [
-        f"over the tolerance of {tolerance:g} mm from z {stretch['from']:g} to {stretch['to']:g}: "
+        f"over the tolerance{wanted} from z {stretch['from']:g} to {stretch['to']:g}: "
         f"{stretch['bound_mm']:.4f} mm; {_remedy(stretch, thinnest, facts['first_layer_mm'])}"
         for stretch in over[:_MOST_RUNS]
     ]

@@ -74,9 +74,11 @@ def _factor(text: str) -> float:
 
 def _seconds(text: str) -> float:
     """A time such as 90m, 1h30m, 45s or 5400, in seconds."""
-    found = re.fullmatch(r"(?:([\d.]+)h)?\s*(?:([\d.]+)m(?:in)?)?\s*(?:([\d.]+)s?)?", text.strip())
+    number = r"(\d+\.?\d*|\.\d+)"
+    found = re.fullmatch(rf"{number}h\s*{number}()", text.strip())  # 1h30: minutes
+    found = found or re.fullmatch(rf"(?:{number}h)?\s*(?:{number}m(?:in)?)?\s*(?:{number}s?)?", text.strip())
     if not found or not any(found.groups()):
-        raise argparse.ArgumentTypeError(f"{text} is no time; write 1h30m, 90m or 5400 (seconds)")
+        raise argparse.ArgumentTypeError(f"{text!r} is no time; write 1h30m, 90m or 5400 (seconds)")
     hours, minutes, seconds = (float(part or 0) for part in found.groups())
     return 3600 * hours + 60 * minutes + seconds
 

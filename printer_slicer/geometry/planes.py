@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Float, Int
 
-__all__ = ["Crossings", "corner_keys", "cross", "edge_faults", "edge_keys", "section_areas", "spread"]
+__all__ = [
+    "Crossings",
+    "connected",
+    "corner_keys",
+    "cross",
+    "edge_faults",
+    "edge_keys",
+    "section_areas",
+    "spread",
+]
 
 _UInt = NDArray[np.uint64]
 _PAIRS_AT_ONCE = 4_000_000  # facet-plane pairs held at the same time: about 0.5 GB
@@ -115,6 +124,20 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     direction = np.bincount(which, weights=turn[used], minlength=len(unique))
     open_, crowded = counts == 1, counts > 2
     return middle[first[open_]], middle[first[(counts == 2) & (direction != 0)]], middle[first[crowded]]
+
+
+def connected(triangles: Float) -> Int:
+    """(F,) the body that each facet belongs to, from 0: facets that share corners, however far along, are one body."""
+    corner = np.unique(corner_keys(triangles.reshape(-1, 3)), return_inverse=True)[1].reshape(-1, 3)
+    lowest = np.arange(int(corner.max(initial=-1)) + 1)
+    while True:
+        of_facet = lowest[corner].min(axis=1)
+        better = lowest.copy()
+        np.minimum.at(better, corner, of_facet[:, None])
+        better = better[better]
+        if np.array_equal(better, lowest):
+            return np.unique(of_facet, return_inverse=True)[1].astype(np.int64)
+        lowest = better
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:

@@ -1,12 +1,13 @@
 """Every layer that a plan may have, with what it costs: one table a quantity, by height and by end.
 
-Heights are counted in units, a whole number of the printer's z steps; a unit is divided into two cells, so that the
-middle of every layer is a border between cells. Entry [r, k] of a table is about the layer of `heights[r]` units that
-ends `k` units above the bed.
+Heights are counted in units, a whole number of the printer's z steps; a unit is divided into an even number of cells,
+so that the middle of every layer is a border between cells. Entry [r, k] of a table is about the layer of `heights[r]`
+units that ends `k` units above the bed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import gcd
 from typing import Final
@@ -42,10 +43,16 @@ class Lattice:
     n: int
     heights: Int
 
+    @property
+    def cells(self) -> int:
+        """Cells in a unit: an even number, each no larger than 0.0025 mm."""
+        return 2 * max(int(np.ceil(self.unit / (2 * _FINE) - 1e-6)), 1)
+
     @classmethod
-    def of(cls, steps: Steps) -> Lattice:
-        """The coarsest lattice that holds all allowed heights and is fine enough for event planes."""
-        common = gcd(*steps.allowed.tolist(), steps.first, steps.part)
+    def of(cls, steps: Steps, more: Sequence[float] = ()) -> Lattice:
+        """The coarsest lattice with all allowed heights, and `more` in mm, that is fine enough for event planes."""
+        wanted = [steps.of(height) for height in more]
+        common = gcd(*steps.allowed.tolist(), *wanted, steps.first, steps.part)
         fits = [
             d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= _FINE + 1e-9)
         ]
@@ -96,38 +103,37 @@ class Arcs:
 
 def _bounds(surface: Surface, lattice: Lattice, containment: str) -> Float:
     """Certified error of every layer."""
-    cell, n_cells, heights = lattice.unit / 2, 2 * lattice.n, lattice.heights
+    cell, n_cells, heights = lattice.unit / lattice.cells, lattice.cells * lattice.n, lattice.heights
+    contained, half = containment != "mid", lattice.cells // 2
     # From the cut in the middle to either end, or through the whole layer.
-    length = heights if containment == "mid" else 2 * heights
-    rising = run_tables(surface.contacts, cell, n_cells, length)
-    falling = run_tables(surface.turned, cell, n_cells, length, bottom=-n_cells * cell)
+    length = heights * (lattice.cells if contained else half)
+    rising = run_tables(surface.contacts, cell, n_cells, length, contained=contained)
+    falling = run_tables(surface.turned, cell, n_cells, length, bottom=-n_cells * cell, contained=contained)
     bound = np.zeros((len(heights), lattice.n + 1))
     for row, height in enumerate(heights.tolist()):
-        start = 2 * np.arange(lattice.n + 1 - height)
-        first, last = (
-            (start + height, start + height) if containment == "mid" else (start, start + 2 * height)
-        )
+        start = lattice.cells * np.arange(lattice.n + 1 - height)
+        first, last = (start, start + lattice.cells * height) if contained else (start + half * height,) * 2
         bound[row, height:] = np.maximum(rising[row, first], falling[row, n_cells - last])
     return bound
 
 
 def _volumes(surface: Surface, lattice: Lattice, containment: str) -> Float:
     """Wrong volume of every layer, at most."""
-    cell, n = lattice.unit / 2, lattice.n
-    up, down = (shadow.on_lattice(cell, 2 * n) for shadow in (surface.up, surface.down))
+    cell, n, cells = lattice.unit / lattice.cells, lattice.n, lattice.cells
+    up, down = (shadow.on_lattice(cell, cells * n) for shadow in (surface.up, surface.down))
     volume = np.zeros((len(lattice.heights), n + 1))
     over, under = (up, down) if containment != "negative" else (down, up)
     # Shadows just above and just below each end, from the nearest cell: flats in the end itself belong to one side.
     just_above, just_below = np.append(np.diff(over), 0.0) / cell, np.append(0.0, np.diff(under)) / cell
     for row, height in enumerate(lattice.heights.tolist()):
-        start, end = 2 * np.arange(n + 1 - height), 2 * np.arange(height, n + 1)
+        start, end = cells * np.arange(n + 1 - height), cells * np.arange(height, n + 1)
         if containment == "mid":
-            both, middle = up + down, start + height
+            both, middle = up + down, start + cells // 2 * height
             volume[row, height:] = both[start] + both[end] - 2 * both[middle]
         else:
-            added = over[end] - over[start] - 2 * height * cell * just_above[start]
-            added += 2 * height * cell * just_below[end] - under[end] + under[start]
-            volume[row, height:] = added
+            thick = cells * height * cell
+            added = over[end] - over[start] - thick * just_above[start]
+            volume[row, height:] = added + thick * just_below[end] - under[end] + under[start]
     return np.maximum(volume, 0.0)
 
 

@@ -3,8 +3,9 @@
 Every layer that the printer could print between two heights of its z lattice is an arc with a cost; the cheapest chain
 of arcs from the bed to the top of the part is the plan. In this order of weight:
 
-    list        only allowed heights, other ones only next to an event plane (a flat, a peak, the part's top, the end of
-                a range), where anything within the printer's limits will do
+    list        only allowed heights; other ones only next to an event plane (a flat, a peak, the part's top, the end of
+                a range), where they cost a tenth more, and outside of the list's range only to meet a flat or the
+                tolerance
     tolerance   the certified error of every layer (see `surface`) is within the tolerance
     ranges      stretches of z with a layer height of their own have it
     flats       layers end on every flat, within the snap tolerance
@@ -30,23 +31,27 @@ from printer_slicer.errors import PlanError
 from printer_slicer.model import Bool, Float, Int, LayerPlan, Mesh
 from printer_slicer.planning.arcs import Arcs, Lattice, counted, touches
 from printer_slicer.planning.path import cheapest, cheapest_even, cheapest_few
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.steps import Steps, fill, tolerances
 from printer_slicer.profile import HeightRange, OptimalPlanner, Profile
-from printer_slicer.surface import find_flats, read_surface
+from printer_slicer.surface import find_flats, layer_bounds, read_surface
 
 __all__ = ["plan_optimal"]
 
 # What breaking a rule costs, in the cost of the dearest layer there is: more than any plan of ten thousand layers.
 _UNEVEN: Final = 1e3  # for a pair of neighbours
+_OUTSIDE: Final = 1e4  # for a layer next to an event plane that is thinner or thicker than all on the list
 _MISSED: Final = 1e5  # for a flat, and up to twice that for a large one
-_UNFORCED: Final = 1e8  # for a layer
-_EXCESS: Final = 1e9  # for a mm of error over the tolerance
-_UNLISTED: Final = 1e10  # for a layer, where the part can be divided in no other way
+_UNFORCED: Final = 1e7  # for a layer
+_EXCESS: Final = 1e11  # for a mm of error over the tolerance
+_UNLISTED: Final = 1e13  # for a layer, where the part can be divided in no other way
 
 _ODD: Final = 1.1  # times its cost for a layer of a height that is not on the list, where that is free
-_SLACK: Final = (
-    1e-5  # mm under the tolerance: tables take coordinates a little below a border for being on it
-)
+_SLACKS: Final = (
+    0.0,
+    2e-5,
+)  # mm under the tolerance: tables take coordinates just below a border for being on it
+_ROUNDING: Final = 1e-9  # mm
+_DIGITS: Final = 9  # of the dearest layer's cost
 _BISECTIONS: Final = 12
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
 
@@ -61,33 +66,42 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
     Raises:
         PlanError: the part is thinner than the thinnest layer, or cannot have so few layers.
     """
-    settings = profile.quality.planner
-    if not isinstance(settings, OptimalPlanner):
-        settings = OptimalPlanner()
-    steps = Steps(mesh, profile)
+    steps, planner = Steps(mesh, profile), profile.quality.planner
     first, rest = steps.begin()
     if rest < steps.lowest or first != steps.first:  # too low for a choice
         heights = np.array([first, rest] if rest and first else [first or rest], np.int64)
         return steps.plan(heights, "optimal")
-    surface = read_surface(mesh)
-    lattice = Lattice.of(steps)
-    arcs = Arcs.over(surface, lattice, profile)
-    units = _Search(mesh, arcs, steps, settings, profile).best()
-    return steps.plan(units * lattice.steps, "optimal")
+    ranges = planner.ranges if isinstance(planner, OptimalPlanner) else ()
+    lattice = Lattice.of(steps, [stretch.layer_height for stretch in ranges])
+    arcs = Arcs.over(read_surface(mesh), lattice, profile)
+    for slack in _SLACKS:
+        search = _Search(mesh, arcs, steps, profile, slack=slack)
+        units = search.best()
+        plan = steps.plan(units * lattice.steps, "optimal")
+        if search.keeps(units, layer_bounds(read_surface(mesh), plan)):
+            break
+    return plan
 
 
 class _Search:
     """The rules and the objective of one plan, over the tables of its part."""
 
-    def __init__(
-        self, mesh: Mesh, arcs: Arcs, steps: Steps, settings: OptimalPlanner, profile: Profile
-    ) -> None:
-        self._mesh, self._surface = mesh, read_surface(mesh)
-        self._arcs, self._steps = arcs, steps
-        self._settings, self._profile = settings, profile
+    def __init__(self, mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile, *, slack: float) -> None:
+        planner = profile.quality.planner
+        self._settings = planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+        self._mesh, self._surface, self._profile = mesh, read_surface(mesh), profile
+        self._arcs, self._steps, self._slack = arcs, steps, slack
         self._start, self._end = arcs.lattice.ends()
         self._fines, self._impossible = self._broken(), self._under_the_bed()
         self._listed, self._free = self._allowed()
+
+    def keeps(self, heights: Int, bounds: Float) -> bool:
+        """Whether the exact bounds of a plan are within the tolerance wherever the tables say so."""
+        if heights.sum() > self._arcs.lattice.n:  # rises over the part, which no table knows
+            return True
+        place = (heights - self._arcs.lattice.heights[0], np.cumsum(heights))
+        within, tolerance = self._fines[place] < _EXCESS * _ROUNDING, self._tolerances()[place]
+        return bool((bounds[within] <= tolerance[within] + _ROUNDING).all())
 
     def best(self) -> Int:
         """Heights in units of the best plan."""
@@ -111,55 +125,76 @@ class _Search:
             return np.asarray(1.0 + arcs.volume * (0.5 / most))
         return arcs.volume + _TIE
 
-    def _solved(self, objective: Float) -> Int:
-        """The cheapest plan by the rules, then by the objective."""
+    def _solved(self, objective: Float, worth: float = 0.0) -> Int:
+        """The cheapest plan by the rules, then by the objective; `worth` is what rules are weighed with."""
         heights, settings = self._arcs.lattice.heights, self._settings
-        change = round(settings.max_step / self._arcs.lattice.unit)
-        worth = float(objective.max())
+        change = int(settings.max_step / self._arcs.lattice.unit + 1e-6)
+        worth = worth or float(objective.max())
 
         def search(cost: Float) -> Int | None:
-            return (
-                cheapest_even(cost, heights, change, _UNEVEN * worth) if change else cheapest(cost, heights)
-            )
+            if settings.max_step:
+                return cheapest_even(cost, heights, change, _UNEVEN * worth)
+            return cheapest(cost, heights)
 
-        return self._by_rules(objective, worth, search)
+        found = self._by_rules(objective, worth, search)
+        if found is None:
+            # No layers that the printer can print have this sum: the last one rises over the part.
+            first = self._steps.first // self._arcs.lattice.steps
+            low, high = int(heights[0]), int(heights[-1])
+            layers = fill(self._arcs.lattice.n - first, low, low, high)
+            found = np.append([first] if first else [], layers).astype(np.int64)
+        return found
 
-    def _by_rules(self, objective: Float, worth: float, search: Callable[[Float], Int | None]) -> Int:
+    def _by_rules(self, objective: Float, worth: float, search: Callable[[Float], Int | None]) -> Int | None:
         """The plan that a search finds with the rules in force, and with the list of heights eased if it must be."""
+        # Rounded, so that the dust of sums does not decide between equal plans.
+        objective = np.round(objective / (worth or 1.0), _DIGITS) * (worth or 1.0)
         cost = self._fines * worth + np.where(self._listed, objective, _ODD * objective) + self._impossible
         for unlisted in (np.inf, _UNLISTED * worth):
             found = search(np.where(self._free, cost, cost + unlisted))
             if found is not None:
                 return found
-        raise PlanError(
-            f"{self._mesh.name}: no plan of {self._settings.max_layers} layers reaches the top",
-            remedy=f"allow at least {-(-self._arcs.lattice.n // int(self._arcs.lattice.heights[-1]))} layers",
-        )
+        return None
 
     def _few(self, most: int) -> Int:
-        """The least volume error with at most so many layers."""
+        """The least volume error with at most so many layers.
+
+        Raises:
+            PlanError: so few do not reach the top.
+        """
         volume, heights = self._arcs.volume, self._arcs.lattice.heights
+        count, worth = np.ones_like(volume), float(volume.max()) + _TIE
+        fewest = self._by_rules(count, 0.0, lambda cost: cheapest(cost, heights))
+        if fewest is not None and len(fewest) > most:
+            raise PlanError(
+                f"{self._mesh.name}: no plan of {most} layers reaches the top with the heights allowed",
+                remedy=f"set max_layers to {len(fewest)} or more, or allow thicker layers",
+            )
         if self._settings.max_step:
-            return self._within(volume, np.ones_like(volume), most)
-        worth = float(volume.max()) + _TIE
-        return self._by_rules(volume, worth, lambda cost: cheapest_few(cost, heights, most))
+            even = self._within(volume, count, most)
+            if len(even) <= most:
+                return even
+        found = self._by_rules(volume, worth, lambda cost: cheapest_few(cost, heights, most))
+        return self._solved(volume) if found is None else found
 
     def _within(self, loss: Float, spent: Float, budget: float) -> Int:
         """The plan of least loss that spends no more than the budget, or else the one that spends least.
 
         Spending is given a price; of all prices the lowest that keeps the budget is looked for by bisection.
         """
-        free = self._solved(loss + _TIE)
-        if self._sum(spent, free) <= budget:
-            return free
-        low, high = 0.0, float(loss.max() / spent[:, -1].min())
-        kept = self._solved(loss + high * spent)
-        while self._sum(spent, kept) > budget and high < 1e9:
-            low, high = high, 10 * high
-            kept = self._solved(loss + high * spent)
+        worth = float(loss.max()) + _TIE
+        kept = self._solved(loss + _TIE, worth)
+        if self._sum(spent, kept) <= budget:
+            return kept
+        low, high = 0.0, worth / float(spent[:, -1].max())
         for _ in range(_BISECTIONS):
+            kept = self._solved(loss + high * spent, worth)
+            if self._sum(spent, kept) <= budget:
+                break
+            low, high = high, 10 * high
+        for _ in range(_BISECTIONS if self._sum(spent, kept) <= budget else 0):
             price = np.sqrt(low * high) if low else high / 8
-            found = self._solved(loss + price * spent)
+            found = self._solved(loss + price * spent, worth)
             if self._sum(spent, found) <= budget:
                 high, kept = price, found
             else:
@@ -168,7 +203,8 @@ class _Search:
 
     def _sum(self, table: Float, heights: Int) -> float:
         """The total of a table over the layers of a plan."""
-        return float(table[heights - self._arcs.lattice.heights[0], np.cumsum(heights)].sum())
+        end = np.minimum(np.cumsum(heights), self._arcs.lattice.n)
+        return float(table[heights - self._arcs.lattice.heights[0], end].sum())
 
     def _under_the_bed(self) -> Float:
         """(R, n + 1) infinite for layers that begin under the bed, or on it with another than the first height."""
@@ -186,7 +222,8 @@ class _Search:
             if stretch.layer_height:
                 listed |= self._in(stretch) & self._has(stretch.layer_height)
         planes = np.concatenate([self._surface.contacts.events(), self._borders()])
-        free = listed | touches(np.append(lattice.nearest(planes), lattice.n), self._start, self._end)
+        events = np.append(lattice.nearest(planes), lattice.n)
+        free = listed | touches(events[events > 0], self._start, self._end)
         if self._steps.first:
             free |= self._start == 0
         return listed, free
@@ -198,7 +235,7 @@ class _Search:
 
     def _in(self, stretch: HeightRange) -> Bool:
         """(R, n + 1) layers that reach into a range."""
-        low, high = (round(z / self._arcs.lattice.unit) for z in (stretch.low, stretch.high))
+        low, high = self._ends(stretch)
         return np.asarray((self._end > low) & (self._start < high))
 
     def _has(self, height: float) -> Bool:
@@ -207,12 +244,16 @@ class _Search:
 
     def _broken(self) -> Float:
         """(R, n + 1) what every layer breaks, in the cost of the dearest layer."""
-        fines = _EXCESS * np.maximum(self._arcs.bound - (self._tolerances() - _SLACK), 0.0)
+        tolerance, lattice = self._tolerances(), self._arcs.lattice
+        over = self._arcs.bound - (tolerance - self._slack)
         # Half a layer that is no higher than the tolerance cannot be wrong by more, rounding or not.
         share = 0.5 if self._profile.quality.containment == "mid" else 1.0
-        reach = share * self._arcs.lattice.unit * self._arcs.lattice.heights[:, None]
-        fines[reach <= self._tolerances() + 1e-9] = 0.0
+        harmless = share * lattice.unit * lattice.heights[:, None] <= tolerance + _ROUNDING
+        fines = np.where(harmless | (over <= _ROUNDING), 0.0, _EXCESS * over)
         fines += _MISSED * self._missed()
+        units = lattice.heights * lattice.steps
+        outside = (units < self._steps.allowed[0]) | (units > self._steps.allowed[-1])
+        fines += _OUTSIDE * (outside[:, None] & ~((self._start == 0) & (self._steps.first > 0)))
         for stretch in self._settings.ranges:
             if stretch.layer_height:
                 fines += _UNFORCED * (self._in(stretch) & ~self._has(stretch.layer_height))
@@ -220,11 +261,13 @@ class _Search:
 
     def _tolerances(self) -> Float:
         """(R, n + 1) the tolerance of every layer."""
-        tolerance = np.full(self._start.shape, self._profile.quality.tolerance)
-        for stretch in self._settings.ranges:
-            if stretch.tolerance:
-                np.minimum(tolerance, stretch.tolerance, out=tolerance, where=self._in(stretch))
-        return tolerance
+        bottom, top = np.broadcast_arrays(self._start, self._end)
+        unit = self._arcs.lattice.unit
+        return tolerances(self._profile, bottom * unit, top * unit)
+
+    def _ends(self, stretch: HeightRange) -> tuple[int, int]:
+        """The nodes at which a range begins and ends."""
+        return round(stretch.low / self._arcs.lattice.unit), round(stretch.high / self._arcs.lattice.unit)
 
     def _missed(self) -> Float:
         """(R, n + 1) the flats and borders of ranges that lie within a layer, large flats twice."""

@@ -5,13 +5,34 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.errors import PlanError
-from printer_slicer.model import Int, LayerPlan, Mesh
-from printer_slicer.profile import Profile
+from printer_slicer.model import Float, Int, LayerPlan, Mesh
+from printer_slicer.profile import OptimalPlanner, Profile
 
-__all__ = ["Steps", "fill"]
+__all__ = ["Steps", "fill", "tolerances"]
 
 _LIST_STEP = 0.01  # mm between allowed heights, where neither the profile nor the printer asks for more
+_BORDER = 6e-3  # mm; layers end this near to the ends of ranges
 _NEARLY = 1e-2  # of a step; 32-bit coordinates hold heights no better
+
+
+def tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
+    """(...) mm, the tolerance of layers between two heights: the quality's, or that of the ranges they reach into.
+
+    Args:
+        profile: tolerance and ranges.
+        bottom: mm.
+        top: mm, of the same shape.
+    """
+    planner = profile.quality.planner
+    inside, tolerance = np.zeros(bottom.shape, np.bool_), np.full(bottom.shape, np.inf)
+    for stretch in planner.ranges if isinstance(planner, OptimalPlanner) else ():
+        if stretch.tolerance:
+            low, high = stretch.low, stretch.high
+            inside |= (bottom >= low - _BORDER) & (top <= high + _BORDER)
+            reaches = (top > low + _BORDER) & (bottom < high - _BORDER)
+            np.minimum(tolerance, stretch.tolerance, out=tolerance, where=reaches)
+    np.minimum(tolerance, profile.quality.tolerance, out=tolerance, where=~inside)
+    return tolerance
 
 
 class Steps:
@@ -79,8 +100,9 @@ class Steps:
         """The plan of layers with these heights in steps."""
         top = np.round(np.cumsum(heights) * self.size, 7)
         bottom = np.concatenate([[0.0], top[:-1]])
-        # A last layer that rises over the part is cut in the middle of the material it does contain.
-        cut = (bottom + np.minimum(top, max(self._height, float(bottom[-1])))) / 2
+        # A last layer that rises over the part by steps is cut in the middle of the material it does contain.
+        over = float(top[-1]) - self._height > self.size
+        cut = (bottom + (np.minimum(top, max(self._height, float(bottom[-1]))) if over else top)) / 2
         return LayerPlan(top, cut, planner, self._containment)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import floor
 from typing import NamedTuple
 
@@ -95,6 +96,11 @@ def _planner(profile: Profile) -> Iterator[Conflict]:
         if stretch.high <= stretch.low:
             turned = f"a range from {stretch.low:g} to {stretch.high:g} mm is empty"
             yield Conflict("quality.planner.ranges", turned, "name the lower end first")
+    forced = sorted((one for one in planner.ranges if one.layer_height), key=lambda one: one.low)
+    for lower, upper in pairwise(forced):
+        if upper.low < lower.high and upper.layer_height != lower.layer_height:
+            both = f"between {upper.low:g} and {min(lower.high, upper.high):g} mm two layer heights are asked for"
+            yield Conflict("quality.planner.ranges", both, "let one range end where the other begins")
 
 
 def _widths(profile: Profile) -> Iterator[Conflict]:

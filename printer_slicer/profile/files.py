@@ -6,6 +6,7 @@ say `inherits = "OTHER"`; its own keys win. Changes such as `quality.perimeters 
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
@@ -55,6 +56,7 @@ class _Source(NamedTuple):
 
     def place(self, path: str) -> str:
         """Where a key, or a table that holds it or is held by it, was set."""
+        path = path.partition("[")[0]  # an entry of a list was set where the list was
         for key in reversed(self.places):
             if path and (f"{key}.".startswith(f"{path}.") or f"{path}.".startswith(f"{key}.")):
                 return self.places[key]
@@ -346,7 +348,7 @@ def _choices(struct: type[msgspec.Struct], path: str) -> str:
     """The allowed values of a setting that is one of a few words; nothing for other settings."""
     if path == "planner.kind":
         return ", ".join(PLANNER_SETTINGS)
-    rows = {row[0]: row for row in _describe("", struct)}
+    rows = {re.sub(r"\[\w+\]", "", row[0]): row for row in _describe("", struct)}
     row = rows.get(f".{path}")
     return row[3].replace(" |", ",") if row and row[1] == "literal" else ""
 

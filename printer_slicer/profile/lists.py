@@ -53,9 +53,9 @@ def list_as_text(values: Sequence[Any]) -> str:
     """The text that `list_from_text` reads back."""
     if values and isinstance(values[0], Mapping):
         return "; ".join(_range_text(item) for item in values)
-    return ", ".join(f"{value:g}" for value in values)
+    return ", ".join(f"{value:.10g}" for value in values)
 
 
 def _range_text(table: Mapping[str, float]) -> str:
-    rules = "".join(f":{key}={table[key]:g}" for key in _RANGE_KEYS if table.get(key))
-    return f"{table['low']:g}:{table['high']:g}{rules}"
+    rules = "".join(f":{key}={table[key]:.10g}" for key in _RANGE_KEYS if table.get(key))
+    return f"{table['low']:.10g}:{table['high']:.10g}{rules or ':tolerance=0'}"

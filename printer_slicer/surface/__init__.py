@@ -1,7 +1,23 @@
 """The surface of the part as a function of z, and what is proven about any layer plan for it."""
 
-from printer_slicer.surface.certificate import Certificate, Surface, Worst, certify, read_surface
+from printer_slicer.surface.certificate import (
+    Certificate,
+    Surface,
+    Worst,
+    certify,
+    layer_bounds,
+    read_surface,
+)
 from printer_slicer.surface.flats import find_flats
 from printer_slicer.surface.thin import thin_areas
 
-__all__ = ["Certificate", "Surface", "Worst", "certify", "find_flats", "read_surface", "thin_areas"]
+__all__ = [
+    "Certificate",
+    "Surface",
+    "Worst",
+    "certify",
+    "find_flats",
+    "layer_bounds",
+    "read_surface",
+    "thin_areas",
+]

@@ -19,10 +19,10 @@ import numpy as np
 from printer_slicer.geometry import frozen_array
 from printer_slicer.model import Float, LayerPlan, Mesh
 from printer_slicer.surface.contacts import Contacts, find_contacts
-from printer_slicer.surface.runs import run_bounds, steepest
+from printer_slicer.surface.runs import BESIDE, run_bounds, steepest
 from printer_slicer.surface.shadow import Shadow, throw
 
-__all__ = ["Certificate", "Surface", "Worst", "certify", "read_surface"]
+__all__ = ["Certificate", "Surface", "Worst", "certify", "layer_bounds", "read_surface"]
 
 _ROUNDING = 1e-7  # mm; less than this over a tolerance is the sum's rounding
 
@@ -113,8 +113,12 @@ class Certificate:
         """Volume error by surface, mm: how thick a film the wrong places would make."""
         return self.volume_error / self.area if self.area > 0 else 0.0
 
-    def over(self, tolerance: float) -> list[tuple[float, float, float]]:
-        """Stretches (lowest z, highest z, bound) of neighbouring layers whose bound is over `tolerance`, all mm."""
+    def over(self, tolerance: float | Float) -> list[tuple[float, float, float]]:
+        """Stretches (lowest z, highest z, bound) of neighbouring layers whose bound is over `tolerance`, all mm.
+
+        Args:
+            tolerance: for all layers, or (L,).
+        """
         breaks = self.bound > tolerance + _ROUNDING
         change = np.flatnonzero(np.diff(breaks.astype(np.int64), prepend=0, append=0))
         bottom, top = self.plan.bottom, self.plan.top
@@ -122,7 +126,7 @@ class Certificate:
             (float(bottom[first]), float(top[end - 1]), float(self.bound[first:end].max()))
             for first, end in change.reshape(-1, 2).tolist()
         ]
-        if self.missing > tolerance + _ROUNDING:
+        if self.missing > np.max(tolerance) + _ROUNDING:
             found.append((float(top[-1]), float(top[-1]) + self.missing, self.missing))
         return found
 
@@ -145,6 +149,25 @@ def _surface(mesh: Mesh) -> Surface:
     return Surface(mesh.triangles, contacts, contacts.mirrored(), up, down, area, mesh.height)
 
 
+def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
+    """(L,) mm, the bound of each layer of a plan, without the rest of its certificate."""
+    return np.maximum(*_runs(surface, plan))
+
+
+def _runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
+    """(L,) mm, what the runs upward and those downward allow to be wrong in each layer."""
+    bottom, top, cut = plan.bottom, plan.top, plan.cut
+    if plan.containment == "mid":
+        return run_bounds(surface.contacts, cut, top), run_bounds(surface.turned, -cut[::-1], -bottom[::-1])[
+            ::-1
+        ]
+    # Contained layers leave out what lies within rounding of their borders; at most that much is wrong for it.
+    bottom, top = bottom + BESIDE, top - BESIDE
+    rising = run_bounds(surface.contacts, bottom, top)
+    falling = run_bounds(surface.turned, -top[::-1], -bottom[::-1])[::-1]
+    return rising + 2 * BESIDE, falling + 2 * BESIDE
+
+
 def certify(surface: Surface, plan: LayerPlan) -> Certificate:
     """What is proven about a plan for this part.
 
@@ -152,10 +175,8 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         surface: of the part.
         plan: any plan whose layers begin at z = 0; its containment says what the layers hold.
     """
-    bottom, top, cut = plan.bottom, plan.top, plan.cut
-    from_above, from_below = (cut, cut) if plan.containment == "mid" else (bottom, top)
-    rising = run_bounds(surface.contacts, from_above, top)
-    falling = run_bounds(surface.turned, -from_below[::-1], -bottom[::-1])[::-1]
+    rising, falling = _runs(surface, plan)
+    top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
     volume = _volume(surface, plan)
     if missing:
@@ -187,9 +208,9 @@ def _volume(surface: Surface, plan: LayerPlan) -> Float:
             if np.abs(aside).max() > _ROUNDING:
                 total += shadow.under(cut) * aside
         return np.maximum(total, 0)
-    height = top - bottom
-    added = np.diff(over.integral(borders)) - height * over.under(bottom, including=True)
-    added += height * under.under(top) - np.diff(under.integral(borders))
+    height, bottom, top = top - bottom, bottom + BESIDE, top - BESIDE
+    added = over.integral(top) - over.integral(bottom) - height * over.under(bottom, including=True)
+    added += height * under.under(top) - under.integral(top) + under.integral(bottom)
     return np.maximum(added, 0)
 
 

@@ -22,11 +22,11 @@ import numpy as np
 from printer_slicer.model import Float, Int
 from printer_slicer.surface.contacts import Contacts
 
-__all__ = ["painted", "run_bounds", "run_tables", "steepest"]
+__all__ = ["BESIDE", "painted", "run_bounds", "run_tables", "steepest"]
 
-_SAME = (
-    1e-3  # of a cell; coordinates this near to a cell's border lie on it but for the rounding of 32-bit files
-)
+BESIDE = 2e-5  # mm; contained layers leave out what lies this near to their borders
+# Coordinates this near to the border of a cell, mm, lie on it but for the rounding of 32-bit files.
+_SAME = 5e-6
 
 
 def run_bounds(contacts: Contacts, start: Float, end: Float) -> Float:
@@ -75,11 +75,19 @@ def steepest(contacts: Contacts, start: float, end: float) -> int:
     return int(within[np.argmax(share)])
 
 
-def run_tables(contacts: Contacts, cell: float, n_cells: int, length: Int, *, bottom: float = 0.0) -> Float:
+def run_tables(
+    contacts: Contacts,
+    cell: float,
+    n_cells: int,
+    length: Int,
+    *,
+    bottom: float = 0.0,
+    contained: bool = False,
+) -> Float:
     """(len(length), n_cells + 1) mm, the bounds of runs of `length` cells up from every border between cells.
 
-    Within a cell the steepest rise counts from the bottom, so the table
-    errs upward, by less than a cell. Runs that leave the cells end with the last one.
+    Within a cell the steepest rise counts from the bottom, so the table errs upward, by less than a cell. Runs that
+    leave the cells end with the last one.
 
     Args:
         contacts: of the surface, seen from above.
@@ -87,10 +95,14 @@ def run_tables(contacts: Contacts, cell: float, n_cells: int, length: Int, *, bo
         n_cells: how many.
         length: (n,) ascending, in cells.
         bottom: z of the lowest border, mm.
+        contained: whether runs leave out what lies beside the borders of cells.
     """
-    first = np.floor((contacts.low - bottom) / cell + _SAME).astype(np.int64)
-    last = np.maximum(np.ceil((contacts.high - bottom) / cell - _SAME).astype(np.int64) - 1, first)
-    some = (last >= 0) & (first < n_cells)
+    same = (BESIDE if contained else _SAME) / cell
+    first = np.floor((contacts.low - bottom) / cell + same).astype(np.int64)
+    last = np.ceil((contacts.high - bottom) / cell - same).astype(np.int64) - 1
+    if not contained:  # a flat in a border belongs to the run that begins there
+        last = np.maximum(last, first)
+    some = (last >= 0) & (first < n_cells) & (first <= last)
     rise = painted(
         np.maximum(first[some], 0), np.minimum(last[some], n_cells - 1), contacts.rise[some], n_cells
     )

@@ -1,0 +1,380 @@
+"""The cheapest chain of layers against every chain there is: in tables of any costs, and of parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer.model import Float, Int, Mesh
+from printer_slicer.planning import plan_layers
+from printer_slicer.planning.arcs import Arcs, Lattice
+from printer_slicer.planning.path import cheapest, cheapest_even, cheapest_few
+from printer_slicer.planning.steps import Steps
+from printer_slicer.profile import OptimalPlanner, Profile
+from printer_slicer.surface import certify, find_flats, read_surface
+from tests.parts import profile, pyramid, sheared_prism, sphere, step_pyramid
+from tests.planning.plans import frusta
+
+OBJECTIVES = ("balanced", "time", "layers", "volume")
+ERROR_PRICE = 20.0  # s/mm³, the default
+LAYER_WORTH = 1e-4  # mm³ that a layer must gain where the volume error alone counts
+ROUNDING = 1e-9
+
+
+class Table(NamedTuple):
+    """What a search is asked: cost of every layer by its end, and the heights of its rows."""
+
+    cost: Float
+    heights: Int
+
+    @property
+    def n(self) -> int:
+        return int(self.cost.shape[1]) - 1
+
+
+def all_plans(n: int, heights: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    """Every row of heights that adds up to n."""
+    if n == 0:
+        yield ()
+    for height in heights:
+        if height <= n:
+            yield from ((*rest, height) for rest in all_plans(n - height, heights))
+
+
+def price(plan: tuple[int, ...] | Int, table: Table, change: int | None = None, fine: float = 0.0) -> float:
+    """The cost of a plan, with the fines for neighbours that differ by more than `change`."""
+    rows = np.searchsorted(table.heights, plan)
+    total = float(table.cost[rows, np.cumsum(plan).astype(np.int64)].sum())
+    uneven = 0 if change is None else int((np.abs(np.diff(plan)) > change).sum())
+    return total + fine * uneven if uneven else total
+
+
+def least(table: Table, change: int | None = None, fine: float = 0.0, most: int | None = None) -> float:
+    """The least price of all plans, infinite where there is none."""
+    heights = tuple(table.heights.tolist())
+    prices = [
+        price(plan, table, change, fine)
+        for plan in all_plans(table.n, heights)
+        if most is None or len(plan) <= most
+    ]
+    return min(prices, default=np.inf)
+
+
+@st.composite
+def tables(draw: st.DrawFn, *, gaps: bool = False) -> Table:
+    """Small tables: few whole costs make ties, infinite ones close ways, some close them all."""
+    lowest = draw(st.integers(1, 4))
+    heights = np.arange(lowest, lowest + draw(st.integers(1, 4)))
+    if gaps:
+        heights = np.unique(draw(st.lists(st.integers(1, 9), min_size=1, max_size=4)))
+    n = draw(st.integers(1, 13))
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    kind = draw(st.sampled_from(["ties", "any", "huge and tiny"]))
+    cost = {
+        "ties": lambda: rng.integers(0, 3, (len(heights), n + 1)).astype(np.float64),
+        "any": lambda: rng.random((len(heights), n + 1)),
+        "huge and tiny": lambda: 10.0 ** rng.uniform(-6, 6, (len(heights), n + 1)),
+    }[kind]()
+    cost[rng.random(cost.shape) < draw(st.sampled_from([0.0, 0.2, 0.5, 1.0]))] = np.inf
+    return Table(cost, heights)
+
+
+def is_a_plan(plan: Int, table: Table) -> bool:
+    return int(plan.sum()) == table.n and bool(np.isin(plan, table.heights).all())
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(tables(gaps=True))
+def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> None:
+    plan, best = cheapest(table.cost, table.heights), least(table)
+
+    assert (plan is None) == np.isinf(best)
+    if plan is not None:
+        assert is_a_plan(plan, table)
+        assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(tables(), st.integers(0, 5), st.sampled_from([0.0, 0.5, 1.0, 1e6]))
+def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
+    table: Table, change: int, fine: float
+) -> None:
+    plan = cheapest_even(table.cost, table.heights, change, fine)
+    best = least(table, change, fine)
+
+    assert (plan is None) == np.isinf(best)
+    if plan is not None:
+        assert is_a_plan(plan, table)
+        assert price(plan, table, change, fine) == pytest.approx(best, rel=ROUNDING)
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(tables(gaps=True), st.integers(1, 15))
+def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table: Table, most: int) -> None:
+    plan, best = cheapest_few(table.cost, table.heights, most), least(table, most=most)
+
+    assert (plan is None) == np.isinf(best)
+    if plan is not None:
+        assert is_a_plan(plan, table)
+        assert len(plan) <= most
+        assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(tables())
+def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Table) -> None:
+    found = (
+        cheapest(table.cost, table.heights),
+        cheapest_even(table.cost, table.heights, 0, 0.0),
+        cheapest_even(table.cost, table.heights, len(table.heights), 1e9),
+        cheapest_few(table.cost, table.heights, table.n),
+    )
+    prices = [np.inf if plan is None else price(plan, table) for plan in found]
+
+    assert prices == pytest.approx([prices[0]] * 4, rel=ROUNDING)
+
+
+def test_ties_are_broken_the_same_way_every_time() -> None:
+    cost, heights = np.zeros((3, 31)), np.arange(2, 5)
+    searches: list[Callable[[], Int | None]] = [
+        lambda: cheapest(cost, heights),
+        lambda: cheapest_even(cost, heights, 1, 5.0),
+        lambda: cheapest_few(cost, heights, 12),
+    ]
+    for search in searches:
+        first, second = search(), search()
+        assert first is not None
+        assert second is not None
+        assert first.tolist() == second.tolist()
+
+
+def test_of_two_plans_that_cost_the_same_any_number_of_layers_up_to_the_most_will_do() -> None:
+    plan = cheapest_few(np.zeros((2, 13)), np.arange(2, 4), 5)
+
+    assert plan is not None
+    assert len(plan) <= 5
+    assert plan.sum() == 12
+
+
+@pytest.mark.parametrize("n", [1, 4, 5])
+def test_a_height_that_no_layers_add_up_to_is_not_reached(n: int) -> None:
+    """Layers of 3 only; 1, 4 and 5 are no multiples of it."""
+    cost, heights = np.ones((1, n + 1)), np.array([3])
+
+    assert cheapest(cost, heights) is None
+    assert cheapest_even(cost, heights, 1, 1.0) is None
+    assert cheapest_few(cost, heights, 9) is None
+
+
+def test_too_few_layers_do_not_reach_the_top() -> None:
+    cost, heights = np.ones((2, 21)), np.array([2, 3])
+
+    assert cheapest_few(cost, heights, 6) is None
+    plan = cheapest_few(cost, heights, 7)
+    assert plan is not None
+    assert len(plan) == 7
+    assert cheapest_few(cost, heights, 0) is None
+
+
+def test_an_uneven_pair_is_taken_only_where_it_is_worth_its_fine() -> None:
+    """Heights 1 to 3; the only cheap plan is 3, 1, 3, which has two uneven pairs."""
+    cost = np.full((3, 8), 10.0)
+    cost[2, 3] = cost[0, 4] = cost[2, 7] = 1.0
+
+    for fine, expected in ((1.0, [3, 1, 3]), (1e3, None)):
+        plan = cheapest_even(cost, np.arange(1, 4), 1, fine)
+        assert plan is not None
+        if expected:
+            assert plan.tolist() == expected
+        else:
+            assert np.abs(np.diff(plan)).max() <= 1
+
+
+def test_costs_of_any_size_keep_their_differences() -> None:
+    """A fine of 1e10 in every layer does not hide what one layer costs more than another."""
+    rng = np.random.default_rng(4)
+    fair = rng.random((3, 61))
+    heights = np.arange(4, 7)
+    plain, fined = cheapest(fair, heights), cheapest(fair + 1e10, heights)
+
+    assert plain is not None
+    assert fined is not None
+    fewest = [plan for plan in all_plans(60, (4, 5, 6)) if len(plan) == len(fined)]
+    best = min(price(plan, Table(fair, heights)) for plan in fewest)
+    assert len(fined) == 10
+    assert price(fined, Table(fair, heights)) == pytest.approx(best, abs=1e-4)
+
+
+# --- the plans of parts: no chain of layers is better by the rules that the planner goes by ---
+
+
+def optimal(**changes: Any) -> Profile:
+    """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free."""
+    usual: dict[str, Any] = {"z_step": 0.01, "first_layer_height": 0, "planner__kind": "optimal"}
+    return profile(**(usual | changes))
+
+
+class Layer(NamedTuple):
+    """What one layer does."""
+
+    bound: float
+    volume: float
+    seconds: float
+
+
+Layers = Mapping[tuple[int, int], Layer]
+
+
+def every_layer(mesh: Mesh, wanted: Profile) -> Layers:
+    """(first step, last step) -> what a layer between them does; bounds and volumes are the certificate's own."""
+    steps, surface = Steps(mesh, wanted), read_surface(mesh)
+    lattice = Lattice.of(steps)
+    seconds = Arcs.over(surface, lattice, wanted).seconds
+    found: dict[tuple[int, int], Layer] = {}
+    for height in range(steps.lowest, steps.highest + 1):
+        for phase in range(min(height, steps.part - height + 1)):
+            ends = np.arange(phase, steps.part + 1, height)
+            tops = np.unique(np.append(ends, steps.part))
+            tops = tops[tops > 0]
+            certificate = certify(surface, steps.plan(np.diff(tops, prepend=0), "all"))
+            for i, (low, high) in enumerate(zip([0, *tops[:-1].tolist()], tops.tolist(), strict=True)):
+                if high - low == height:
+                    time = seconds[height // lattice.steps - lattice.heights[0], high // lattice.steps]
+                    found[low, high] = Layer(
+                        float(certificate.bound[i]), float(certificate.volume[i]), float(time)
+                    )
+    return found
+
+
+class Rules:
+    """What a plan breaks, in the order in which it counts, and what it costs."""
+
+    def __init__(self, mesh: Mesh, wanted: Profile) -> None:
+        self.steps, self.layers, self.wanted = Steps(mesh, wanted), every_layer(mesh, wanted), wanted
+        self.flats, areas = find_flats(mesh)
+        self.weight = 1 + areas / max(areas.sum(initial=0), 1e-9)
+        planes = [*read_surface(mesh).contacts.events(), mesh.height]
+        self.events = {round(z / self.steps.size) for z in planes} - {0}
+        self.allowed = set(self.steps.allowed.tolist())
+
+    def score(self, plan: tuple[int, ...]) -> tuple[float, ...]:
+        """List, tolerance, flats, heights beyond the list's, evenness, objective."""
+        quality: Any = self.wanted.quality
+        ends = [0, *np.cumsum(plan).tolist()]
+        layers = [self.layers[pair] for pair in pairwise(ends)]
+        odd = [high - low not in self.allowed for low, high in pairwise(ends)]
+        unlisted = sum(
+            odd[i] and not {low, high} & self.events for i, (low, high) in enumerate(pairwise(ends))
+        )
+        beyond = sum(not min(self.allowed) <= high - low <= max(self.allowed) for low, high in pairwise(ends))
+        if quality.first_layer_height:
+            unlisted += (plan[0] != self.steps.first) * 1000 - (odd[0] and ends[1] not in self.events)
+            beyond -= not min(self.allowed) <= plan[0] <= max(self.allowed)
+        excess = sum(max(layer.bound - quality.tolerance - 1e-9, 0.0) for layer in layers)
+        change = quality.planner.max_step / self.steps.size
+        uneven = int((np.abs(np.diff(plan)) > change + 1e-6).sum()) if change else 0
+        cost = sum(
+            self._cost([layer]) * (1.1 if strange else 1.0)
+            for layer, strange in zip(layers, odd, strict=True)
+        )
+        return unlisted, round(excess, 6), self._missed(ends), beyond, uneven, cost
+
+    def _missed(self, ends: list[int]) -> float:
+        off = np.abs(np.array(ends)[:, None] * self.steps.size - self.flats).min(axis=0)
+        return float(self.weight[off > self.steps.size / 2 + 1e-6].sum())
+
+    def _cost(self, layers: list[Layer]) -> float:
+        seconds, volume = sum(layer.seconds for layer in layers), sum(layer.volume for layer in layers)
+        planner = self.wanted.quality.planner
+        objective = planner.objective if isinstance(planner, OptimalPlanner) else ""
+        return {
+            "balanced": seconds + ERROR_PRICE * volume,
+            "time": seconds,
+            "layers": float(len(layers)),
+            "volume": volume + LAYER_WORTH * len(layers),
+        }[objective]
+
+
+def better(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Whether one score comes before another by more than rounding and the planner's own tie-breaks."""
+    for mine, theirs in zip(one, other, strict=True):
+        if abs(mine - theirs) > 1e-6 + 1e-3 * abs(theirs):
+            return mine < theirs
+    return False
+
+
+COARSE: Final[dict[str, Any]] = {"z_step": 0.05, "min_layer": 0.1, "max_layer": 0.3}
+TINY: Final[Mapping[str, Mesh]] = {
+    "frusta": frusta([10, 8, 9], [0.4, 0.35]),
+    "steps": step_pyramid([10, 8, 5], [0.35, 0.2, 0.3]),
+    "sphere": sphere(0.4),
+    "pyramid": pyramid(6, 0.8),
+    "leaning": sheared_prism(5, 0.85, 0.4),
+    "waist": frusta([6, 3, 5], [0.3, 0.5]),
+}
+EXTRAS: Final[Mapping[str, dict[str, Any]]] = {
+    "free": {},
+    "first layer": {"first_layer_height": 0.2},
+    "list": {"layer_heights": (0.1, 0.25)},
+    "even": {"planner__max_step": 0.05},
+    "fine": {"tolerance": 0.055},
+}
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+@pytest.mark.parametrize("name", TINY)
+def test_no_plan_at_all_is_better(name: str, extra: str) -> None:
+    mesh = TINY[name]
+    changes = COARSE | {"tolerance": 0.08} | EXTRAS[extra]
+    rules = Rules(mesh, optimal(**changes))
+    heights = tuple(range(rules.steps.lowest, rules.steps.highest + 1))
+    everything = list(all_plans(rules.steps.part, heights))
+    for objective in OBJECTIVES:
+        rules.wanted = optimal(**changes, planner__objective=objective)
+        plan = plan_layers(mesh, rules.wanted)
+        mine = rules.score(tuple(np.rint(plan.height / rules.steps.size).astype(int).tolist()))
+        best = min(everything, key=rules.score)
+        assert not better(rules.score(best), mine), (objective, best, plan.runs())
+
+
+def cheapest_of_all(rules: Rules) -> tuple[float, ...]:
+    """The best score there is, node by node; evenness apart."""
+    best: dict[int, tuple[tuple[int, ...], tuple[float, ...]]] = {0: ((), (0.0,) * 6)}
+    for end in range(1, rules.steps.part + 1):
+        ways = [
+            (*best[low][0], end - low)
+            for low in range(end - rules.steps.highest, end - rules.steps.lowest + 1)
+            if low in best and (low, end) in rules.layers
+        ]
+        if ways:
+            scored = {way: rules.score(way) for way in ways}
+            chosen = min(scored, key=lambda way: scored[way])
+            best[end] = chosen, scored[chosen]
+    return best[rules.steps.part][1]
+
+
+@pytest.mark.parametrize("name", ["frusta", "steps", "sphere"])
+def test_on_a_fine_lattice_no_chain_of_layers_is_better(name: str) -> None:
+    mesh = TINY[name]
+    rules = Rules(mesh, optimal(tolerance=0.06))
+    for objective in OBJECTIVES:
+        rules.wanted = optimal(tolerance=0.06, planner__objective=objective)
+        plan = plan_layers(mesh, rules.wanted)
+        mine = rules.score(tuple(np.rint(plan.height / rules.steps.size).astype(int).tolist()))
+        assert not better(cheapest_of_all(rules), mine), objective
+
+
+def test_on_a_coarse_lattice_no_plan_is_better_either() -> None:
+    """Lead screws with an inch thread have steps of 0.04 mm; bounds of layers must not suffer from it."""
+    mesh, changes = sphere(0.4), COARSE | {"tolerance": 0.05}
+    rules = Rules(mesh, optimal(**changes))
+    plan = plan_layers(mesh, rules.wanted)
+    mine = rules.score(tuple(np.rint(plan.height / rules.steps.size).astype(int).tolist()))
+
+    assert not better(cheapest_of_all(rules), mine)
