@@ -101,7 +101,8 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
     if 0 < facts["time_budget"] < facts["seconds"]:
         budget = spoken(facts["time_budget"])
         lines.append(f"the time budget of {budget} cannot be kept with this tolerance and these heights")
-    lines += certificate_sentences(facts["certificate"])[:1]
+    first, *more = certificate_sentences(facts["certificate"])
+    lines += [first, *(line for line in more if line.startswith("over the tolerance"))]
     if facts["empty_layers"]:
         many = "1 layer stays" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers stay"
         lines.append(f"{many} empty: the part is narrower than a bead there")

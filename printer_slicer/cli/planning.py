@@ -76,6 +76,9 @@ def plan_command(arguments: argparse.Namespace) -> int:
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )
+        budget = getattr(profile.quality.planner, "time_budget", 0.0)
+        if 0 < budget < float(str(rows[-1]["seconds"])):
+            print(f"the time budget of {spoken(budget)} cannot be kept with this tolerance and these heights")
     return 0
 
 
