@@ -13,9 +13,10 @@ of arcs from the bed to the top of the part is the plan. In this order of weight
     objective   seconds and volume error at their price, seconds, layers, or volume error
 
 What cannot be had, because the thinnest layer is too thick for it, is broken as little as possible; the certificate of
-the plan tells where. Guarantee: no other chain of the tables is better by that order. The tables' bounds err upward by less than a cell
-(0.0025 mm), so a layer that is within the tolerance by less than that may be passed over. Cost: tables of heights x
-ends, a tenth of a second for a part of 50 mm with z steps of 0.0025 mm; reading the surface is linear in facets.
+the plan tells where. Guarantee: no other chain of the tables is better by that order. The tables' bounds err upward by
+less than a cell (0.0025 mm), so a layer that keeps the tolerance by less than that may be passed over. Cost: tables of
+heights x ends, a tenth of a second for a part of 50 mm with z steps of 0.0025 mm; reading the surface is linear in
+facets.
 
 Sources: dynamic programming over layer ends after Alexa, Hildebrand and Lefebvre, "Optimal discrete slicing", 2017, and
 Mao, Kwok, Chen and Wang, 2019; the certified bound, events and the order above are this project's.
@@ -149,8 +150,10 @@ class _Search:
     def _by_rules(self, objective: Float, worth: float, search: Callable[[Float], Int | None]) -> Int | None:
         """The plan that a search finds with the rules in force, and with the list of heights eased if it must be."""
         # Rounded, so that the dust of sums does not decide between equal plans.
-        objective = np.round(objective / (worth or 1.0), _DIGITS) * (worth or 1.0)
-        cost = self._fines * worth + np.where(self._listed, objective, _ODD * objective) + self._impossible
+        cost = np.round(objective / (worth or 1.0), _DIGITS) * (worth or 1.0)
+        cost[~self._listed] *= _ODD
+        cost += self._fines * worth
+        cost[self._impossible] = np.inf
         for unlisted in (np.inf, _UNLISTED * worth):
             found = search(np.where(self._free, cost, cost + unlisted))
             if found is not None:
@@ -207,12 +210,12 @@ class _Search:
         end = np.minimum(np.cumsum(heights), self._arcs.lattice.n)
         return float(table[heights - self._arcs.lattice.heights[0], end].sum())
 
-    def _under_the_bed(self) -> Float:
-        """(R, n + 1) infinite for layers that begin under the bed, or on it with another than the first height."""
+    def _under_the_bed(self) -> Bool:
+        """(R, n + 1) layers that begin under the bed, or on it with another than the first height."""
         first = self._steps.first // self._arcs.lattice.steps
         heights = self._arcs.lattice.heights[:, None]
         wrong = (self._start == 0) & (heights != first) if first else np.zeros_like(self._start, np.bool_)
-        return np.where((self._start < 0) | wrong, np.inf, 0.0)
+        return np.asarray((self._start < 0) | wrong)
 
     def _allowed(self) -> tuple[Bool, Bool]:
         """(R, n + 1) layers of an allowed height; and those with the ones that may have any, next to event planes."""
@@ -246,11 +249,14 @@ class _Search:
     def _broken(self) -> Float:
         """(R, n + 1) what every layer breaks, in the cost of the dearest layer."""
         tolerance, lattice = self._tolerances(), self._arcs.lattice
-        over = self._arcs.bound - (tolerance - self._slack)
+        over = self._arcs.bound - tolerance
+        over += self._slack
         # Half a layer that is no higher than the tolerance cannot be wrong by more, rounding or not.
         share = 0.5 if self._profile.quality.containment == "mid" else 1.0
         harmless = share * lattice.unit * lattice.heights[:, None] <= tolerance + _ROUNDING
-        fines = np.where(harmless | (over <= _ROUNDING), 0.0, _EXCESS * over)
+        over[harmless | (over <= _ROUNDING)] = 0.0
+        fines = over
+        fines *= _EXCESS
         fines += _MISSED * self._missed()
         units = lattice.heights * lattice.steps
         outside = (units < self._steps.allowed[0]) | (units > self._steps.allowed[-1])
@@ -262,6 +268,8 @@ class _Search:
 
     def _tolerances(self) -> Float:
         """(R, n + 1) the tolerance of every layer."""
+        if not any(stretch.tolerance for stretch in self._settings.ranges):
+            return np.broadcast_to(np.float64(self._profile.quality.tolerance), self._start.shape)
         bottom, top = np.broadcast_arrays(self._start, self._end)
         unit = self._arcs.lattice.unit
         return tolerances(self._profile, bottom * unit, top * unit)
