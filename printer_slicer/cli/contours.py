@@ -1,0 +1,307 @@
+"""`contours`: the contours of a part for other machines, as SVG, CLI or SLC."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
+from printer_slicer.cli.facts import runs_text
+from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.exports import (
+    CLI_UNITS,
+    SVG_DIGITS,
+    Rounded,
+    in_float32,
+    on_grid,
+    resample,
+    smooth,
+    uneven_multiples,
+    write_cli,
+    write_slc,
+    write_svg,
+    write_svgs,
+)
+from printer_slicer.mesh_io import load_mesh
+from printer_slicer.model import Sections
+from printer_slicer.pipeline import plan_part
+from printer_slicer.placing import place
+from printer_slicer.slicing import cut
+
+if TYPE_CHECKING:
+    from printer_slicer.cli.common import Stages
+    from printer_slicer.profile import Profile
+
+__all__ = ["contours_command"]
+
+_KINDS: Final = {".svg": "svg", ".cli": "cli", ".slc": "slc"}
+_NUMBER: Final = re.compile(r"%0?\d*d")
+_LAYER_FILE: Final = re.compile(r"layer\d{4,}\.svg")
+_DIGITS: Final = 9  # of lengths in the result
+
+
+@dataclass(frozen=True, slots=True)
+class _Target:
+    """Where the contours go.
+
+    Attributes:
+        kind: svg, cli or slc; svgs: one SVG per layer.
+        path: the file, or for svgs the folder.
+        pattern: for svgs the name of each file, with one %d; empty: layer0000.svg and so on.
+    """
+
+    kind: str
+    path: Path
+    pattern: str = ""
+
+
+def contours_command(arguments: argparse.Namespace) -> int:
+    """Slice a model and write its contours; what was simplified, smoothed, rounded or left out is told."""
+    target = _target(arguments.output, binary=arguments.binary)
+    profile = profile_from(arguments)
+    _refuse_broken_promise(arguments, profile)
+    with stages(arguments) as report:
+        report("loading")
+        mesh = load_mesh(arguments.model)
+        _refuse_same(target.path, arguments.model)
+        report("placing")
+        part = place(mesh, profile.printer)
+        report("planning")
+        plan = plan_part(part, profile)
+        report("slicing")
+        sections = _shaped(cut(part, plan, profile.quality.resolution), arguments, profile, report)
+        report("writing")
+        sizes = _write(sections, target, binary=arguments.binary)
+    facts = _facts(sections, sizes, target, arguments, profile)
+    if arguments.json:
+        print(json.dumps(facts))
+    else:
+        say(arguments, "\n  ".join(_sentences(facts)))
+    return 0
+
+
+# Where to
+
+
+def _target(output: str, *, binary: bool) -> _Target:
+    """What -o asks for.
+
+    Raises:
+        UsageError: a name that tells no format, or --binary for a format that has only one kind.
+        OutputError: there is no place for it.
+    """
+    path = Path(output)
+    kind = _KINDS.get(path.suffix.lower(), "")
+    if output.endswith(("/", os.sep)) or _is_folder(path):
+        target = _Target("svgs", path)
+        _check_folder(path)
+    elif kind == "svg" and "%" in path.name:
+        target = _Target("svgs", path.parent, _checked_pattern(path.name))
+        check_writable(path)
+    elif kind:
+        target = _Target(kind, path)
+        check_writable(path)
+    else:
+        raise UsageError(
+            f"-o {output}: contours are written as .svg, .cli or .slc",
+            remedy="end the name with one of these, or with / for a folder with one SVG per layer",
+        )
+    if binary and target.kind != "cli":
+        raise UsageError(f"--binary with -o {output}: only .cli has two kinds", remedy="leave it out")
+    return target
+
+
+def _is_folder(path: Path) -> bool:
+    """Whether it is one.
+
+    Raises:
+        OutputError: nothing can have that name.
+    """
+    try:
+        return path.is_dir()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise OutputError(f"{path}: cannot be written: {reason}", remedy="choose another name") from None
+
+
+def _checked_pattern(name: str) -> str:
+    """The name, which holds one layer number and no other %.
+
+    Raises:
+        UsageError: it does not.
+    """
+    if len(_NUMBER.findall(name)) != 1 or name.count("%") != 1:
+        raise UsageError(
+            f"-o {name}: a pattern holds the number of the layer once", remedy="for example part_%04d.svg"
+        )
+    return name
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse a folder that is not there and cannot be made in the one above it.
+
+    Raises:
+        OutputError: the folder above it is missing, or something else has its name.
+    """
+    if path.exists() and not path.is_dir():
+        raise OutputError(f"{path}: is no folder", remedy="name another one, or a file without / at the end")
+    if not path.exists():
+        check_writable(path)
+
+
+def _refuse_same(path: Path, model: Path) -> None:
+    """Never write over the model."""
+    if path.exists() and path.samefile(model):
+        raise UsageError(f"{path}: is the model itself", remedy="name another output with -o")
+
+
+def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
+    """Write the files; the bytes of each."""
+    if target.kind == "svgs":
+        return _write_layers(sections, target)
+    if target.kind == "cli":
+        data = write_cli(sections, binary=binary)
+    else:
+        data = write_slc(sections) if target.kind == "slc" else write_svg(sections)
+    write_file(target.path, data)
+    return [len(data)]
+
+
+def _write_layers(sections: Sections, target: _Target) -> list[int]:
+    """One SVG per layer."""
+    try:
+        target.path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{target.path}: the folder cannot be made: {error.strerror}", remedy="check name and permissions"
+        ) from None
+    sizes = []
+    for layer, (name, data) in enumerate(write_svgs(sections)):
+        write_file(target.path / (target.pattern % layer if target.pattern else name), data)
+        sizes.append(len(data))
+    return sizes
+
+
+# What is changed
+
+
+def _refuse_broken_promise(arguments: argparse.Namespace, profile: Profile) -> None:
+    """Contours that must not cross the surface cannot be moved in both directions.
+
+    Raises:
+        UsageError: they would be.
+    """
+    flags = [f"--{flag}" for flag in ("smooth", "resample") if getattr(arguments, flag) is not None]
+    if flags and profile.quality.containment != "mid":
+        raise UsageError(
+            f"{' and '.join(flags)} would break the promise of {profile.quality.containment} containment",
+            remedy="leave one of them out",
+        )
+
+
+def _shaped(sections: Sections, arguments: argparse.Namespace, profile: Profile, report: Stages) -> Sections:
+    """The contours as --smooth and --resample want them."""
+    solid = sections.solid
+    if arguments.smooth is not None:
+        report("smoothing")
+        solid = smooth(solid, arguments.smooth)
+    if arguments.resample is not None:
+        report("resampling")
+        solid = resample(solid, arguments.resample, profile.quality.resolution)
+    return replace(sections, solid=solid)
+
+
+# What is told
+
+
+def _facts(
+    sections: Sections, sizes: list[int], target: _Target, arguments: argparse.Namespace, profile: Profile
+) -> dict[str, Any]:
+    """Everything worth knowing, ready for JSON; lengths in mm."""
+    plan, solid = sections.plan, sections.solid
+    rounded = _rounded(sections, target)
+    low, high = (solid.xy.min(axis=0).tolist(), solid.xy.max(axis=0).tolist())
+    off = {
+        "simplified": profile.quality.resolution if plan.containment == "mid" else 0.0,
+        "smoothed": arguments.smooth or 0.0,
+        "resampled": profile.quality.resolution if arguments.resample is not None else 0.0,
+        "rounded": round(sqrt(2) * rounded.error, _DIGITS),
+    }
+    return {
+        "output": arguments.output,
+        "format": target.kind,
+        "binary": arguments.binary or target.kind == "slc",
+        "files": len(sizes),
+        "bytes": sum(sizes),
+        "layers": plan.n_layers,
+        "empty_layers": plan.n_layers - len(np.unique(solid.ring_layer)),
+        "heights": [[count, height] for count, height in plan.runs()],
+        "rings": len(rounded.ring_layer),
+        "points": len(rounded.xy),
+        "bounds": [[*low, 0.0], [*high, float(plan.top[-1])]],
+        "rounding": round(rounded.error, _DIGITS),
+        # Without a limit points are only left out; JSON has no number for that.
+        "spacing": arguments.resample if arguments.resample != inf else None,
+        "at_most_off": off | {"together": round(sum(off.values()), _DIGITS)},
+        "rings_left_out": rounded.lost,
+        "gaps": len(sections.gaps),
+        "notes": _notes(sections, rounded, target),
+    }
+
+
+def _rounded(sections: Sections, target: _Target) -> Rounded:
+    """The contours as the file has them."""
+    if target.kind == "slc":
+        return in_float32(sections.solid)
+    return on_grid(sections.solid, CLI_UNITS if target.kind == "cli" else 10.0**-SVG_DIGITS)
+
+
+def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
+    """What deserves a look."""
+    notes = []
+    if rounded.lost:
+        notes.append(f"{rounded.lost} rings are smaller than the rounding and left out")
+    if sections.gaps:
+        gap = sections.gaps[0]
+        notes.append(
+            f"{len(sections.gaps)} gaps in contours were closed,"
+            f" the widest of {gap.width:.3g} mm in layer {gap.layer + 1}"
+        )
+    if sections.plan.containment != "mid":
+        notes.append(
+            f"rounding can break the promise of {sections.plan.containment} containment by {rounded.error:.2g} mm"
+        )
+    if target.kind == "slc" and uneven_multiples(sections.plan):
+        notes.append("layer heights are no whole multiples of the thinnest; some readers of SLC want that")
+    if target.kind == "svgs" and not target.pattern:
+        older = sum(bool(_LAYER_FILE.fullmatch(file.name)) for file in target.path.iterdir())
+        older -= sections.plan.n_layers
+        if older > 0:
+            notes.append(f"{older} layer files in the folder are from another time; remove them")
+    return notes
+
+
+def _sentences(facts: dict[str, Any]) -> list[str]:
+    """The facts for people."""
+    files = f"{facts['files']} files, " if facts["format"] == "svgs" else ""
+    off = facts["at_most_off"]
+    parts = [f"{name} {value:.3g}" for name, value in off.items() if value and name != "together"]
+    size = f"{facts['rings']} contours, {facts['points']} points, {facts['bytes']} bytes"
+    lines = [
+        f"{facts['output']}: {files}{facts['layers']} layers ({runs_text(facts['heights'])}), {size}",
+        f"contours are at most {off['together']:.3g} mm from the section at the cut: {', '.join(parts)}",
+    ]
+    if facts["spacing"] is not None:
+        lines.append(f"points are at most {facts['spacing']:g} mm apart")
+    if facts["empty_layers"]:
+        many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
+        lines.append(f"{many} empty")
+    return [*lines, *facts["notes"]]

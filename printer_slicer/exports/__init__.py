@@ -1,0 +1,26 @@
+"""Contours for other machines: SVG, the Common Layer Interface (CLI) and StereoLithography Contours (SLC).
+
+Each writer gives the same bytes for the same sections: no dates, no names of files. What it rounds it says in its
+docstring and, as far as the format has a place for it, in the file.
+"""
+
+from printer_slicer.exports.cli_format import CLI_UNITS, write_cli
+from printer_slicer.exports.resampling import resample, smooth
+from printer_slicer.exports.rounding import Rounded, in_float32, on_grid
+from printer_slicer.exports.slc_format import uneven_multiples, write_slc
+from printer_slicer.exports.svg_format import SVG_DIGITS, write_svg, write_svgs
+
+__all__ = [
+    "CLI_UNITS",
+    "SVG_DIGITS",
+    "Rounded",
+    "in_float32",
+    "on_grid",
+    "resample",
+    "smooth",
+    "uneven_multiples",
+    "write_cli",
+    "write_slc",
+    "write_svg",
+    "write_svgs",
+]

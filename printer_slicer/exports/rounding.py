@@ -1,0 +1,96 @@
+"""Areas as the numbers that a file can hold: whole units, or 32-bit floats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from printer_slicer.geometry import Areas, Bool, Int
+from printer_slicer.geometry.areas import consecutive, frozen_array
+
+__all__ = ["Rounded", "in_float32", "on_grid"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rounded:
+    """The rings of a stack as a file holds them.
+
+    Points that round to the point after them are gone; so are rings that rounding leaves without an area, or turns
+    over. Rings that were closer to each other than the rounding may touch.
+
+    Attributes:
+        xy: (N, 2) units as int64, or mm as float32; the last point of a ring is not its first.
+        ring_start: (R + 1,) ring `i` is `xy[ring_start[i]:ring_start[i + 1]]`.
+        ring_layer: (R,) ascending.
+        outer: (R,) whether the ring is the outline of a solid, counter-clockwise, and not that of a hole.
+        n_layers: number of layers, also counting empty ones.
+        error: how far a coordinate is moved at most, mm, measured.
+        lost: number of rings that are gone.
+    """
+
+    xy: NDArray[Any]
+    ring_start: Int
+    ring_layer: Int
+    outer: Bool
+    n_layers: int
+    error: float
+    lost: int
+
+    def __post_init__(self) -> None:
+        for name, dtype, shape in (
+            ("xy", self.xy.dtype.type, (-1, 2)),
+            ("ring_start", np.int64, (-1,)),
+            ("ring_layer", np.int64, (-1,)),
+            ("outer", np.bool_, (-1,)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    def layers(self) -> Iterator[range]:
+        """The indices of the rings of each layer, from the bed up."""
+        first = np.searchsorted(self.ring_layer, np.arange(self.n_layers + 1)).tolist()
+        return (range(begin, end) for begin, end in pairwise(first))
+
+    def closed(self) -> tuple[NDArray[Any], list[int]]:
+        """All rings with their first point repeated at their end, and (R + 1,) where each begins."""
+        sizes = np.diff(self.ring_start) + 1
+        index = consecutive(self.ring_start[:-1], sizes)
+        start = np.concatenate([[0], np.cumsum(sizes)])
+        index[start[1:] - 1] = self.ring_start[:-1]
+        return self.xy[index], start.tolist()
+
+
+def on_grid(areas: Areas, units: float) -> Rounded:
+    """Areas in whole multiples of `units` mm, each coordinate at most half a unit from where it was."""
+    grid = np.rint(areas.xy / units)
+    return _rounded(areas, grid.astype(np.int64), float(np.abs(grid * units - areas.xy).max(initial=0.0)))
+
+
+def in_float32(areas: Areas) -> Rounded:
+    """Areas in 32-bit floats, mm: 24 binary digits, so within 0.000 004 mm up to 128 mm from the origin."""
+    single = areas.xy.astype(np.float32)
+    return _rounded(areas, single, float(np.abs(single - areas.xy).max(initial=0.0)))
+
+
+def _rounded(areas: Areas, values: NDArray[Any], error: float) -> Rounded:
+    """The stack with `values` (N, 2) instead of its points."""
+    sizes = np.diff(areas.ring_start)
+    differs = (values != values[areas.following]).any(axis=1) if len(values) else np.zeros(0, np.bool_)
+    before = np.concatenate([[0], np.cumsum(differs)])
+    count = before[areas.ring_start[1:]] - before[areas.ring_start[:-1]]
+    moved = Areas(values.astype(np.float64), areas.ring_start, areas.ring_layer, areas.n_layers)
+    sign = np.sign(moved.ring_area())
+    good = (count >= 3) & (sign != 0) & (sign == np.sign(areas.ring_area()))
+    return Rounded(
+        xy=values[differs & np.repeat(good, sizes)],
+        ring_start=np.concatenate([[0], np.cumsum(count[good])]),
+        ring_layer=areas.ring_layer[good],
+        outer=sign[good] > 0,
+        n_layers=areas.n_layers,
+        error=error,
+        lost=int((~good).sum()),
+    )

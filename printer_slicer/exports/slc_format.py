@@ -1,0 +1,102 @@
+"""StereoLithography Contour (SLC) 2.0 of 3D Systems.
+
+What the specification says and this writer does:
+
+- the header is up to 2048 ASCII characters of `-KEYWORD value`, ending in carriage return, line feed and control-Z,
+  and 256 reserved bytes follow;
+- the sampling table, a byte and that many entries, has one entry for each run of layers of one thickness: lowest z,
+  thickness, line width compensation (0: none), reserved. The first entry begins at the first contour layer;
+- a contour layer is the z of its bottom, the number of boundaries, and for each the number of points, the number of
+  gaps (0) and the points. The last point is the first; solids run counter-clockwise, holes clockwise;
+- the end is the z of the top of the part with 0xFFFFFFFF for the number of boundaries;
+- numbers are 32-bit floats and unsigned integers, least significant byte first.
+
+Source: 3D Systems, SLC File Specification, about 1994 (paulbourke.net/dataformats/slc; rp-ml.org/rp-ml-1999/0713.html).
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from printer_slicer.errors import OutputError
+from printer_slicer.exports.rounding import Rounded, in_float32
+from printer_slicer.model import LayerPlan, Sections
+
+__all__ = ["uneven_multiples", "write_slc"]
+
+_RESERVED = bytes(256)
+_MOST_RUNS = 255  # the number of table entries is one byte
+_END = 0xFFFFFFFF
+_MULTIPLE = 1e-6  # of a thickness
+
+
+def write_slc(sections: Sections) -> bytes:
+    """A stack of contours as an SLC file, in mm.
+
+    Coordinates and heights are 32-bit floats: up to 128 mm from the origin at most 0.000 004 mm off, up to 1 m at
+    most 0.000 031 mm. The header says "float32". Rings that this rounding leaves without an area are left out.
+
+    Raises:
+        OutputError: more than 255 runs of equal layers, or layers that 32-bit floats cannot tell apart.
+    """
+    plan, rounded = sections.plan, in_float32(sections.solid)
+    z = np.concatenate([[0.0], plan.top]).astype(np.float32)
+    if (np.diff(z) <= 0).any():
+        layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
+        raise OutputError(f"layer {layer + 1} is too thin for the 32-bit numbers of SLC")
+    head = _header(rounded, float(z[-1])) + _RESERVED
+    return head + _table(plan) + b"".join(_layers(rounded, z.tolist()))
+
+
+def uneven_multiples(plan: LayerPlan) -> bool:
+    """Whether the plan has a thickness that is no whole multiple of its thinnest; the specification warns of that."""
+    thin = float(plan.height.min())
+    ratio = plan.height / thin
+    return bool((np.abs(ratio - np.rint(ratio)) > _MULTIPLE).any())
+
+
+def _header(rounded: Rounded, top: float) -> bytes:
+    """Version, unit, kind, who wrote it, and the box around the part."""
+    low, high = (
+        (rounded.xy.min(axis=0).tolist(), rounded.xy.max(axis=0).tolist())
+        if len(rounded.xy)
+        else ([0.0, 0.0], [0.0, 0.0])
+    )
+    box = " ".join(
+        f"{a:.6f},{b:.6f}" for a, b in zip([*low, 0.0], [*high, top], strict=True)
+    )  # x, y, z: each from, to
+    text = f"-SLCVER 2.0 -UNIT MM -TYPE PART -PACKAGE printer-slicer float32 -EXTENTS {box}"
+    return text.encode("ascii") + b"\r\n\x1a"
+
+
+def _table(plan: LayerPlan) -> bytes:
+    """One entry for each run of layers of equal thickness."""
+    runs = plan.runs()
+    if len(runs) > _MOST_RUNS:
+        raise OutputError(
+            f"an SLC file has at most {_MOST_RUNS} runs of equal layers; this plan has {len(runs)}",
+            remedy="plan fewer different heights (--heights), or write .cli or .svg",
+        )
+    counts = np.array([count for count, _ in runs])
+    bottom = plan.bottom[np.cumsum(counts) - counts]
+    entries = [
+        struct.pack("<4f", z, height, 0.0, 0.0) for z, (_, height) in zip(bottom.tolist(), runs, strict=True)
+    ]
+    return bytes([len(runs)]) + b"".join(entries)
+
+
+def _layers(rounded: Rounded, z: list[float]) -> list[bytes]:
+    """The contour layers and what ends them."""
+    xy, start = rounded.closed()
+    points = memoryview(xy.astype("<f4").tobytes())
+    pieces: list[bytes] = []
+    for bottom, rings in zip(z[:-1], rounded.layers(), strict=True):
+        pieces.append(struct.pack("<fI", bottom, len(rings)))
+        for ring in rings:
+            begin, end = start[ring], start[ring + 1]
+            pieces.append(struct.pack("<II", end - begin, 0))
+            pieces.append(bytes(points[8 * begin : 8 * end]))
+    pieces.append(struct.pack("<fI", z[-1], _END))
+    return pieces

@@ -1,0 +1,121 @@
+"""SVG: all layers as groups of one drawing, or one drawing per layer.
+
+The drawing is in mm: `width` and `height` say so, and one unit of the view box is one mm. SVG counts y downward, so
+a point (X, Y) of the drawing is the point (x0 + X, y1 - Y) of the part; x0 and y1, the left and the upper side of
+the box around all layers, stand in the root as `data-x` and `data-y`. All layers share that box, so drawings of
+single layers fit on each other.
+
+Each group carries `slic3r:z`, the top of its layer, `slic3r:slice-z`, where the part was cut, and
+`slic3r:layer-height`, as the layered drawings of Slic3r have them, which projector software reads; and it is a
+layer for Inkscape. Groups stand directly in the root and have no transformation and no colour of their own. One
+path holds all contours of a layer, filled by the even-odd rule.
+
+Source: W3C, Scalable Vector Graphics (SVG) 1.1; the attributes: Slic3r 1.3, SLAPrint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.errors import UsageError
+from printer_slicer.exports.rounding import Rounded, on_grid
+from printer_slicer.geometry import Int
+from printer_slicer.model import LayerPlan, Sections
+
+__all__ = ["SVG_DIGITS", "write_svg", "write_svgs"]
+
+SVG_DIGITS: Final = 3
+"""Digits after the point: coordinates are whole micrometres unless asked otherwise."""
+
+_MOST_DIGITS = 6
+
+
+def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
+    """All layers as one layered SVG; groups without a path are empty layers.
+
+    Coordinates have `digits` digits after the point, so each is at most half of the last one off, and heights at
+    least four; the description in the file says so. Rings that are smaller than that are left out, and the
+    description says how many.
+
+    Raises:
+        UsageError: less than 0 or more than 6 digits.
+    """
+    head, drawn = _prepared(sections, digits)
+    groups = [_group(sections.plan, layer, drawn[layer], digits) for layer in range(sections.plan.n_layers)]
+    return "\n".join([head, *groups, "</svg>", ""]).encode("ascii")
+
+
+def write_svgs(sections: Sections, *, digits: int = SVG_DIGITS) -> Iterator[tuple[str, bytes]]:
+    """One SVG per layer with the name of its file: layer0000.svg is the first layer; rounded as `write_svg` does.
+
+    Raises:
+        UsageError: less than 0 or more than 6 digits.
+    """
+    head, drawn = _prepared(sections, digits)
+    width = max(4, len(str(sections.plan.n_layers - 1)))
+    for layer, path in enumerate(drawn):
+        group = _group(sections.plan, layer, path, digits)
+        yield f"layer{layer:0{width}d}.svg", "\n".join([head, group, "</svg>", ""]).encode("ascii")
+
+
+def _prepared(sections: Sections, digits: int) -> tuple[str, list[str]]:
+    """The beginning of the drawing, and the path data of each layer."""
+    if not 0 <= digits <= _MOST_DIGITS:
+        raise UsageError(f"{digits} digits in an SVG", remedy=f"choose between 0 and {_MOST_DIGITS}")
+    rounded = on_grid(sections.solid, 10.0**-digits)
+    box = (
+        np.concatenate([rounded.xy.min(axis=0), rounded.xy.max(axis=0)])
+        if len(rounded.xy)
+        else np.zeros(4, np.int64)
+    )
+    return _head(rounded, box, digits), _paths(rounded, box, digits)
+
+
+def _head(rounded: Rounded, box: Int, digits: int) -> str:
+    """From the XML declaration to the description."""
+    x0, y0, x1, y1 = (box / 10**digits).tolist()
+    places = _z_digits(digits)
+    wide, high = (f"{size:.{digits}f}" for size in (x1 - x0, y1 - y0))
+    left_out = f" {rounded.lost} rings smaller than that are left out." if rounded.lost else ""
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:slic3r="http://slic3r.org/namespaces/slic3r"'
+        ' xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" version="1.1"'
+        f' width="{wide}mm" height="{high}mm" viewBox="0 0 {wide} {high}"'
+        f' data-x="{x0:.{digits}f}" data-y="{y1:.{digits}f}">\n'
+        "<desc>Contours by printer-slicer. One unit is 1 mm; coordinates are rounded, at most"
+        f" {10.0**-digits / 2:.{digits + 1}f} mm off, heights {10.0**-places / 2:.{places + 1}f} mm.{left_out}"
+        " A point X Y of the drawing is x = data-x + X, y = data-y - Y of the part.</desc>"
+    )
+
+
+def _z_digits(digits: int) -> int:
+    """Digits of heights: layers are planned in finer steps than contours need."""
+    return max(digits, 4)
+
+
+def _paths(rounded: Rounded, box: Int, digits: int) -> list[str]:
+    """The path data of each layer, empty where there is nothing."""
+    place = np.stack([rounded.xy[:, 0] - box[0], box[3] - rounded.xy[:, 1]], axis=1) / 10**digits
+    pair = f"%.{digits}f,%.{digits}f"
+    points = [pair % (x, y) for x, y in place.tolist()]
+    start = rounded.ring_start.tolist()
+    return [
+        " ".join(f"M {' '.join(points[start[ring] : start[ring + 1]])} Z" for ring in rings)
+        for rings in rounded.layers()
+    ]
+
+
+def _group(plan: LayerPlan, layer: int, path: str, digits: int) -> str:
+    """One layer."""
+    z, cut, height = (float(values[layer]) for values in (plan.top, plan.cut, plan.height))
+    places = _z_digits(digits)
+    drawn = f'<path fill-rule="evenodd" d="{path}"/>' if path else ""
+    return (
+        f'<g id="layer{layer}" slic3r:z="{z:.{places}f}" slic3r:slice-z="{cut:.{places}f}"'
+        f' slic3r:layer-height="{height:.{places}f}" inkscape:groupmode="layer"'
+        f' inkscape:label="layer {layer}, z {z:.{places}f} mm">{drawn}</g>'
+    )
