@@ -38,6 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     _slice(commands)
     _plan(commands)
+    _contours(commands)
     _dry_run(commands)
     _print(commands)
     _sim(commands)
@@ -228,6 +229,43 @@ def _plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
     )
     _common(parser)
     parser.set_defaults(run=_later("planning", "plan_command"))
+
+
+def _contours(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "contours",
+        "write the contours of a part for other machines: SVG, CLI, SLC",
+        "  printer-slicer contours part.stl -o part.svg           one group per layer\n"
+        "  printer-slicer contours part.stl -o slices/            one SVG per layer\n"
+        "  printer-slicer contours part.stl -o part_%04d.svg      the same, with names of your own\n"
+        "  printer-slicer contours part.stl -o part.cli --binary  Common Layer Interface 2.0\n"
+        "  printer-slicer contours part.stl -o part.slc --smooth 0.02 --resample 0.5",
+    )
+    parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
+    # Not a Path: that would lose the / at the end of a folder.
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        required=True,
+        help="name ending in .svg, .cli or .slc; a folder/ or a name with %%d: one SVG per layer",
+    )
+    parser.add_argument("--binary", action="store_true", help="binary instead of ASCII, for .cli")
+    parser.add_argument(
+        "--smooth",
+        metavar="MM",
+        type=float,
+        help="smooth contours, nowhere farther off than this; default: not",
+    )
+    parser.add_argument(
+        "--resample",
+        metavar="MM",
+        type=float,
+        help="points at most this far apart, off by at most the setting resolution; default: as they are",
+    )
+    _common(parser)
+    parser.set_defaults(run=_later("contours", "contours_command"))
 
 
 def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

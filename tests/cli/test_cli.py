@@ -17,7 +17,7 @@ from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, is_message, proces
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_table, settings_text
 
-COMMANDS = ("slice", "plan", "dry-run", "print", "sim", "ports", "profiles")
+COMMANDS = ("slice", "plan", "contours", "dry-run", "print", "sim", "ports", "profiles")
 MODEL_COMMANDS = (["slice"], ["plan"], ["dry-run"], ["print", "--port", "sim:"])
 
 
