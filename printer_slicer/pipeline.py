@@ -78,10 +78,14 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
     if not budget:
         return plan
+
+    def seconds_of(plan: LayerPlan) -> float:
+        return float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+
     asked, low, high = budget, 0.0, np.inf
     tried: list[tuple[float, LayerPlan]] = []
     for _ in range(_ROUNDS):
-        seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+        seconds = seconds_of(plan)
         tried.append((seconds, plan))
         if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
             break
@@ -91,8 +95,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     if all(seconds > budget for seconds, _ in tried):
         hurry = {"quality.planner.time_budget": 0, "quality.planner.objective": "time"}
         plan = plan_layers(part, profile_with(profile, hurry))
-        seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
-        tried.append((seconds, plan))
+        tried.append((seconds_of(plan), plan))
     within = [plan for seconds, plan in tried if seconds <= budget]
     if not within:
         return min(tried, key=lambda one: one[0])[1]

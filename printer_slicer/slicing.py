@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
-from printer_slicer.geometry.planes import Crossings, connected, cross, edge_faults
+from printer_slicer.geometry.planes import Crossings, connected, cross, edge_faults, lowest_of_chain
 from printer_slicer.geometry.slabs import slab_shadows
 from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Sections
 
@@ -122,19 +122,9 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
 
 
 def _cycles(following: Int) -> tuple[Int, Int]:
-    """For a permutation: the lowest index of each item's cycle, and the steps from there to the item.
-
-    Pointer jumping: after round k every item knows its cycle's minimum over 2^k successors, so the number of rounds is
-    the logarithm of the longest cycle.
-    """
+    """For a permutation: the lowest index of each item's cycle, and the steps from there to the item."""
     n = len(following)
-    lowest = np.arange(n)
-    jump = following
-    while True:
-        better = np.minimum(lowest, lowest[jump])
-        if np.array_equal(better, lowest):
-            break
-        lowest, jump = better, jump[jump]
+    lowest = lowest_of_chain(following)
     # Steps to the cycle's first item, by the same doubling along the chain that ends there.
     is_first = lowest == np.arange(n)
     jump = np.where(is_first[following], np.arange(n), following)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
+from printer_slicer.cli.common import check_writable, profile_from, refuse_same, say, stages, write_file
 from printer_slicer.cli.facts import runs_text
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.exports import (
@@ -71,7 +71,7 @@ def contours_command(arguments: argparse.Namespace) -> int:
     with stages(arguments) as report:
         report("loading")
         mesh = load_mesh(arguments.model)
-        _refuse_same(target.path, arguments.model)
+        refuse_same(target.path, arguments.model)
         report("placing")
         part = place(mesh, profile.printer)
         report("planning")
@@ -155,12 +155,6 @@ def _check_folder(path: Path) -> None:
         raise OutputError(f"{path}: is no folder", remedy="name another one, or a file without / at the end")
     if not path.exists():
         check_writable(path)
-
-
-def _refuse_same(path: Path, model: Path) -> None:
-    """Never write over the model."""
-    if path.exists() and path.samefile(model):
-        raise UsageError(f"{path}: is the model itself", remedy="name another output with -o")
 
 
 def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:

@@ -14,7 +14,16 @@ from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
 
-__all__ = ["certificate_facts", "certificate_sentences", "facts_of", "flats_off", "runs_text", "sentences"]
+__all__ = [
+    "budget_sentences",
+    "certificate_facts",
+    "certificate_sentences",
+    "facts_of",
+    "flats_off",
+    "runs_text",
+    "sentences",
+    "time_budget",
+]
 
 _WORTH_SAYING = 0.002  # share of the part
 _WORTH_MENTION = 0.01  # mm²
@@ -42,9 +51,8 @@ def facts_of(
         | {"width": gap.width}
         for gap in stages.sections.gaps[:_MOST_PLACES]
     ]
-    planner = profile.quality.planner
     return {
-        "time_budget": planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0,
+        "time_budget": time_budget(profile),
         "layers": program.plan.n_layers,
         "planner": program.plan.planner,
         "heights": [[count, height] for count, height in program.plan.runs()],
@@ -98,9 +106,7 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         change.removeprefix("quality.").startswith("layer_height") for change in changes
     ):
         lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
-    if 0 < facts["time_budget"] < facts["seconds"]:
-        budget = spoken(facts["time_budget"])
-        lines.append(f"the time budget of {budget} cannot be kept with this tolerance and these heights")
+    lines += budget_sentences(facts["time_budget"], facts["seconds"])
     first, *more = certificate_sentences(facts["certificate"])
     lines += [first, *(line for line in more if line.startswith("over the tolerance"))]
     if facts["empty_layers"]:
@@ -141,9 +147,26 @@ def _fault_sentences(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def flats_off(part: Mesh, plan: LayerPlan) -> float:
-    """The farthest that a flat of more than 1 mm² is from the end of a layer, mm."""
-    flats = find_flats(part)[0]
+def time_budget(profile: Profile) -> float:
+    """The time that the planner was given, s; 0 where it was given none."""
+    planner = profile.quality.planner
+    return planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
+
+
+def budget_sentences(budget: float, seconds: float) -> list[str]:
+    """What to say where a plan takes longer than it should; nothing where there is no budget or it is kept.
+
+    Args:
+        budget: s, 0 for none.
+        seconds: of the program.
+    """
+    if not 0 < budget < seconds:
+        return []
+    return [f"the time budget of {spoken(budget)} cannot be kept with this tolerance and these heights"]
+
+
+def flats_off(flats: Float, plan: LayerPlan) -> float:
+    """The farthest that one of the flats at these heights (n,) is from the end of a layer, mm."""
     ends = np.append(plan.top, 0.0)
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
 
@@ -158,6 +181,7 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         shift: (3,) mm from the placed part to the file's coordinates, in which places are told.
     """
     worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
+    flats = find_flats(part)[0]
     place = np.round(np.add((worst.x, worst.y, worst.z), shift), 4)
     return {
         "planner": plan.planner,
@@ -171,8 +195,8 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         "volume_error_mm3": round(certificate.volume_error, 3),
         "volume_error_share": round(certificate.volume_error / max(part.volume, 1e-9), 6),
         "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-        "flats": len(find_flats(part)[0]),
-        "flat_error_mm": round(flats_off(part, plan), 6),
+        "flats": len(flats),
+        "flat_error_mm": round(flats_off(flats, plan), 6),
         "worst": dict(zip("xyz", place.tolist(), strict=True))
         | {"layer": worst.layer + 1, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [

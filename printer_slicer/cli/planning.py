@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
-from printer_slicer.cli.facts import certificate_facts, certificate_sentences, flats_off, runs_text
+from printer_slicer.cli.facts import (
+    budget_sentences,
+    certificate_facts,
+    certificate_sentences,
+    flats_off,
+    runs_text,
+    time_budget,
+)
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
 from printer_slicer.mesh_io import load_mesh
@@ -47,10 +54,6 @@ _VARIANTS: Mapping[str, dict[str, object]] = {
 
 def plan_command(arguments: argparse.Namespace) -> int:
     """Compare layer plans: the tables of the paper for any part, and what is proven about the chosen plan."""
-    if arguments.picture:
-        from printer_slicer.drawing import check_picture
-
-        check_picture(arguments.picture)
     refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
@@ -76,9 +79,8 @@ def plan_command(arguments: argparse.Namespace) -> int:
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )
-        budget = getattr(profile.quality.planner, "time_budget", 0.0)
-        if 0 < budget < float(str(rows[-1]["seconds"])):
-            print(f"the time budget of {spoken(budget)} cannot be kept with this tolerance and these heights")
+        for line in budget_sentences(time_budget(profile), float(str(rows[-1]["seconds"]))):
+            print(line)
     return 0
 
 
@@ -124,6 +126,7 @@ def _compare(
 ) -> list[dict[str, object]]:
     """The paper's Table 2 and beyond: uniform thin, uniform thick, the chosen plan, and all others if wanted."""
     rows: list[dict[str, object]] = []
+    flats = find_flats(part)[0]
     for name, variant in _jobs(profile, everything=everything).items():
         report(f"planning {name}")
         plan = chosen if variant is profile else plan_part(part, variant)
@@ -143,7 +146,7 @@ def _compare(
                 "max_error_mm": round(certificate.max_error, 6),
                 "volume_error_mm3": round(certificate.volume_error, 3),
                 "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-                "flat_error_mm": round(flats_off(part, plan), 6),
+                "flat_error_mm": round(flats_off(flats, plan), 6),
             }
         )
     return rows

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 from pathlib import Path
 
-from printer_slicer.cli.common import profile_from, refuse_mixing, say, stages, write_file
+from printer_slicer.cli.common import profile_from, refuse_mixing, refuse_same, say, stages, write_file
 from printer_slicer.cli.facts import facts_of, sentences
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
@@ -23,15 +22,11 @@ def slice_command(arguments: argparse.Namespace) -> int:
     """Slice a model and write the G-code."""
     profile = profile_from(arguments)
     refuse_mixing(arguments)
-    if arguments.picture:
-        from printer_slicer.drawing import check_picture
-
-        check_picture(arguments.picture)
     with stages(arguments) as report:
         report("loading")
         mesh = load_mesh(arguments.model)
         output = arguments.output or arguments.model.with_suffix(".gcode")
-        _refuse_same(output, arguments.model)
+        refuse_same(output, arguments.model)
         stage = slice_stages(mesh, profile, report=report)
         program = stage.program
         report("writing")
@@ -47,15 +42,6 @@ def slice_command(arguments: argparse.Namespace) -> int:
         first, *more = sentences(facts, arguments.set)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))
     return 0
-
-
-def _refuse_same(output: Path, model: Path) -> None:
-    """Never write over the model."""
-    # Names that cannot be are refused when they are written to.
-    with contextlib.suppress(OSError, ValueError):
-        if not output.samefile(model):
-            return
-        raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
 
 
 def _draw_layer(program: Program, number: int, path: Path) -> None:

@@ -21,6 +21,7 @@ __all__ = [
     "cross",
     "edge_faults",
     "edge_keys",
+    "lowest_of_chain",
     "section_areas",
     "spread",
 ]
@@ -138,6 +139,20 @@ def connected(triangles: Float) -> Int:
         if np.array_equal(better, lowest):
             return np.unique(of_facet, return_inverse=True)[1].astype(np.int64)
         lowest = better
+
+
+def lowest_of_chain(following: Int) -> Int:
+    """(N,) the lowest index that each item meets when it goes on to `following` again and again, itself included.
+
+    Pointer jumping: after round k every item knows the lowest of 2^k followers, so the number of rounds is the
+    logarithm of the longest chain.
+    """
+    lowest, jump = np.arange(len(following)), following
+    while True:
+        better = np.minimum(lowest, lowest[jump])
+        if np.array_equal(better, lowest):
+            return np.asarray(lowest)
+        lowest, jump = better, jump[jump]
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:

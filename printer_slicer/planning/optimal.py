@@ -48,10 +48,9 @@ _EXCESS: Final = 1e11  # for a mm of error over the tolerance
 _UNLISTED: Final = 1e13  # for a layer, where the part can be divided in no other way
 
 _ODD: Final = 1.1  # times its cost for a layer of a height that is not on the list, where that is free
-_SLACKS: Final = (
-    0.0,
-    2e-5,
-)  # mm under the tolerance: tables take coordinates just below a border for being on it
+# mm under the tolerance, tried in turn: tables take coordinates just below a border for being on it, and the exact
+# bounds of contained layers count what they leave out beside their borders.
+_SLACKS: Final = (0.0, 6e-5)
 _ROUNDING: Final = 1e-9  # mm
 _DIGITS: Final = 9  # of the dearest layer's cost
 _BISECTIONS: Final = 12

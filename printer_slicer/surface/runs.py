@@ -19,12 +19,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Float, Int
 from printer_slicer.surface.contacts import Contacts
 
-__all__ = ["BESIDE", "painted", "run_bounds", "run_tables", "steepest"]
+__all__ = ["painted", "run_bounds", "run_tables", "steepest"]
 
-BESIDE = 2e-5  # mm; contained layers leave out what lies this near to their borders
 # Coordinates this near to the border of a cell, mm, lie on it but for the rounding of 32-bit files.
 _SAME = 5e-6
 
