@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,15 +11,16 @@ from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
+from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Sections, Toolpaths, Walls
+from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import OptimalPlanner, Profile, profile_with
 from printer_slicer.regions import classify
-from printer_slicer.slicing import cut
+from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, read_surface
 
 __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
@@ -35,7 +36,7 @@ def quiet(stage: str) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stages:
-    """Every value on the way from a part to its moves."""
+    """Every value on the way from a part to its moves; `repairs`: what was put right, placed as in the file."""
 
     part: Mesh
     sections: Sections
@@ -43,26 +44,42 @@ class Stages:
     regions: Regions
     toolpaths: Toolpaths
     program: Program
+    repairs: Repairs = field(default_factory=Repairs)
 
 
 def slice_stages(
-    mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = quiet
+    mesh: Mesh,
+    profile: Profile,
+    *,
+    plan: LayerPlan | None = None,
+    report: Report = quiet,
+    strict: bool = False,
 ) -> Stages:
     """Slice a part and keep the value of each stage.
 
     Args:
-        mesh: the part, anywhere; it is put on the middle of the bed.
+        mesh: the part, anywhere; it is repaired and put on the middle of the bed.
         profile: printer, material and quality.
         plan: the layers, if not the profile's planner shall choose them.
         report: is told the name of each stage as it begins.
+        strict: whether a mesh that needs repair is refused.
 
     Raises:
-        PartError: the part does not fit, is open, or cannot be divided into layers.
+        PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
     """
+    report("repairing")
+    mended, repairs = repair(mesh)
+    if strict:
+        refuse_repaired(mesh.name, repairs)
     report("placing")
-    part = place(mesh, profile.printer)
+    part = place(mended, profile.printer)
     report("planning")
-    return _down_from(part, plan or plan_part(part, profile), profile, report)
+    stages = _down_from(part, plan or plan_part(part, profile), profile, report)
+    shift = mended.bounds[0] - part.bounds[0]
+    repairs = Repairs((*repairs.done, *section_repairs(stages.sections, shift)))
+    if strict:
+        refuse_repaired(mesh.name, repairs)
+    return replace(stages, repairs=repairs)
 
 
 def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
@@ -125,10 +142,15 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
 
 
 def slice_part(
-    mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = quiet
+    mesh: Mesh,
+    profile: Profile,
+    *,
+    plan: LayerPlan | None = None,
+    report: Report = quiet,
+    strict: bool = False,
 ) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
-    return slice_stages(mesh, profile, plan=plan, report=report).program
+    return slice_stages(mesh, profile, plan=plan, report=report, strict=strict).program
 
 
 def gcode_of(

@@ -17,12 +17,14 @@ from typing import TYPE_CHECKING
 from printer_slicer.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
+    from printer_slicer.model import Mesh, Repairs
     from printer_slicer.profile import Profile
 
 __all__ = [
     "PATIENCE",
     "Stages",
     "check_writable",
+    "load_repaired",
     "profile_from",
     "refuse_mixing",
     "refuse_same",
@@ -33,7 +35,7 @@ __all__ = [
 ]
 
 PATIENCE = 1.0  # s before a progress bar appears
-_STAGES = 10  # from loading to writing
+_STAGES = 11  # from loading to writing
 
 
 def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profile:
@@ -116,6 +118,24 @@ def refuse_same(output: Path, model: Path) -> None:
         if not output.samefile(model):
             return
         raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
+
+
+def load_repaired(arguments: argparse.Namespace, report: Stages) -> tuple[Mesh, Repairs]:
+    """The model that is named, put right, and what was put right in it.
+
+    Raises:
+        PrinterSlicerError: it cannot be read or repaired, or --strict refuses it.
+    """
+    from printer_slicer.healing import refuse_repaired, repair
+    from printer_slicer.mesh_io import load_mesh
+
+    report("loading")
+    mesh = load_mesh(arguments.model)
+    report("repairing")
+    mended, repairs = repair(mesh)
+    if arguments.strict:
+        refuse_repaired(mesh.name, repairs)
+    return mended, repairs
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:

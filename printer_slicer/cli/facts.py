@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.gcode import spoken
-from printer_slicer.model import Float, LayerPlan, Mesh, Program, Role
+from printer_slicer.model import Float, LayerPlan, Mesh, Program, Repairs, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.profile import OptimalPlanner, Profile
@@ -20,6 +20,8 @@ __all__ = [
     "certificate_sentences",
     "facts_of",
     "flats_off",
+    "repair_facts",
+    "repair_sentences",
     "runs_text",
     "sentences",
     "time_budget",
@@ -37,7 +39,7 @@ def facts_of(
     """Everything worth knowing, ready for JSON.
 
     Args:
-        mesh: the part as it was read; places are told in its coordinates.
+        mesh: the part as it was repaired; places are told in its coordinates.
         stages: the sliced part.
         profile: what it was sliced with.
         seconds: modelled time of the moves.
@@ -46,11 +48,6 @@ def facts_of(
     program = stages.program
     area = np.pi * profile.material.filament_diameter**2 / 4
     shift = mesh.bounds[0] - stages.part.bounds[0]
-    gaps = [
-        dict(zip("xyz", np.round(np.add((gap.x, gap.y, gap.z), shift), 4).tolist(), strict=True))
-        | {"width": gap.width}
-        for gap in stages.sections.gaps[:_MOST_PLACES]
-    ]
     return {
         "time_budget": time_budget(profile),
         "layers": program.plan.n_layers,
@@ -67,8 +64,7 @@ def facts_of(
         "skirt_left_out": bool(profile.quality.skirt_loops) and not (program.role == Role.SKIRT).any(),
         "faults": _faults(mesh),
         "open_edges": stages.sections.open_edges,
-        "n_gaps": len(stages.sections.gaps),
-        "gaps": gaps,
+        "repairs": repair_facts(stages.repairs),
         "certificate": certificate_facts(certificate, stages.part, profile, shift),
     }
 
@@ -124,7 +120,37 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         lines.append(
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
         )
-    return lines + _fault_sentences(facts)
+    return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
+
+
+def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
+    """What was put right in a mesh, ready for JSON; lengths in mm, places in the file's coordinates."""
+    return [
+        {
+            "kind": one.kind,
+            "count": one.count,
+            "places": np.round(one.places[:_MOST_PLACES], 4).tolist(),
+            "largest_gap_mm": round(one.widest, 6),
+            "area_guessed_mm2": round(one.area, 4),
+        }
+        for one in repairs.done
+    ]
+
+
+def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
+    """What was put right, for people.
+
+    Args:
+        facts: of `repair_facts`.
+    """
+    lines = []
+    for fact in facts:
+        x, y, z = fact["places"][0]
+        line = f"repaired: {fact['kind']}: {fact['count']}, the first at x {x:g} y {y:g} z {z:g}"
+        line += f"; the widest of {fact['largest_gap_mm']:.3g} mm" if fact["largest_gap_mm"] else ""
+        area = fact["area_guessed_mm2"]
+        lines.append(line + (f", {area:.4g} mm2 guessed" if area > _WORTH_MENTION else ""))
+    return lines
 
 
 def _fault_sentences(facts: dict[str, Any]) -> list[str]:
@@ -138,12 +164,6 @@ def _fault_sentences(facts: dict[str, Any]) -> list[str]:
     for name, fault in facts["faults"].items():
         x, y, z = fault["places"][0]
         lines.append(f"{meaning[name].format(fault['count'])}, the first at x {x:g} y {y:g} z {z:g}")
-    if facts["n_gaps"]:
-        gap = facts["gaps"][0]
-        place = f"x {gap['x']:g} y {gap['y']:g} z {gap['z']:g}"
-        lines.append(
-            f"{facts['n_gaps']} gaps in contours were closed, the widest of {gap['width']:.3g} mm at {place}"
-        )
     return lines
 
 

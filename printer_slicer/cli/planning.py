@@ -5,28 +5,29 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
+from printer_slicer.cli.common import load_repaired, profile_from, refuse_mixing, stages, write_file
 from printer_slicer.cli.facts import (
     budget_sentences,
     certificate_facts,
     certificate_sentences,
     flats_off,
+    repair_facts,
+    repair_sentences,
     runs_text,
     time_budget,
 )
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
-from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.healing import refuse_repaired
+from printer_slicer.model import LayerPlan, Mesh, Repairs, Sections
 from printer_slicer.pipeline import plan_part, slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.slicing import cut
+from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, find_flats, read_surface, thin_areas
 
 if TYPE_CHECKING:
@@ -57,29 +58,35 @@ def plan_command(arguments: argparse.Namespace) -> int:
     refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
-        report("loading")
-        mesh = load_mesh(arguments.model)
+        mesh, repairs = load_repaired(arguments, report)
         part = place(mesh, profile.printer)
         report("planning")
         chosen = plan_part(part, profile)
         certificate = certify(read_surface(part), chosen)
+        sections = cut(part, chosen, profile.quality.resolution)
+        repairs = Repairs((*repairs.done, *section_repairs(sections, mesh.bounds[0] - part.bounds[0])))
+        if arguments.strict:
+            refuse_repaired(part.name, repairs)
         rows = _compare(part, profile, chosen, report, everything=arguments.compare)
         if arguments.picture:
             report("drawing")
-            _draw(part, certificate, profile, arguments.model.name, arguments.picture)
+            _draw(part, sections, certificate, profile, arguments)
     table = _table_1(mesh)
     facts = certificate_facts(certificate, part, profile, np.asarray(mesh.bounds[0] - part.bounds[0]))
     facts |= {"thin_features": _thin(part, chosen)}
     if arguments.json:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
-        print(json.dumps({"part": table, "plans": rows, "certificate": facts, "layers": layers}))
+        told = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
+        print(json.dumps(told | {"repairs": repair_facts(repairs)}))
     elif not arguments.quiet:
         print(_as_text(arguments.model.name, table, rows))
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )
         for line in budget_sentences(time_budget(profile), float(str(rows[-1]["seconds"]))):
+            print(line)
+        for line in repair_sentences(repair_facts(repairs)):
             print(line)
     return 0
 
@@ -92,20 +99,25 @@ def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
     return {"area_mm2": round(float(areas.sum()), 3), "z": round(float(plan.bottom[areas[:-1].argmax()]), 4)}
 
 
-def _draw(part: Mesh, certificate: Certificate, profile: Profile, title: str, path: Path) -> None:
+def _draw(
+    part: Mesh,
+    sections: Sections,
+    certificate: Certificate,
+    profile: Profile,
+    arguments: argparse.Namespace,
+) -> None:
     """Write the picture of the chosen plan."""
     from printer_slicer.drawing import draw_plan, picture_bytes
 
-    sections = cut(part, certificate.plan, profile.quality.resolution)
     bounded = certificate.plan.planner not in ("uniform", "area")
     picture = draw_plan(
         sections,
         certificate,
-        title,
+        arguments.model.name,
         tolerance=profile.quality.tolerance if bounded else None,
         flats=find_flats(part)[0],
     )
-    write_file(path, picture_bytes(picture, path))
+    write_file(arguments.picture, picture_bytes(picture, arguments.picture))
 
 
 def _table_1(mesh: Mesh) -> dict[str, object]:

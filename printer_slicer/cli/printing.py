@@ -11,7 +11,7 @@ from dataclasses import asdict
 from math import pi
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.common import PATIENCE, check_writable, profile_from, say, stages, visible, write_file
 from printer_slicer.errors import UsageError, VerificationError
@@ -33,12 +33,12 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer and say what would happen."""
     profile = profile_from(arguments, slices=not is_gcode(arguments.model))
     with stages(arguments) as report:
-        job = job_from(arguments.model, profile, report=report)
+        job = job_from(arguments.model, profile, report=report, strict=arguments.strict)
     verdict = _simulate(arguments, job, profile, events=False)
     if arguments.json:
         print(json.dumps(_as_json(verdict, job)))
     else:
-        say(arguments, _as_text(verdict, profile))
+        say(arguments, "\n".join([_as_text(verdict, profile), *_repaired(job)]))
     _insist(verdict)
     return 0
 
@@ -47,9 +47,12 @@ def print_command(arguments: argparse.Namespace) -> int:
     """Print over a port; `sim:` is the simulated printer in this process."""
     profile = profile_from(arguments, slices=not is_gcode(arguments.model))
     with stages(arguments) as report:
-        job = job_from(arguments.model, profile, report=report)
+        job = job_from(arguments.model, profile, report=report, strict=arguments.strict)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
-    say(arguments, f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion")
+    first = f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion"
+    say(arguments, "\n  ".join([first, *_repaired(job)]))
+    if arguments.json and job.repairs.count:
+        print(json.dumps({"event": "repaired", "repairs": _repair_facts(job)}), flush=True)
     if arguments.port == _SIMULATED:
         verdict = _simulate(arguments, job, profile, events=True)
         if arguments.json:
@@ -200,8 +203,27 @@ def _as_json(verdict: Verdict, job: Job) -> dict[str, object]:
         "simulated_seconds": round(verdict.simulated_seconds, 3),
         "total_seconds": round(verdict.total_seconds, 3),
         "problems": list(verdict.problems),
+        "repairs": _repair_facts(job),
         "printer": report,
     }
+
+
+def _repair_facts(job: Job) -> list[dict[str, Any]]:
+    """What was put right in the part; what tells it is loaded only then."""
+    if not job.repairs.count:
+        return []
+    from printer_slicer.cli.facts import repair_facts
+
+    return repair_facts(job.repairs)
+
+
+def _repaired(job: Job) -> list[str]:
+    """The same for people."""
+    if not job.repairs.count:
+        return []
+    from printer_slicer.cli.facts import repair_sentences
+
+    return repair_sentences(_repair_facts(job))
 
 
 def _as_text(verdict: Verdict, profile: Profile) -> str:
@@ -241,7 +263,7 @@ def sim_command(arguments: argparse.Namespace) -> int:
     if arguments.report:
         check_writable(arguments.report)
     profile = profile_from(arguments, slices=bool(arguments.expect) and not is_gcode(arguments.expect))
-    job = job_from(arguments.expect, profile) if arguments.expect else None
+    job = job_from(arguments.expect, profile, strict=arguments.strict) if arguments.expect else None
     comparison = Comparison(job.commands if job else ())
     report = _serve(arguments, profile, comparison)
     result = {

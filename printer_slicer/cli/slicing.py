@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
-from printer_slicer.cli.common import profile_from, refuse_mixing, refuse_same, say, stages, write_file
+from printer_slicer.cli.common import (
+    load_repaired,
+    profile_from,
+    refuse_mixing,
+    refuse_same,
+    say,
+    stages,
+    write_file,
+)
 from printer_slicer.cli.facts import facts_of, sentences
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import Program
+from printer_slicer.model import Program, Repairs
 from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.surface import certify, read_surface
 
@@ -23,11 +31,11 @@ def slice_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     refuse_mixing(arguments)
     with stages(arguments) as report:
-        report("loading")
-        mesh = load_mesh(arguments.model)
+        mesh, repairs = load_repaired(arguments, report)
         output = arguments.output or arguments.model.with_suffix(".gcode")
         refuse_same(output, arguments.model)
-        stage = slice_stages(mesh, profile, report=report)
+        stage = slice_stages(mesh, profile, report=report, strict=arguments.strict)
+        stage = replace(stage, repairs=Repairs(repairs.done + stage.repairs.done))
         program = stage.program
         report("writing")
         seconds = float(move_seconds(program, profile).sum())

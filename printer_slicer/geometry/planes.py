@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Float, Int
+from printer_slicer.geometry.joints import linked, lowest_of_chain, welded
 
 __all__ = [
     "Crossings",
+    "balanced",
     "connected",
     "corner_keys",
     "cross",
@@ -27,6 +29,7 @@ __all__ = [
 ]
 
 _UInt = NDArray[np.uint64]
+_FACETS_AT_ONCE = 200_000
 _PAIRS_AT_ONCE = 4_000_000  # facet-plane pairs held at the same time: about 0.5 GB
 
 
@@ -127,32 +130,25 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     return middle[first[open_]], middle[first[(counts == 2) & (direction != 0)]], middle[first[crowded]]
 
 
+def balanced(tag: _UInt) -> bool:
+    """Whether all edges are passed as often in one direction as in the other, from the keys of the corners (F, 3).
+
+    A sum over all edges of their keys, with the sign of the direction: it is zero when that is so, and when it is not,
+    with a chance of 2^-64.
+    """
+    total = 0
+    for some in np.array_split(tag, len(tag) // _FACETS_AT_ONCE + 1):
+        keys = some.T
+        signed = np.where(keys < keys[[1, 2, 0]], 1, -1) * edge_keys(keys).view(np.int64)
+        total += int(signed[keys != keys[[1, 2, 0]]].sum())
+    return total % 2**64 == 0
+
+
 def connected(triangles: Float) -> Int:
     """(F,) the body that each facet belongs to, from 0: facets that share corners, however far along, are one body."""
-    corner = np.unique(corner_keys(triangles.reshape(-1, 3)), return_inverse=True)[1].reshape(-1, 3)
-    lowest = np.arange(int(corner.max(initial=-1)) + 1)
-    while True:
-        of_facet = lowest[corner].min(axis=1)
-        better = lowest.copy()
-        np.minimum.at(better, corner, of_facet[:, None])
-        better = better[better]
-        if np.array_equal(better, lowest):
-            return np.unique(of_facet, return_inverse=True)[1].astype(np.int64)
-        lowest = better
-
-
-def lowest_of_chain(following: Int) -> Int:
-    """(N,) the lowest index that each item meets when it goes on to `following` again and again, itself included.
-
-    Pointer jumping: after round k every item knows the lowest of 2^k followers, so the number of rounds is the
-    logarithm of the longest chain.
-    """
-    lowest, jump = np.arange(len(following)), following
-    while True:
-        better = np.minimum(lowest, lowest[jump])
-        if np.array_equal(better, lowest):
-            return np.asarray(lowest)
-        lowest, jump = better, jump[jump]
+    corner, firsts = welded(corner_keys(triangles.reshape(-1, 3)))
+    facet_corners = corner.reshape(-1, 3)
+    return linked(facet_corners.T, len(firsts))[facet_corners[:, 0]]
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:
