@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from weakref import WeakSet
 
+import numpy as np
+
 from printer_slicer.errors import MeshError
 from printer_slicer.geometry.joints import linked, welded
 from printer_slicer.geometry.planes import balanced, corner_keys
@@ -20,6 +22,7 @@ from printer_slicer.model import Mesh, Repair, Repairs
 
 __all__ = ["refuse_repaired", "repair"]
 
+_HOLLOW = 1e-6  # of the envelope: what holds less may be a surface and its reverse
 _Step = Callable[[Facets], tuple[Facets, list[Repair]]]
 _done_with: WeakSet[Mesh] = WeakSet()  # what came out of here needs not go through again
 
@@ -68,7 +71,7 @@ def _is_sound(mesh: Mesh) -> bool:
         return False
     corner, firsts = welded(tag)
     group = linked(corner.reshape(-1, 3).T, len(firsts))
-    return int(group.max(initial=0)) == 0 and mesh.volume > 0
+    return int(group.max(initial=0)) == 0 and mesh.volume > _HOLLOW * float(np.prod(mesh.size))
 
 
 def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:

@@ -12,19 +12,38 @@ from printer_slicer.model import Bool, Float, Int, Repair
 __all__ = ["drop_duplicates", "drop_sheets", "join_corners"]
 
 _SAME_PLACE = 0.001  # mm
+_SMALL = 1e-4  # of the size of the part
+_NEAR_PLACE = 0.25  # mm
+_SHORTER = 0.1  # of the shortest edge
 _SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings to 32 bits
 
 
 def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
-    """With corners at open edges joined that are nearer than a micrometre, or than 32-bit coordinates can tell apart.
+    """With near corners at open edges joined: every group of them moves to the place of its first along x, y, z.
 
-    Every group of near corners moves to the place of its first.
+    First those nearer than a micrometre (a ten thousandth of a small part, or what 32-bit numbers tell apart);
+    where edges stay open, those nearer than a quarter of a mm and a tenth of the shortest edge of the facets there, so
+    that no facet collapses.
     """
+    size = float(np.ptp(facets.points, axis=0).max(initial=0.0))
+    far = float(np.abs(facets.points).max(initial=0.0))
+    facets, done = _joined(facets, max(min(_SAME_PLACE, _SMALL * size), _SINGLE_STEPS * far))
+    at_open = (facets.count[facets.edges] == 1).any(axis=1)
+    if not at_open.any():
+        return facets, done
+    open_ones = facets.triangles[at_open]
+    shortest = float(np.linalg.norm(open_ones - open_ones[:, [1, 2, 0]], axis=2).min())
+    facets, more = _joined(facets, min(_NEAR_PLACE, _SHORTER * shortest))
+    return facets, done + more
+
+
+def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
+    """With corners at open edges joined that are within `reach` mm of each other along every axis."""
     at_open = facets.count[facets.edges] != 2
     loose = np.union1d(facets.corners[at_open], facets.corners[:, [1, 2, 0]][at_open])
+    loose = loose[np.lexsort(facets.points[loose].T[::-1])]
     if not len(loose):
         return facets, []
-    reach = max(_SAME_PLACE, _SINGLE_STEPS * float(np.abs(facets.points).max()))
     group = close_groups(facets.points[loose], reach)
     firsts = np.unique(group, return_index=True)[1]
     if len(firsts) == len(loose):
@@ -95,14 +114,15 @@ def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
     around = _counts_at(rest, single.key)[single.edges]
     border = single.count[single.edges] == 1
     ends = np.bincount(patch, (border & (around % 2 == 1)).sum(axis=1), n_patches)
-    whole = np.bincount(patch, (border & (around % 2 == 0)).sum(axis=1), n_patches)
+    whole = np.bincount(patch, (border & (around > 0) & (around % 2 == 0)).sum(axis=1), n_patches)
     opposed = np.bincount(patch, facing == 0, n_patches) * 2 > np.bincount(patch, minlength=n_patches)
-    is_shell = ends + whole == 0
+    is_shell = np.bincount(patch, border.sum(axis=1), n_patches) == 0
     hidden = np.zeros(n_patches, np.bool_)
     for number in np.flatnonzero(is_shell & opposed).tolist():
         place = single.middles[np.flatnonzero(patch == number)[0]]
-        hidden[number] = winding_at(rest.triangles, place) != 0
-    one = np.where(is_shell, ~(opposed & hidden), ends > whole)
+        hidden[number] = winding_at(rest.triangles, place, np.ones(len(rest.corners), np.int64)) != 0
+    alone = (ends + whole == 0) & ~opposed
+    one = np.where(is_shell, ~(opposed & hidden), ((ends > 0) & (ends >= whole)) | alone)
     wanted = np.where(one, 1, np.where(opposed, 0, -1))
     return np.asarray(wanted[patch])
 

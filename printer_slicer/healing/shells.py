@@ -13,6 +13,7 @@ __all__ = ["face_alike", "face_outward", "winding_at"]
 
 _INWARD = 1e-3  # of the size of a facet: how far a point is moved off it
 _NO_VOLUME = 1e-9  # mm³
+_MOSTLY = 0.5
 
 
 def face_alike(facets: Facets, name: str) -> tuple[Facets, list[Repair]]:
@@ -69,7 +70,7 @@ def face_outward(facets: Facets) -> tuple[Facets, list[Repair]]:
     inward = np.flatnonzero(closed & (volume < -_NO_VOLUME))
     if not len(inward):
         return facets, []
-    turn = _not_void(facets, shell, np.where(closed, volume, 0.0), inward)
+    turn = _not_void(facets, shell, np.where(closed, volume, np.inf), inward)
     if not turn.any():
         return facets, []
     firsts = np.unique(shell[turn[shell]], return_index=True)[1]
@@ -87,7 +88,7 @@ def _closed(facets: Facets, shell: Int, n_shells: int) -> Bool:
 
 
 def _not_void(facets: Facets, shell: Int, volume: Float, inward: Int) -> Bool:
-    """(n_shells,) those of the `inward` shells that do not lie within larger ones."""
+    """(n_shells,) those of the `inward` shells that do not lie within larger ones; what is open is infinitely large."""
     normals = facets.normals
     size = np.linalg.norm(normals, axis=1)
     # A point just behind the largest facet of each shell, where the void is if it is one.
@@ -95,14 +96,38 @@ def _not_void(facets: Facets, shell: Int, volume: Float, inward: Int) -> Bool:
     largest = order[np.searchsorted(shell[order], inward, side="right") - 1]
     places = facets.middles[largest] + _INWARD * normals[largest] / np.sqrt(size[largest])[:, None]
     turn = np.zeros(len(volume), np.bool_)
+    around = solid_angle_at if np.isinf(volume).any() else winding_at
     for k in np.argsort(-np.abs(volume[inward]), kind="stable").tolist():
         larger = np.flatnonzero((np.abs(volume) > abs(volume[inward[k]]))[shell])
         weight = np.where(turn[shell[larger]], -1, 1)
-        turn[inward[k]] = winding_at(facets.triangles[larger], places[k], weight) < 1
+        turn[inward[k]] = around(facets.triangles[larger], places[k], weight) < _MOSTLY
     return turn
 
 
-def winding_at(triangles: Float, point: Float, weight: Int | None = None) -> int:
+def solid_angle_at(triangles: Float, point: Float, weight: Int) -> float:
+    """How much of all directions from a point is covered by the surface, seen from behind: 1 within a closed one.
+
+    An open surface covers less, but more than half of all directions deep inside.
+
+    Args:
+        triangles: (F, 3, 3) mm.
+        point: (3,) mm, not on the surface.
+        weight: (F,) 1, or -1 for facets that count the other way round.
+
+    Source: van Oosterom & Strackee, The solid angle of a plane triangle, 1983.
+    """
+    a, b, c = (triangles - point).transpose(1, 0, 2)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    box = np.einsum("ij,ij->i", a, np.cross(b, c))
+    dots = [
+        np.einsum("ij,ij->i", one, other) * length
+        for one, other, length in ((a, b, lc), (b, c, la), (c, a, lb))
+    ]
+    angle = 2 * np.arctan2(box, la * lb * lc + sum(dots))
+    return float((angle * weight).sum() / (4 * np.pi))
+
+
+def winding_at(triangles: Float, point: Float, weight: Int) -> int:
     """How often the surface runs around a point: facets straight over it that look up, less those that look down.
 
     Args:
@@ -121,7 +146,7 @@ def winding_at(triangles: Float, point: Float, weight: Int | None = None) -> int
     )
     over = triangles[near]
     signs = np.where(_height_at(over, x, y) > z, _turns_around(over, x, y), 0)
-    return int((signs if weight is None else signs * weight[near]).sum())
+    return int((signs * weight[near]).sum())
 
 
 def _turns_around(triangles: Float, x: float, y: float) -> Int:
