@@ -175,18 +175,18 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
 def _closed(following: Int, crossings: Crossings, plan: LayerPlan, name: str) -> Chords:
     """Close all contours, in place: loose ends up to 1 mm apart first, then by chords that cross nothing."""
     loose = LooseEnds.of(following, crossings.xy, crossings.plane)
+    tail, head = crossings.tail, crossings.head
     try:
         chords = close_near(loose, _CRACK)
+        left = loose.without(chords)
+        if len(left.tails):
+            begin = np.concatenate([crossings.xy[tail], crossings.xy[chords.tail]])
+            end = np.concatenate([crossings.xy[head], crossings.xy[chords.head]])
+            planes = np.concatenate([crossings.plane[tail], crossings.plane[chords.tail]])
+            long = close_by_chords(left, begin, end, planes)
+            chords, left = chords.merge(long), left.without(long)
     except OverflowError:
         raise _not_closed(name, loose, plan, "the surface is in shreds") from None
-    left = loose.without(chords)
-    if len(left.tails):
-        tail, head = crossings.tail, crossings.head
-        begin = np.concatenate([crossings.xy[tail], crossings.xy[chords.tail]])
-        end = np.concatenate([crossings.xy[head], crossings.xy[chords.head]])
-        planes = np.concatenate([crossings.plane[tail], crossings.plane[chords.tail]])
-        long = close_by_chords(left, begin, end, planes)
-        chords, left = chords.merge(long), left.without(long)
     if len(left.tails):
         raise _not_closed(name, left, plan, "the contour cannot be closed without crossing itself")
     following[chords.tail] = chords.head
@@ -200,8 +200,8 @@ def _not_closed(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshE
     x, y = loose.xy[worst]
     z = plan.cut[loose.plane[worst]]
     return MeshError(
-        f"{name}: the surface is open: {why} at x {x:.2f} y {y:.2f} z {z:.2f}, "
-        f"where {np.bincount(planes)[loose.plane[worst]]} ends are loose",
+        f"{name}: the surface is open: {why} at x {x:.2f} y {y:.2f} z {z:.2f} "
+        f"(loose ends at this height: {np.bincount(planes)[loose.plane[worst]]})",
         remedy=_MEND,
     )
 

@@ -15,9 +15,10 @@ __all__ = ["Chords", "LooseEnds", "close_by_chords", "close_near"]
 
 _TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
 """mm; ends are looked for this near before they are looked for farther away, so that few are left for that."""
-_MOST_PAIRS = 20_000_000
-_MOST_LOOSE = 400
-"""Loose ends of one plane between which chords are tried; a surface that leaves more is in shreds."""
+_PAIRS_PER_END = 20
+_MANY_PAIRS = 200_000
+"""Where each loose end has more than so many others near it, and there are more than so many in all, or where more
+pairs than these are left to try chords between, a surface is in shreds: looking on would take minutes, for nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +113,7 @@ def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
         key = _cell_key(cell[0] + np.array(shift) - 1, plane[loose.tails])
         first, last = np.searchsorted(head_key, key), np.searchsorted(head_key, key, side="right")
         total += int((last - first).sum())
-        if total > _MOST_PAIRS:
+        if total > _PAIRS_PER_END * len(key) + _MANY_PAIRS:
             raise OverflowError
         owner, place = spread(last - first)
         tail, head = loose.tails[owner], heads[first[owner] + place]
@@ -163,18 +164,26 @@ def close_by_chords(loose: LooseEnds, begin: Float, end: Float, segment_plane: I
         segment_plane: (S,).
 
     Returns:
-        The chords; ends between which every chord would cross a contour, and those of planes with more than 400 of
-        them, are left loose.
+        The chords; ends between which every chord would cross a contour are left loose, and so are those of all planes
+        above.
+
+    Raises:
+        OverflowError: there are too many ends to try.
     """
     chords = Chords.none()
     planes, counts = np.unique(loose.plane[loose.tails], return_counts=True)
+    if (counts**2).sum() > _MANY_PAIRS:
+        raise OverflowError
     order = np.argsort(segment_plane, kind="stable")
     begin, end, segment_plane = begin[order], end[order], segment_plane[order]
-    for plane in planes[counts <= _MOST_LOOSE].tolist():
+    for plane, count in zip(planes.tolist(), counts.tolist(), strict=True):
         here = slice(*np.searchsorted(segment_plane, [plane, plane + 1]))
         tails = loose.tails[loose.plane[loose.tails] == plane]
         heads = loose.heads[loose.plane[loose.heads] == plane]
-        chords = chords.merge(_uncrossed(loose.xy, tails, heads, begin[here], end[here]))
+        found = _uncrossed(loose.xy, tails, heads, begin[here], end[here])
+        chords = chords.merge(found)
+        if len(found.tail) < count:
+            break
     return chords
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Float, Int
+from printer_slicer.geometry.areas import Bool, Float, Int
 from printer_slicer.geometry.joints import linked, lowest_of_chain, welded
 
 __all__ = [
@@ -105,29 +105,16 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     """
     tag = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3).T
     after = tag[[1, 2, 0]]
-    forward, used = tag < after, tag != after  # an edge of no length belongs to a facet of no area
-    key = edge_keys(tag)
-    ordered = np.sort(key[used])
-    begins = (
-        np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-        if len(ordered)
-        else np.zeros(0, int)
-    )
-    count = np.diff(np.append(begins, len(ordered)))
-    turn = np.where(forward, 1, -1)
-    # Twice the same direction sums to two; a sum over all edges that is zero edge by edge has no such pair.
-    suspects = ordered[begins[count != 2]]
-    balance = int((key[used].astype(np.int64) * turn[used]).sum()) if len(ordered) else 0
-    if len(suspects) == 0 and balance == 0:
-        nothing = np.zeros((0, 3))
-        return nothing, nothing, nothing
-    middle = ((triangles + triangles[:, [1, 2, 0]]) / 2).transpose(1, 0, 2)[used]
-    unique, first, which, counts = np.unique(
-        key[used], return_index=True, return_inverse=True, return_counts=True
-    )
-    direction = np.bincount(which, weights=turn[used], minlength=len(unique))
-    open_, crowded = counts == 1, counts > 2
-    return middle[first[open_]], middle[first[(counts == 2) & (direction != 0)]], middle[first[crowded]]
+    used = np.flatnonzero(tag != after)  # an edge of no length belongs to a facet of no area
+    edge, firsts = welded(edge_keys(tag).ravel()[used])
+    count = np.bincount(edge, minlength=len(firsts))
+    net = 2 * np.bincount(edge[(tag < after).ravel()[used]], minlength=len(firsts)) - count
+
+    def middles(of: Bool) -> Float:
+        corner, facet = np.divmod(used[np.sort(firsts[of])], len(triangles))
+        return np.asarray((triangles[facet, corner] + triangles[facet, (corner + 1) % 3]) / 2)
+
+    return middles(count == 1), middles((count == 2) & (net != 0)), middles(count > 2)
 
 
 def balanced(tag: _UInt) -> bool:

@@ -22,7 +22,7 @@ from printer_slicer.model import Mesh, Repair, Repairs
 
 __all__ = ["refuse_repaired", "repair"]
 
-_HOLLOW = 1e-6  # of the envelope: what holds less may be a surface and its reverse
+_HOLLOW = 1e-6  # of what is under all facets: a surface and its reverse hold nothing but rounding
 _Step = Callable[[Facets], tuple[Facets, list[Repair]]]
 _done_with: WeakSet[Mesh] = WeakSet()  # what came out of here needs not go through again
 
@@ -30,8 +30,8 @@ _done_with: WeakSet[Mesh] = WeakSet()  # what came out of here needs not go thro
 def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     """The mesh as a surface that bounds a solid, as far as it can be made one, and what was done to it.
 
-    1. Corners at open edges are joined when they are nearer than a micrometre, or than 32-bit coordinates tell apart.
-    2. Facets that are there more than once are dropped but for one, or altogether where they bound nothing.
+    1. Facets that are there more than once are dropped but for one, or altogether where they bound nothing.
+    2. Corners at open edges are joined when they are near, see `join_corners`; then facets may be there twice again.
     3. Sheets without thickness that end at a whole surface are dropped.
     4. Neighbours face the same way: the lesser part of each patch is turned round.
     5. Holes are filled, see `fill_holes`.
@@ -71,7 +71,12 @@ def _is_sound(mesh: Mesh) -> bool:
         return False
     corner, firsts = welded(tag)
     group = linked(corner.reshape(-1, 3).T, len(firsts))
-    return int(group.max(initial=0)) == 0 and mesh.volume > _HOLLOW * float(np.prod(mesh.size))
+    if group.max(initial=0) > 0:
+        return False
+    # Over every facet stands a column from the lowest corner; those under facets that look down count negative.
+    (ax, bx, cx), (ay, by, cy), zs = mesh.triangles.transpose(2, 1, 0)
+    columns = (zs.sum(axis=0) - 3 * zs.min()) * ((bx - ax) * (cy - ay) - (cx - ax) * (by - ay))
+    return float(columns.sum()) > _HOLLOW * float(np.abs(columns).sum())
 
 
 def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
@@ -79,6 +84,7 @@ def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
         return mesh, Repairs()
     facets = Facets.read(mesh.triangles)
     steps: list[_Step] = [
+        drop_duplicates,
         join_corners,
         drop_duplicates,
         drop_sheets,

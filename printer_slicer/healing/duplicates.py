@@ -39,7 +39,7 @@ def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
 
 def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     """With corners at open edges joined that are within `reach` mm of each other along every axis."""
-    at_open = facets.count[facets.edges] != 2
+    at_open = facets.count[facets.edges] % 2 == 1
     loose = np.union1d(facets.corners[at_open], facets.corners[:, [1, 2, 0]][at_open])
     loose = loose[np.lexsort(facets.points[loose].T[::-1])]
     if not len(loose):
