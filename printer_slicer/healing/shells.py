@@ -9,7 +9,7 @@ from printer_slicer.geometry.joints import linked
 from printer_slicer.healing.facets import Facets
 from printer_slicer.model import Bool, Float, Int, Repair
 
-__all__ = ["face_alike", "face_outward", "winding_at"]
+__all__ = ["face_alike", "face_outward", "solid_angle_at", "winding_at"]
 
 _INWARD = 1e-3  # of the size of a facet: how far a point is moved off it
 _NO_VOLUME = 1e-9  # mm³
