@@ -30,6 +30,7 @@ __all__ = [
 
 _UInt = NDArray[np.uint64]
 _FACETS_AT_ONCE = 200_000
+_CORNERS_AT_ONCE = 200_000
 _PAIRS_AT_ONCE = 4_000_000  # facet-plane pairs held at the same time: about 0.5 GB
 
 
@@ -211,15 +212,19 @@ def _nodes(half_edge: Int, first: Int, last: Int, slot: Int, base: Int) -> Int:
 
 def corner_keys(corner: Float) -> _UInt:
     """(n,) 64 bits from the coordinates (n, 3) of each corner; equal coordinates, equal bits."""
-    bits = (corner + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0
-    mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
-    mixed ^= mixed >> np.uint64(29)
-    mixed += bits[:, 1]
-    mixed *= np.uint64(0xBF58476D1CE4E5B9)
-    mixed ^= mixed >> np.uint64(32)
-    mixed += bits[:, 2]
-    mixed *= np.uint64(0x94D049BB133111EB)
-    return np.asarray(mixed ^ (mixed >> np.uint64(31)))
+    mixed = np.zeros(len(corner), np.uint64)
+    for at in range(0, len(corner), _CORNERS_AT_ONCE):
+        some = slice(at, at + _CORNERS_AT_ONCE)
+        bits = (corner[some] + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0
+        keys = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
+        keys ^= keys >> np.uint64(29)
+        keys += bits[:, 1]
+        keys *= np.uint64(0xBF58476D1CE4E5B9)
+        keys ^= keys >> np.uint64(32)
+        keys += bits[:, 2]
+        keys *= np.uint64(0x94D049BB133111EB)
+        mixed[some] = keys ^ (keys >> np.uint64(31))
+    return mixed
 
 
 def edge_keys(tag: _UInt) -> _UInt:

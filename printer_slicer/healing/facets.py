@@ -73,11 +73,6 @@ class Facets:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
-    @property
-    def is_balanced(self) -> bool:
-        """Whether every edge is passed as often in one direction as in the other: all sections close."""
-        return not self.net.any()
-
     def kept(self, keep: Bool) -> Facets:
         """Only the facets for which `keep` (F,) is true."""
         return Facets.of(self.points, self.corners[keep])
@@ -97,10 +92,3 @@ class Facets:
     def patches(self) -> Int:
         """(F,) the patch of each facet, from 0: facets that hang together by edges that two facets share."""
         return linked(self.pairs()[0], len(self.corners))
-
-    def open_edge_places(self) -> Float:
-        """(n, 3) the middles of edges at which facets are missing or face opposite ways."""
-        half = np.flatnonzero(self.net[self.edges.ravel()] != 0)
-        first = half[np.unique(self.edges.ravel()[half], return_index=True)[1]]
-        after = self.corners[:, [1, 2, 0]].ravel()
-        return np.asarray((self.points[self.corners.ravel()[first]] + self.points[after[first]]) / 2)

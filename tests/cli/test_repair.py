@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from command_line import PARTS, QUICK, Outcome, is_message, typed
 
 from printer_slicer.mesh_io import export_stl, load_mesh
@@ -30,6 +31,29 @@ def test_a_mesh_that_needs_repair_is_refused_when_that_is_asked_for(tmp_path: Pa
     refused(typed("contours", tmp_path / "open.stl", "-o", target, "--strict"), "needs repair: holes filled")
 
     assert typed("slice", PARTS / "cylinder.stl", "--strict", "-o", tmp_path / "a.gcode", *QUICK).code == 0
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["slice"], ["plan"], ["dry-run"], ["print", "--port", "sim:"], ["contours", "-o", "open.svg"]],
+    ids=str,
+)
+def test_every_command_tells_what_was_put_right(command: list[str], tmp_path: Path) -> None:
+    export_stl(Mesh(load_mesh(PARTS / "cylinder.stl").triangles[1:]), tmp_path / "open.stl")
+    said = [str(tmp_path / word) if word == "open.svg" else word for word in command]
+
+    in_words = typed(*said, tmp_path / "open.stl", *QUICK)
+    as_json = typed(*said, tmp_path / "open.stl", "--json", *QUICK)
+
+    assert (in_words.code, as_json.code) == (0, 0), in_words.err + as_json.err
+    assert "repaired: holes filled: 1, the first at x" in in_words.out
+    documents = [json.loads(line) for line in as_json.out.splitlines()]
+    told = [document["repairs"] for document in documents if "repairs" in document]
+    assert told
+    for (repair,) in told:
+        assert (repair["kind"], repair["count"], len(repair["places"])) == ("holes filled", 1, 1)
+        assert repair["largest_gap_mm"] > 0
+        assert repair["area_guessed_mm2"] > 0
 
 
 def test_gaps_that_only_sections_can_close_are_told_and_refused_when_that_is_asked_for(
