@@ -17,13 +17,16 @@ often, a feature is thinner than the layers and may be lost; no bound can be giv
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
 import numpy as np
 
 from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Float, Int
 from printer_slicer.surface.contacts import Contacts
 
-__all__ = ["painted", "run_bounds", "run_tables", "steepest"]
+__all__ = ["painted", "run_bounds", "runs_by_length", "steepest"]
 
 # Coordinates this near to the border of a cell, mm, lie on it but for the rounding of 32-bit files.
 _SAME = 5e-6
@@ -75,49 +78,48 @@ def steepest(contacts: Contacts, start: float, end: float) -> int:
     return int(within[np.argmax(share)])
 
 
-def run_tables(
+def runs_by_length(
     contacts: Contacts,
     cell: float,
     n_cells: int,
-    length: Int,
+    length: Sequence[int],
     *,
     bottom: float = 0.0,
     contained: bool = False,
-) -> Float:
-    """(len(length), n_cells + 1) mm, the bounds of runs of `length` cells up from every border between cells.
+) -> Iterator[Float]:
+    """For each length in turn (n_cells + 1,) mm, the bounds of runs of so many cells up from each border between cells.
 
-    Within a cell the steepest rise counts from the bottom, so the table errs upward, by less than a cell. Runs that
-    leave the cells end with the last one.
+    Within a cell the steepest rise counts from the bottom, so a bound errs upward, by less than a cell. Runs that leave
+    the cells end with the last one.
 
     Args:
         contacts: of the surface, seen from above.
         cell: mm.
         n_cells: how many.
-        length: (n,) ascending, in cells.
+        length: in cells, ascending.
         bottom: z of the lowest border, mm.
         contained: whether runs leave out what lies beside the borders of cells.
     """
+    rise = _rises(contacts, cell, n_cells, bottom, contained=contained)
+    total, highest = np.zeros(n_cells + 1), np.zeros(n_cells)
+    for begin, end in pairwise([0, *length]):
+        for ahead in range(begin, min(end, n_cells)):
+            left = n_cells - ahead
+            np.maximum(highest[:left], rise[ahead:], out=highest[:left])
+            total[:left] += highest[:left]
+        yield total * cell
+
+
+def _rises(contacts: Contacts, cell: float, n_cells: int, bottom: float, *, contained: bool) -> Float:
+    """(n_cells,) the steepest rise of the contacts in each cell."""
     same = (BESIDE if contained else _SAME) / cell
     first = np.floor((contacts.low - bottom) / cell + same).astype(np.int64)
     last = np.ceil((contacts.high - bottom) / cell - same).astype(np.int64) - 1
     if not contained:  # a flat in a border belongs to the run that begins there
         last = np.maximum(last, first)
     some = (last >= 0) & (first < n_cells) & (first <= last)
-    rise = painted(
-        np.maximum(first[some], 0), np.minimum(last[some], n_cells - 1), contacts.rise[some], n_cells
-    )
-    table = np.zeros((len(length), n_cells + 1))
-    total, highest = np.zeros(n_cells), np.zeros(n_cells)
-    row = 0
-    for ahead in range(int(length[-1])):
-        left = n_cells - ahead
-        if left > 0:
-            np.maximum(highest[:left], rise[ahead:], out=highest[:left])
-            total[:left] += highest[:left]
-        if length[row] == ahead + 1:
-            table[row, :n_cells] = total
-            row += 1
-    return table * cell
+    first, last = np.maximum(first[some], 0), np.minimum(last[some], n_cells - 1)
+    return painted(first, last, contacts.rise[some], n_cells)
 
 
 def painted(first: Int, last: Int, value: Float, n: int) -> Float:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from printer_slicer.errors import PlanError
 from printer_slicer.model import Bool, LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.arcs import Arcs, Lattice
+from printer_slicer.planning.arcs import Arcs
+from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
@@ -67,9 +68,13 @@ def flats_missed(mesh: Mesh, plan: LayerPlan, within: float) -> list[float]:
 def modelled_seconds(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> float:
     """What the planner's model takes a plan to last."""
     lattice = Lattice.of(Steps(mesh, wanted))
-    units = np.rint(plan.height / lattice.unit).astype(np.int64)
-    table = Arcs.over(read_surface(mesh), lattice, wanted).seconds
-    return float(table[units - lattice.heights[0], np.cumsum(units)].sum())
+    ends = np.rint(np.append(0.0, plan.top) / lattice.unit).astype(np.int64)
+    arcs = Arcs.over(read_surface(mesh), lattice, Steps(mesh, wanted), wanted, everywhere=True)
+    mine = np.isin(
+        arcs.graph.start * (lattice.n + 1) + arcs.graph.end, ends[:-1] * (lattice.n + 1) + ends[1:]
+    )
+    assert mine.sum() == plan.n_layers
+    return float(arcs.seconds[mine].sum())
 
 
 def spent(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> Mapping[str, float]:
@@ -198,6 +203,27 @@ def test_layers_end_on_every_flat_and_on_the_top(name: str, objective: str, z_st
 
     assert flats_missed(mesh, plan, z_step / 2) == []
     assert abs(plan.top[-1] - mesh.height) <= z_step / 2 + ROUNDING
+
+
+@pytest.mark.parametrize("changes", [{}, {"planner__max_step": 0.05}, {"first_layer_height": 0.2005}])
+@pytest.mark.parametrize("height", [3.9997, 4.0003, 4.0011])
+def test_where_steps_are_finer_than_layers_need_the_top_is_still_met_to_the_step(
+    height: float, changes: dict[str, Any]
+) -> None:
+    """Layers end on every fifth step or so, but the last one ends where the part does."""
+    mesh = Mesh(sphere(2).triangles * [1, 1, height / sphere(2).height])
+    wanted = optimal(z_step=0.0005, tolerance=0.06, **changes)
+    plan = plan_layers(mesh, wanted)
+    steps = plan.height / 0.0005
+
+    assert abs(plan.top[-1] - height) <= 0.00025 + ROUNDING
+    assert np.abs(steps - np.rint(steps)).max() < 1e-4
+    assert plan.height.min() >= wanted.printer.min_layer - ROUNDING
+    assert plan.height.max() <= wanted.printer.max_layer + ROUNDING
+    chosen = slice(1, None) if "first_layer_height" in changes else slice(None)
+    assert proven(mesh, plan).bound[chosen].max() <= 0.06 + ROUNDING
+    if "planner__max_step" in changes:
+        assert np.abs(np.diff(plan.height)).max() <= 0.05 + ROUNDING
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
