@@ -205,27 +205,6 @@ def test_layers_end_on_every_flat_and_on_the_top(name: str, objective: str, z_st
     assert abs(plan.top[-1] - mesh.height) <= z_step / 2 + ROUNDING
 
 
-@pytest.mark.parametrize("changes", [{}, {"planner__max_step": 0.05}, {"first_layer_height": 0.2005}])
-@pytest.mark.parametrize("height", [3.9997, 4.0003, 4.0011])
-def test_where_steps_are_finer_than_layers_need_the_top_is_still_met_to_the_step(
-    height: float, changes: dict[str, Any]
-) -> None:
-    """Layers end on every fifth step or so, but the last one ends where the part does."""
-    mesh = Mesh(sphere(2).triangles * [1, 1, height / sphere(2).height])
-    wanted = optimal(z_step=0.0005, tolerance=0.06, **changes)
-    plan = plan_layers(mesh, wanted)
-    steps = plan.height / 0.0005
-
-    assert abs(plan.top[-1] - height) <= 0.00025 + ROUNDING
-    assert np.abs(steps - np.rint(steps)).max() < 1e-4
-    assert plan.height.min() >= wanted.printer.min_layer - ROUNDING
-    assert plan.height.max() <= wanted.printer.max_layer + ROUNDING
-    chosen = slice(1, None) if "first_layer_height" in changes else slice(None)
-    assert proven(mesh, plan).bound[chosen].max() <= 0.06 + ROUNDING
-    if "planner__max_step" in changes:
-        assert np.abs(np.diff(plan.height)).max() <= 0.05 + ROUNDING
-
-
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(st.lists(st.floats(0.17, 2), min_size=2, max_size=5), st.sampled_from(OBJECTIVES), st.booleans())
 def test_flats_anywhere_are_met_within_half_a_step(
