@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.geometry import frozen_array
+from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Bool, Float, Int
 from printer_slicer.planning.lattice import Lattice, Row, rows_of
 from printer_slicer.planning.path import Graph
@@ -31,7 +32,7 @@ class Arcs:
         graph: where each layer begins and ends, in units.
         listed: (A,) whether its height is allowed where it is.
         free: (A,) whether it is, or the layer touches an event plane.
-        bound: (A,) mm, certified error; errs upward by less than a cell.
+        bound: (A,) mm, certified error as tables have it.
         volume: (A,) mm³, wrongly filled or empty at most.
         seconds: (A,) s, modelled.
     """
@@ -79,6 +80,12 @@ class Arcs:
             _joined(seconds, np.float64)[order],
         )
 
+    def rated(self, layers: Int, bounds: Float) -> Arcs:
+        """The same with other bounds, mm, of some of the layers."""
+        bound = self.bound.copy()
+        bound[layers] = bounds
+        return replace(self, bound=bound)
+
 
 def _joined(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
     """One column of what all rows say."""
@@ -100,7 +107,7 @@ def _bounds(surface: Surface, lattice: Lattice, containment: str, rows: list[Row
         first = end - lattice.cells * row.height
         # Both runs begin where the section is taken, or at the far end where the layer is contained.
         start, turned = (first, n_cells - end) if contained else (first + cells, n_cells - first - cells)
-        yield np.maximum(up[start], down[turned])
+        yield np.maximum(up[start], down[turned]) + (2 * BESIDE if contained else 0.0)
 
 
 def _volumes(surface: Surface, lattice: Lattice, containment: str, rows: list[Row]) -> Iterable[Float]:

@@ -13,7 +13,7 @@ from printer_slicer.planning.steps import Steps, tolerances
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import find_flats
 
-__all__ = ["ODD", "UNEVEN", "fines_of", "kept_bounds"]
+__all__ = ["ODD", "UNEVEN", "fines_of", "underrated"]
 
 # In the cost of the dearest layer there is. Within a plan of a thousand layers no rule is broken for the objective.
 UNEVEN: Final = 1e3
@@ -29,7 +29,7 @@ ODD: Final = 1.1
 _ROUNDING: Final = 1e-9  # mm
 
 
-def fines_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile, slack: float) -> Float:
+def fines_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> Float:
     """(A,) what every layer breaks, in the cost of the dearest layer; evenness apart.
 
     Args:
@@ -37,12 +37,11 @@ def fines_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile, slack: floa
         arcs: its layers.
         steps: of the printer.
         profile: tolerance, ranges, containment and snap tolerance.
-        slack: mm that bounds must stay under the tolerance.
     """
     lattice, graph = arcs.lattice, arcs.graph
     start, end = graph.start, graph.end
     height, tolerance = end - start, _tolerances(arcs, profile)
-    over = arcs.bound - tolerance + slack
+    over = arcs.bound - tolerance
     # Half a layer that is no higher than the tolerance cannot be wrong by more, rounding or not.
     share = 0.5 if profile.quality.containment == "mid" else 1.0
     over[(share * lattice.unit * height <= tolerance + _ROUNDING) | (over <= _ROUNDING)] = 0.0
@@ -59,8 +58,8 @@ def fines_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile, slack: floa
     return fines
 
 
-def kept_bounds(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> bool:
-    """Whether the exact bounds of layers are within the tolerance wherever the tables say so.
+def underrated(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> Bool:
+    """(L,) whether a layer's exact bound breaks the tolerance that its arc seems to keep.
 
     Args:
         arcs: the layers that there are.
@@ -68,9 +67,8 @@ def kept_bounds(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> boo
         layers: (L,) arcs of a plan.
         bounds: (L,) mm, exact.
     """
-    tolerance = _tolerances(arcs, profile)[layers]
-    within: Bool = arcs.bound[layers] <= tolerance + 2 * _ROUNDING
-    return bool((bounds[within] <= tolerance[within] + _ROUNDING).all())
+    tolerance = _tolerances(arcs, profile)[layers] + 2 * _ROUNDING
+    return np.asarray((arcs.bound[layers] <= tolerance) & (bounds > tolerance))
 
 
 def _tolerances(arcs: Arcs, profile: Profile) -> Float:

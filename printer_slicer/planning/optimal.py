@@ -15,8 +15,8 @@ from the bed to the top of the part is the plan. In this order of weight:
 What cannot be had, because the thinnest layer is too thick for it, is broken as little as possible; the certificate of
 the plan tells where. Guarantee: no other chain of the arcs is better by that order; within `max_layers` none has less
 volume error by these rules, but with `max_step` too, and within a time budget, none at the same price on what is
-limited. The arcs' bounds err upward by less than a cell (0.0025 mm), so a layer that keeps the tolerance by less than
-that may be passed over. Cost: heights of the list x ends; reading the surface is linear in facets.
+limited. The arcs' bounds err upward where contacts begin close to each other, by much less than a z step. Cost: heights
+of the list x ends; reading the surface is linear in facets.
 
 Sources: dynamic programming over layer ends after Alexa, Hildebrand and Lefebvre, "Optimal discrete slicing", 2017, and
 Mao, Kwok, Chen and Wang, 2019; the certified bound, events and the order above are this project's.
@@ -31,7 +31,7 @@ import numpy as np
 from printer_slicer.errors import PlanError
 from printer_slicer.model import Float, Int, LayerPlan, Mesh
 from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.fines import ODD, UNEVEN, fines_of, kept_bounds
+from printer_slicer.planning.fines import ODD, UNEVEN, fines_of, underrated
 from printer_slicer.planning.lattice import Lattice, ranges_of
 from printer_slicer.planning.path import cheapest, cheapest_even, cheapest_few, cheapest_within
 from printer_slicer.planning.steps import Steps, fill
@@ -40,9 +40,9 @@ from printer_slicer.surface import layer_bounds, read_surface
 
 __all__ = ["plan_optimal"]
 
-# mm under the tolerance, tried in turn: tables take coordinates just below a border for being on it, the exact bounds
-# of contained layers count what they leave out beside their borders, and the last layer may end half a unit higher.
-_SLACKS: Final = (0.0, 6e-5, 3e-3)
+# Tables take coordinates just below a border for being on it: where the exact bound of a layer in a plan turns out to
+# break the tolerance, it is put into the table and a plan is looked for again, this many times at most.
+_ROUNDS: Final = 20
 _DIGITS: Final = 9  # of the dearest layer's cost
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
 
@@ -76,14 +76,16 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
     surface = read_surface(mesh)
     lattice = Lattice.of(steps, [stretch.layer_height for stretch in ranges_of(profile)])
     arcs = Arcs.over(surface, lattice, steps, profile, everywhere=everywhere)
-    plan = None
-    for slack in _SLACKS:
-        layers = _Search(mesh, arcs, profile, fines_of(mesh, arcs, steps, profile, slack)).best()
+    for _ in range(_ROUNDS):
+        layers = _Search(mesh, arcs, profile, fines_of(mesh, arcs, steps, profile)).best()
         if layers is None:
             return None
         plan = steps.plan(lattice.steps_of(arcs.graph.height[layers]), "optimal")
-        if kept_bounds(arcs, profile, layers, layer_bounds(surface, plan)):
+        bounds = layer_bounds(surface, plan)
+        worse = underrated(arcs, profile, layers, bounds)
+        if not worse.any():
             break
+        arcs = arcs.rated(layers[worse], bounds[worse])
     return plan
 
 

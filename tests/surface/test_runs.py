@@ -166,6 +166,21 @@ def test_tables_lie_over_the_bounds_and_by_less_than_a_cell(seed: int, cell: flo
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.sampled_from([0.005, 0.02]))
+def test_tables_are_exact_where_no_two_contacts_begin_in_a_cell(seed: int, cell: float) -> None:
+    rng = np.random.default_rng(seed)
+    low = (np.flatnonzero(rng.random(60) < 0.15) + rng.uniform(0.1, 0.9)) * cell
+    high = low + rng.choice([0.0, 0.3, 4.0, 20.0], len(low)) * cell
+    contacts = contacts_of(low, high, rng.uniform(0.05, 1, len(low)))
+    length = [3, 8, 24]
+    table = list(runs_by_length(contacts, cell, 80, length))
+
+    for row, cells in zip(table, length, strict=True):
+        exact = [slow_bound(contacts, cell * at, cell * (at + cells)) for at in range(80 - cells)]
+        assert row[: 80 - cells] == pytest.approx(exact, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.sampled_from([1e-7, 1e-6, 4e-6]))
 def test_the_rounding_of_files_changes_neither_tables_nor_what_they_promise(seed: int, noise: float) -> None:
     """Contacts that should lie on borders of cells lie a little beside them."""
