@@ -10,6 +10,7 @@ from printer_slicer.gcode import spoken
 from printer_slicer.model import Float, LayerPlan, Mesh, Program, Repairs, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
+from printer_slicer.planning.unkept import unkept_rules
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
@@ -25,6 +26,7 @@ __all__ = [
     "runs_text",
     "sentences",
     "time_budget",
+    "unkept_sentences",
 ]
 
 _WORTH_SAYING = 0.002  # share of the part
@@ -103,8 +105,8 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
     ):
         lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
     lines += budget_sentences(facts["time_budget"], facts["seconds"])
-    first, *more = certificate_sentences(facts["certificate"])
-    lines += [first, *(line for line in more if line.startswith("over the tolerance"))]
+    first = certificate_sentences(facts["certificate"])[0]
+    lines += [first, *unkept_sentences(facts["certificate"])]
     if facts["empty_layers"]:
         many = "1 layer stays" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers stay"
         lines.append(f"{many} empty: the part is narrower than a bead there")
@@ -223,8 +225,16 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
             for low, high, bound in certificate.over(tolerances(profile, plan.bottom, plan.top))
         ],
-        "thinnest_layer_mm": profile.thinnest,
-        "first_layer_mm": profile.quality.first_layer_height,
+        "unkept": [
+            {
+                "rule": unkept.rule,
+                "from": round(unkept.low, 6),
+                "to": round(unkept.high, 6),
+                "amount_mm": round(unkept.amount, 6),
+                "cause": unkept.cause,
+            }
+            for unkept in unkept_rules(part, certificate, profile)
+        ],
     }
 
 
@@ -243,7 +253,7 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
     Args:
         facts: of `certificate_facts`.
     """
-    worst, over = facts["worst"], facts["over_tolerance"]
+    worst = facts["worst"]
     side = {"mid": "wrong", "positive": "too much", "negative": "missing"}[facts["containment"]]
     proven = f"certified error {facts['max_error_mm']:.4f} mm: nothing {side} is farther from the surface"
     lines = [f"{proven}; {facts['volume_error_mm3']:.1f} mm3 in all, at most"]
@@ -263,23 +273,33 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
             f"edges and features of {thin['area_mm2']:.2f} mm2, seen from above, are thinner than the layers and come "
             f"out smaller or not at all, most of them near z {thin['z']:g}"
         )
-    thinnest, tolerance = facts["thinnest_layer_mm"], facts["tolerance_mm"]
-    wanted = "" if facts["ranges"] else f" of {tolerance:g} mm"
-    lines += [
-        f"over the tolerance{wanted} from z {stretch['from']:g} to {stretch['to']:g}: "
-        f"{stretch['bound_mm']:.4f} mm; {_remedy(stretch, thinnest, facts['first_layer_mm'])}"
-        for stretch in over[:_MOST_RUNS]
+    return lines + unkept_sentences(facts)
+
+
+_BROKEN = {
+    "tolerance": "over the tolerance{wanted} from z {from:g} to {to:g}: {amount_mm:.4f} mm",
+    "flat": "the flat at z {from:g} is missed by {amount_mm:.4f} mm",
+    "max_step": "neighbours at z {from:g} differ by {amount_mm:g} mm, more than max_step",
+    "range height": "from z {from:g} to {to:g} layers differ by {amount_mm:g} mm from the height of their range",
+    "range end": "no layer ends at z {from:g}, the end of a range, by {amount_mm:.4f} mm",
+    "range": "nothing of the range from z {from:g} to {to:g} is in the part",
+}
+
+
+def unkept_sentences(facts: dict[str, Any]) -> list[str]:
+    """The rules that the plan could not keep, for people.
+
+    Args:
+        facts: of `certificate_facts`.
+    """
+    wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
+    unkept = facts["unkept"]
+    lines = [
+        f"{_BROKEN[one['rule']].format(wanted=wanted, **one)}; {one['cause']}" for one in unkept[:_MOST_RUNS]
     ]
-    if len(over) > _MOST_RUNS:
-        lines.append(f"and {len(over) - _MOST_RUNS} stretches more")
+    if len(unkept) > _MOST_RUNS:
+        lines.append(f"and {len(unkept) - _MOST_RUNS} more that --json lists")
     return lines
-
-
-def _remedy(stretch: dict[str, float], thinnest: float, first: float) -> str:
-    """What would bring a stretch within the tolerance."""
-    if stretch["from"] == 0 and first and stretch["to"] <= first + 1e-9:
-        return f"the first layer is set to {first:g} mm"
-    return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {thinnest / 2:g} mm"
 
 
 def runs_text(runs: list[tuple[int, float]] | list[list[float]]) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry.planes import cross, lowest_of_chain
-from printer_slicer.model import Float
+from printer_slicer.model import Float, Int
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 
@@ -68,7 +68,7 @@ class LayerTimes:
         columns = (np.interp(z, at.z, values) for values in (at.length, at.loops, at.inside, at.solid))
         self._slices = _Slices(z, *columns)
 
-    def seconds(self, which: slice, height: float) -> Float:
+    def seconds(self, which: Int, height: float) -> Float:
         """(m,) s, for layers of `height` mm that are cut at the heights `z[which]`."""
         profile, at = self._profile, self._slices
         speeds, material, printer = profile.quality.speeds, profile.material, profile.printer
