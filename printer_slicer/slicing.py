@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
 from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
+from printer_slicer.geometry.crossing import Crossings, cross
 from printer_slicer.geometry.joints import cycles
-from printer_slicer.geometry.planes import Crossings, connected, cross, edge_faults
+from printer_slicer.geometry.planes import connected, edge_faults
 from printer_slicer.geometry.slabs import slab_shadows
 from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Repair, Sections
 
@@ -156,7 +159,7 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
     following = np.full(n_nodes, -1, np.int64)
     following[crossings.tail] = crossings.head
     chords = _closed(following, crossings, plan, name) if crossings.unpaired else Chords.none()
-    ring, rank = cycles(following)
+    ring, rank = _cycles(following, crossings.part)
     first = np.flatnonzero(rank == 0)
     first = first[np.argsort(crossings.plane[first], kind="stable")]
     size = np.bincount(ring, minlength=n_nodes)[first]
@@ -170,6 +173,15 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
     gaps = _gaps(chords, crossings, plan)
     _refuse_guesses(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
     return rings, gaps
+
+
+def _cycles(following: Int, part: Int) -> tuple[Int, Int]:
+    """The lowest node of each node's ring, and the steps from there to the node: part by part, to stay in caches."""
+    ring, rank = np.zeros_like(following), np.zeros_like(following)
+    for begin, end in pairwise(part.tolist()):
+        ring[begin:end], rank[begin:end] = cycles(following[begin:end] - begin)
+        ring[begin:end] += begin
+    return ring, rank
 
 
 def _closed(following: Int, crossings: Crossings, plan: LayerPlan, name: str) -> Chords:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.planes import section_areas
+from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.model import Bool, Float, Int, LayerPlan, Mesh
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import AreaPlanner, Profile

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry.planes import cross, lowest_of_chain
+from printer_slicer.geometry.crossing import cross
+from printer_slicer.geometry.joints import lowest_of_chain
 from printer_slicer.model import Float, Int
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry.planes import section_areas
+from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.model import Float, Mesh
 from tests.parts import box, box_with_hole, joined, prism, sphere, sphere_area, without
 

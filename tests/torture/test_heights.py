@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry.planes import section_areas
+from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.healing import repair
 from printer_slicer.model import Float, LayerPlan, Mesh
 from printer_slicer.slicing import cut
