@@ -19,13 +19,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.geometry import frozen_array
-from printer_slicer.geometry.planes import corner_keys, edge_keys
+from printer_slicer.geometry.joints import welded
+from printer_slicer.geometry.planes import edge_keys, keys_of
 from printer_slicer.model import Bool, Float, Int, Mesh
 
 __all__ = ["Contacts", "find_contacts"]
@@ -69,58 +70,26 @@ class Contacts:
         return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
 
 
-class _Marks(NamedTuple):
-    """Corners or edges that may add a contact, and those whose like must not, by their keys.
-
-    Attributes:
-        place: (n,) number of each that may.
-        key: (n,) its key.
-        refused: (m,) keys of those that no contact has.
-    """
-
-    place: Int
-    key: _Keys
-    refused: _Keys
-
-    @classmethod
-    def joined(cls, blocks: Sequence[_Marks]) -> _Marks:
-        """The marks of all blocks of facets."""
-        return cls(*(np.concatenate(columns) for columns in zip(*blocks, strict=True)))
-
-    def kept(self) -> Int:
-        """The numbers of those whose key is not refused.
-
-        Refused keys go into a table by some of their bits, where a later one may overwrite an earlier one; those that
-        were overwritten go into the next table by other bits. Every round is a scatter and two gathers, no sorting.
-        """
-        place, key, others, shift = self.place, self.key, self.refused, np.uint64(0)
-        while len(others) and len(place):
-            n_bits = len(others).bit_length() + 1
-            mask = np.uint64((1 << n_bits) - 1)
-            table = np.zeros(1 << n_bits, np.uint64)
-            slot = (others >> shift) & mask
-            table[slot] = others
-            free = table[(key >> shift) & mask] != key
-            place, key = place[free], key[free]
-            others = others[table[slot] != others]
-            shift = np.uint64((int(shift) + 11) % 40)
-        return place
-
-
 class _Block(NamedTuple):
-    """What one block of facets says: rise, lowest and highest z of each facet, and marks.
+    """What one block of facets says of itself and of its edges and corners.
 
     Attributes:
         facets: (3, n) rise, low and high.
-        ridges, valleys: edges by 3 f + c, where facet f has the edge after its corner c.
-        peaks, pits: corners by 3 f + c.
+        tag: (3, n) keys of the corners.
+        steeper: (3, n) whether the edge after a corner is steeper than the facet.
+        upward: (3, n) whether the direction from that edge into the facet points upward.
+        downward: (3, n) whether it points downward.
+        under: (3, n) corners that have another one as high or higher beside them.
+        over: (3, n) corners that have another one as low or lower beside them.
     """
 
     facets: Float
-    ridges: _Marks
-    valleys: _Marks
-    peaks: _Marks
-    pits: _Marks
+    tag: _Keys
+    steeper: Bool
+    upward: Bool
+    downward: Bool
+    under: Bool
+    over: Bool
 
 
 def find_contacts(mesh: Mesh) -> Contacts:
@@ -129,12 +98,10 @@ def find_contacts(mesh: Mesh) -> Contacts:
     Args:
         mesh: the part; any triangles will do.
     """
-    blocks = [_block(mesh.triangles, begin) for begin in range(0, max(mesh.n_facets, 1), _AT_ONCE)]
+    blocks = [_block(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, max(mesh.n_facets, 1), _AT_ONCE)]
     rise, low, high = np.concatenate([block.facets for block in blocks], axis=1)
-    ridges, valleys, peaks, pits = (
-        _Marks.joined(marks).kept() for marks in list(zip(*blocks, strict=True))[1:]
-    )
-    edges, corners = np.union1d(ridges, valleys), np.concatenate([peaks, pits])
+    edges, corners = _edges(blocks), _corners(blocks)
+    del blocks
     start, end = mesh.triangles[edges // 3, edges % 3], mesh.triangles[edges // 3, (edges + 1) % 3]
     steep = np.hypot(*(end - start)[:, :2].T) / np.linalg.norm(end - start, axis=1)
     tip = mesh.triangles[corners // 3, corners % 3, 2]
@@ -147,10 +114,37 @@ def find_contacts(mesh: Mesh) -> Contacts:
     return Contacts(low[order], high[order], rise[order], source[order])
 
 
-def _block(triangles: Float, begin: int) -> _Block:
-    """The contacts that the facets from `begin` on may have."""
-    corners = triangles[begin : begin + _AT_ONCE]
-    x, y, z = (np.ascontiguousarray(corners[:, :, axis].T) for axis in range(3))  # (3, n): corner, facet
+def _edges(blocks: Sequence[_Block]) -> Int:
+    """Ridges and valleys steeper than a facet beside them, by 3 f + c: facet f has the edge after its corner c."""
+    edge = welded(_columns([edge_keys(block.tag) for block in blocks]))[0]
+    steeper = np.flatnonzero(_columns([block.steeper for block in blocks]))
+    kept = np.zeros(len(steeper), np.bool_)
+    for side in ([block.upward for block in blocks], [block.downward for block in blocks]):
+        refused = np.zeros(len(edge), np.bool_)
+        refused[edge[_columns(side)]] = True
+        kept |= ~refused[edge[steeper]]
+    return steeper[kept]
+
+
+def _corners(blocks: Sequence[_Block]) -> Int:
+    """Peaks and pits, each once, by 3 f + c."""
+    corner, firsts = welded(_columns([block.tag for block in blocks]))
+    found = np.zeros(len(firsts), np.bool_)
+    for side in ([block.under for block in blocks], [block.over for block in blocks]):
+        refused = np.zeros(len(firsts), np.bool_)
+        refused[corner[_columns(side)]] = True
+        found |= ~refused
+    return firsts[found].astype(np.int64)
+
+
+def _columns(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """One list by 3 f + c of columns (3, n) of all blocks."""
+    return np.concatenate([part.T.ravel() for part in parts])
+
+
+def _block(triangles: Float) -> _Block:
+    """The contacts that some facets may have."""
+    x, y, z = (np.ascontiguousarray(triangles[:, :, axis].T) for axis in range(3))  # (3, n): corner, facet
     run, across, climb = (column[_NEXT] - column for column in (x, y, z))
     normal_x = across[0] * climb[1] - climb[0] * across[1]
     normal_y = climb[0] * run[1] - run[0] * climb[1]
@@ -164,23 +158,16 @@ def _block(triangles: Float, begin: int) -> _Block:
     rise = np.where(solid, np.abs(normal_z) / np.maximum(size, 1e-300), level.max(axis=0))
     inward = normal_x * across - normal_y * run  # m_z, times the lengths of normal and edge
     slack = np.where(solid, _LEVEL * size * length, np.inf)
-    keys = corner_keys(np.stack([x, y, z], axis=2).reshape(-1, 3)).reshape(3, -1)
-    number = 3 * (begin + np.arange(len(corners))) + np.arange(3)[:, None]
     steeper = (level > rise + _LEVEL) & (length > 0)
-    edges = edge_keys(keys)
-    ridges, valleys = (
-        _Marks(number[steeper & ~no], edges[steeper & ~no], edges[no])
-        for no in (inward > slack, inward < -slack)
-    )
-    peaks, pits = (
-        _Marks(number[~no], keys[~no], keys[no]) for no in (_beside_higher(z, keys), _beside_higher(-z, keys))
-    )
-    return _Block(np.stack([rise, z.min(axis=0), z.max(axis=0)]), ridges, valleys, peaks, pits)
+    tag = keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)
+    under, over = _beside_higher(z, tag), _beside_higher(-z, tag)
+    facets = np.stack([rise, z.min(axis=0), z.max(axis=0)])
+    return _Block(facets, tag, steeper, inward > slack, inward < -slack, under, over)
 
 
-def _beside_higher(z: Float, keys: _Keys) -> Bool:
+def _beside_higher(z: Float, tag: _Keys) -> Bool:
     """(3, n) corners that have another one as high or higher beside them in their facet."""
     beside = np.zeros(z.shape, np.bool_)
     for others in (_NEXT, _BEFORE):
-        beside |= (z[others] >= z) & (keys[others] != keys)
+        beside |= (z[others] >= z) & (tag[others] != tag)
     return beside
