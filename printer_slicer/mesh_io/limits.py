@@ -1,0 +1,61 @@
+"""How large a file may be before it is refused: against files made to exhaust the machine that reads them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.errors import MeshError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["LIMITS", "Limits", "check_facets"]
+
+MIB: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What `load_mesh` takes; everything beyond is a `MeshError`.
+
+    Attributes:
+        facets: of one file, after copies of objects are counted as often as they are placed.
+        file_bytes: length of a file of any format.
+        text_bytes: length of a file that is read as a whole: OBJ, PLY, OFF, GLB, STEP.
+        expanded_bytes: length of all that is unpacked from one 3MF or AMF archive, or of an AMF file.
+        expansion: unpacked length divided by packed length of a member of an archive, where it is over 1 MiB.
+        members: files in an archive.
+        instances: objects of one file, each copy counted; also components and constellations on the way to them.
+        nesting: of components in components, and of constellations.
+        xml_depth: elements in elements.
+        xml_token: bytes of one tag or comment.
+    """
+
+    facets: int = 20_000_000
+    file_bytes: int = 2048 * MIB
+    text_bytes: int = 512 * MIB
+    expanded_bytes: int = 1024 * MIB
+    expansion: float = 250.0
+    members: int = 10_000
+    instances: int = 100_000
+    nesting: int = 32
+    xml_depth: int = 64
+    xml_token: int = MIB
+
+
+LIMITS: Final = Limits()
+"""The limits that hold when nobody says otherwise."""
+
+
+def check_facets(count: int, path: Path, limits: Limits) -> None:
+    """Refuse more facets than allowed.
+
+    Raises:
+        MeshError: there are.
+    """
+    if count > limits.facets:
+        raise MeshError(
+            f"{path}: {count} facets; at most {limits.facets} are read",
+            remedy="Export the part with fewer facets, or raise `Limits.facets` from Python.",
+        )
