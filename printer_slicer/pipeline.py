@@ -15,7 +15,7 @@ from printer_slicer.infill import infill_paths
 from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
-from printer_slicer.placing import place
+from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import OptimalPlanner, Profile, profile_with
 from printer_slicer.regions import classify
@@ -46,21 +46,27 @@ class Stages:
 
 
 def slice_stages(
-    mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = quiet
+    mesh: Mesh,
+    profile: Profile,
+    *,
+    plan: LayerPlan | None = None,
+    placement: Placement = IN_THE_MIDDLE,
+    report: Report = quiet,
 ) -> Stages:
     """Slice a part and keep the value of each stage.
 
     Args:
-        mesh: the part, anywhere; it is put on the middle of the bed.
+        mesh: the part, anywhere.
         profile: printer, material and quality.
         plan: the layers, if not the profile's planner shall choose them.
+        placement: where the part is put; by default on the middle of the bed.
         report: is told the name of each stage as it begins.
 
     Raises:
         PartError: the part does not fit, is open, or cannot be divided into layers.
     """
     report("placing")
-    part = place(mesh, profile.printer)
+    part = place(mesh, profile.printer, placement)
     report("planning")
     return _down_from(part, plan or plan_part(part, profile), profile, report)
 
@@ -122,10 +128,15 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
 
 
 def slice_part(
-    mesh: Mesh, profile: Profile, *, plan: LayerPlan | None = None, report: Report = quiet
+    mesh: Mesh,
+    profile: Profile,
+    *,
+    plan: LayerPlan | None = None,
+    placement: Placement = IN_THE_MIDDLE,
+    report: Report = quiet,
 ) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
-    return slice_stages(mesh, profile, plan=plan, report=report).program
+    return slice_stages(mesh, profile, plan=plan, placement=placement, report=report).program
 
 
 def gcode_of(

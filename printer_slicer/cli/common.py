@@ -151,9 +151,10 @@ class _LateBar:
         self._timer.start()
 
     def report(self, stage: str) -> None:
-        """A stage begins."""
+        """A stage begins, or goes on: then its first word is the same."""
         with self._lock:
-            self._stage, self._done = stage, self._done + 1
+            goes_on = self._done >= 0 and stage.split(maxsplit=1)[0] == self._stage.split()[0]
+            self._stage, self._done = stage, self._done + (not goes_on)
             if self._show:
                 self._show()
 

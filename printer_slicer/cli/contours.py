@@ -15,6 +15,7 @@ import numpy as np
 
 from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
 from printer_slicer.cli.facts import runs_text
+from printer_slicer.cli.models import plate_from
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.exports import (
     CLI_UNITS,
@@ -30,7 +31,6 @@ from printer_slicer.exports import (
     write_svg,
     write_svgs,
 )
-from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Sections
 from printer_slicer.pipeline import plan_part
 from printer_slicer.placing import place
@@ -70,10 +70,11 @@ def contours_command(arguments: argparse.Namespace) -> int:
     _refuse_broken_promise(arguments, profile)
     with stages(arguments) as report:
         report("loading")
-        mesh = load_mesh(arguments.model)
-        _refuse_same(target.path, arguments.model)
+        plate = plate_from(arguments, profile.printer, report)
+        for path in arguments.models:
+            _refuse_same(target.path, path)
         report("placing")
-        part = place(mesh, profile.printer)
+        part = place(plate.mesh, profile.printer, plate.placement)
         report("planning")
         plan = plan_part(part, profile)
         report("slicing")
@@ -82,7 +83,7 @@ def contours_command(arguments: argparse.Namespace) -> int:
         sizes = _write(sections, target, binary=arguments.binary)
     facts = _facts(sections, sizes, target, arguments, profile)
     if arguments.json:
-        print(json.dumps(facts))
+        print(json.dumps(facts | plate.facts()))
     else:
         say(arguments, "\n  ".join(_sentences(facts)))
     return 0

@@ -12,9 +12,9 @@ import numpy as np
 
 from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
 from printer_slicer.cli.facts import certificate_facts, certificate_sentences, flats_off, runs_text
+from printer_slicer.cli.models import plate_from, plate_name
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
-from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import plan_part, slice_part
 from printer_slicer.placing import place
@@ -55,24 +55,26 @@ def plan_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     with stages(arguments) as report:
         report("loading")
-        mesh = load_mesh(arguments.model)
-        part = place(mesh, profile.printer)
+        plate = plate_from(arguments, profile.printer, report)
+        mesh, name = plate.mesh, plate_name(arguments.models)
+        part = place(mesh, profile.printer, plate.placement)
         report("planning")
         chosen = plan_part(part, profile)
         certificate = certify(read_surface(part), chosen)
         rows = _compare(part, profile, chosen, report, everything=arguments.compare)
         if arguments.picture:
             report("drawing")
-            _draw(part, certificate, profile, arguments.model.name, arguments.picture)
+            _draw(part, certificate, profile, name, arguments.picture)
     table = _table_1(mesh)
     facts = certificate_facts(certificate, part, profile, np.asarray(mesh.bounds[0] - part.bounds[0]))
     facts |= {"thin_features": _thin(part, chosen)}
     if arguments.json:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
-        print(json.dumps({"part": table, "plans": rows, "certificate": facts, "layers": layers}))
+        result = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
+        print(json.dumps(result | plate.facts()))
     elif not arguments.quiet:
-        print(_as_text(arguments.model.name, table, rows))
+        print(_as_text(name, table, rows))
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )

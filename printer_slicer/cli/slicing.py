@@ -9,9 +9,9 @@ from pathlib import Path
 
 from printer_slicer.cli.common import profile_from, refuse_mixing, say, stages, write_file
 from printer_slicer.cli.facts import facts_of, sentences
+from printer_slicer.cli.models import plate_from
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Program
 from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.surface import certify, read_surface
@@ -29,10 +29,11 @@ def slice_command(arguments: argparse.Namespace) -> int:
         check_picture(arguments.picture)
     with stages(arguments) as report:
         report("loading")
-        mesh = load_mesh(arguments.model)
-        output = arguments.output or arguments.model.with_suffix(".gcode")
-        _refuse_same(output, arguments.model)
-        stage = slice_stages(mesh, profile, report=report)
+        plate = plate_from(arguments, profile.printer, report)
+        output = arguments.output or arguments.models[0].with_suffix(".gcode")
+        for path in arguments.models:
+            _refuse_same(output, path)
+        stage = slice_stages(plate.mesh, profile, placement=plate.placement, report=report)
         program = stage.program
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
@@ -40,9 +41,9 @@ def slice_command(arguments: argparse.Namespace) -> int:
             _draw_layer(program, arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), program.plan)
         write_file(output, gcode_of(program, profile, seconds=seconds, certificate=certificate))
-    facts = facts_of(mesh, stage, profile, seconds, certificate)
+    facts = facts_of(plate.mesh, stage, profile, seconds, certificate)
     if arguments.json:
-        print(json.dumps({"output": str(output), **facts}))
+        print(json.dumps({"output": str(output), **facts, **plate.facts()}))
     elif str(output) != "-":
         first, *more = sentences(facts, arguments.set)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))

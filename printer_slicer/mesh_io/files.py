@@ -50,7 +50,7 @@ class Source:
             MeshError: it is longer than the limit, bytes.
         """
         if self.size > limit:
-            raise too_long(self.path, self.size, limit)
+            raise _too_long(self.path, self.size, limit)
         self.file.seek(0)
         return self.file.read(limit + 1)
 
@@ -80,7 +80,7 @@ class Source:
             self._progress(share)
 
 
-def too_long(path: Path, size: int, limit: int) -> MeshError:
+def _too_long(path: Path, size: int, limit: int) -> MeshError:
     """A file that is too long to be read."""
     return MeshError(
         f"{path}: {size} bytes; at most {limit} are read of such a file",
@@ -117,7 +117,7 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
                     remedy="Copy or download the file again; if that does not help, export the part again.",
                 )
             if source.size > limits.file_bytes:
-                raise too_long(path, source.size, limits.file_bytes)
+                raise _too_long(path, source.size, limits.file_bytes)
             yield source
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk.") from error

@@ -125,7 +125,9 @@ class _Document:
         return base64.b64decode(text, validate=True)
 
 
-def read_glb(data: bytes, path: Path, limits: Limits, unit: str | None) -> tuple[Float, str, list[str]]:
+def read_glb(
+    data: bytes, path: Path, limits: Limits, unit: str | None, *, y_up: bool = True
+) -> tuple[Float, str, list[str]]:
     """Everything in the scene of a GLB file, z up.
 
     Args:
@@ -133,6 +135,7 @@ def read_glb(data: bytes, path: Path, limits: Limits, unit: str | None) -> tuple
         path: of the file, for messages.
         limits: of what it holds.
         unit: the key in UNITS that its numbers mean; None: metres, as glTF says.
+        y_up: whether its y points up, as glTF says.
 
     Returns:
         (F, 3, 3) corners, mm; the unit they were written in; what deserves a look.
@@ -156,7 +159,11 @@ def read_glb(data: bytes, path: Path, limits: Limits, unit: str | None) -> tuple
         reason = str(error).partition("\n")[0][:200] or type(error).__name__
         raise MeshError(f"{path}: not a sound .glb file: {reason}", remedy=COPY_AGAIN) from error
     own_unit = unit or "m"
-    return assembled([Use(SCENE, UPRIGHT)], bodies, path, limits, UNITS[own_unit]), own_unit, []
+    return (
+        assembled([Use(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
+        own_unit,
+        [],
+    )
 
 
 def _scene(tree: dict[str, Any]) -> Body:

@@ -63,7 +63,8 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
         _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path)
         if not made.is_file() or not (converted := made.read_bytes()):
             raise MeshError(f"{path}: not a sound STEP file, or one without solids", remedy=COPY_AGAIN)
-    triangles, _, notes = read_glb(converted, path, limits, "m")
+    # Told by trying: it writes metres as glTF wants, but leaves z up.
+    triangles, _, notes = read_glb(converted, path, limits, "m", y_up=False)
     return triangles, "mm", notes
 
 
