@@ -61,9 +61,13 @@ def read_other(data: bytes, kind: str, path: Path, limits: Limits) -> Float:
 
 
 def _corners(mesh: Any) -> Float:
-    """(F, 3, 3) corners; an index from the end, which numpy would take, is a fault."""
+    """(F, 3, 3) corners of a mesh, which trimesh does not check: points in the plane, indices from the end."""
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=np.float64)
-    if len(faces) and not (faces.min() >= 0 and faces.max() < len(vertices)):
+    if len(faces) == 0:
+        return np.zeros((0, 3, 3))
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError(f"vertices of shape {vertices.shape}, facets of shape {faces.shape}")
+    if not (faces.min() >= 0 and faces.max() < len(vertices)):
         raise ValueError(f"a facet with a vertex that is not one of {len(vertices)}")
     corners: Float = vertices[faces]
     return corners
