@@ -75,13 +75,14 @@ def _check_size(name: str, size: Float, printer: Printer, placement: Placement) 
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     if not (size > room + _SLACK).any():
         return
-    share = float((room / np.maximum(size, _SLACK)).min())
+    percent = 100 * float((room / np.maximum(size, _SLACK)).min())
+    step = 10.0 ** (np.floor(np.log10(percent)) - 1)  # two digits are enough, and never too large
+    fits = f"--scale {np.floor(percent / step) * step:.2g}% would just fit"
     advice = unit_advice(size, placement.unit, room) if placement.unit in UNITS else ""
     raise PartError(
         f"{name}: {size[0]:.5g} x {size[1]:.5g} x {size[2]:.5g} mm does not fit {printer.name!r}, "
         f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
-        remedy=f"choose a larger printer, or scale the part: --scale {np.floor(share * 1e4) / 100:g}% would just fit; "
-        + (advice or "is it in mm?"),
+        remedy=f"choose a larger printer, or scale the part: {fits}; {advice or 'is it in mm?'}",
     )
 
 

@@ -21,8 +21,10 @@ __all__ = ["CHUNK", "Progress", "Source", "opened", "without_byte_order_mark"]
 Progress = Callable[[float], None]
 """Is told the share that is read, 0 to 1."""
 
-CHUNK: Final = 1 << 23
+CHUNK: Final = 1 << 20
 """Bytes read at a time."""
+WORTH_TELLING: Final = 1 << 23
+"""Bytes of a file of which progress is told."""
 
 UTF_16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
@@ -76,7 +78,7 @@ class Source:
 
     def progress(self, share: float) -> None:
         """Tell how much is read; of small files nothing is told."""
-        if self.size > CHUNK:
+        if self.size > WORTH_TELLING:
             self._progress(share)
 
 

@@ -51,7 +51,7 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
         UsageError: cascadio is not installed.
         MeshError: it is no sound STEP file, or one without solids.
     """
-    if find_spec("cascadio") is None:
+    if not _is_installed("cascadio"):
         raise UsageError(
             f"{path}: reading STEP needs the package cascadio",
             remedy="python -m pip install 'printer-slicer[step]', or export the part as STL or 3MF",
@@ -66,6 +66,14 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
     # Told by trying: it writes metres as glTF wants, but leaves z up.
     triangles, _, notes = read_glb(converted, path, limits, "m", y_up=False)
     return triangles, "mm", notes
+
+
+def _is_installed(name: str) -> bool:
+    """Whether a package can be imported; it is not."""
+    try:
+        return find_spec(name) is not None
+    except (ImportError, ValueError):  # somebody forbids it
+        return False
 
 
 def _convert(arguments: list[str], path: Path) -> None:

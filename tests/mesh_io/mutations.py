@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from random import Random
+from random import Random  # noqa: TID251 - always with a seed
 
 from tiny_files import zipped
 

@@ -33,23 +33,30 @@ def test_an_amf_is_read_as_it_is(tmp_path: Path, name: str, packed: bool) -> Non
     assert (model.unit, model.notes) == ("mm", ())
 
 
-@pytest.mark.parametrize(("unit", "mm"), [("inch", 25.4), ("feet", 304.8), ("meter", 1000), ("micron", 0.001), ("MM", 1)])
+@pytest.mark.parametrize(
+    ("unit", "mm"), [("inch", 25.4), ("feet", 304.8), ("meter", 1000), ("micron", 0.001), ("MM", 1)]
+)
 def test_units_become_mm(tmp_path: Path, unit: str, mm: float) -> None:
     assert read(tmp_path, amf(ONE, unit)).mesh.size.tolist() == pytest.approx([2 * mm, 3 * mm, 4 * mm])
 
 
 def test_objects_and_volumes_are_joined(tmp_path: Path) -> None:
     two = amf_mesh(np.concatenate([CORNERS, CORNERS + 9])).replace(
-        "</volume>", "</volume><volume>" + amf_mesh().partition("<volume>")[2].partition("</volume>")[0] + "</volume>"
+        "</volume>",
+        "</volume><volume>" + amf_mesh().partition("<volume>")[2].partition("</volume>")[0] + "</volume>",
     )
     two = two.replace("</volume></mesh>", "</volume></mesh>")
-    model = read(tmp_path, amf(f"<object id='1'>{two}</object><object id='2'>{amf_mesh(CORNERS - 9)}</object>"))
+    model = read(
+        tmp_path, amf(f"<object id='1'>{two}</object><object id='2'>{amf_mesh(CORNERS - 9)}</object>")
+    )
 
     assert model.mesh.n_facets == 36
 
 
 def test_an_object_of_a_constellation_is_only_where_that_puts_it(tmp_path: Path) -> None:
-    text = ONE + f"<constellation id='2'>{instance(1, deltax=10, rz=90)}{instance(1, deltaz=7)}</constellation>"
+    text = (
+        ONE + f"<constellation id='2'>{instance(1, deltax=10, rz=90)}{instance(1, deltaz=7)}</constellation>"
+    )
     mesh = read(tmp_path, amf(text)).mesh
 
     # (0..2, 0..3) turned by 90 degrees about z: (-3..0, 0..2).
@@ -73,7 +80,9 @@ def test_constellations_may_hold_constellations(tmp_path: Path) -> None:
 
 
 def test_supports_and_modifiers_are_left_out_and_told(tmp_path: Path) -> None:
-    modifier = amf_mesh(3 * CORNERS).replace("<volume>", '<volume><metadata type="slic3r.modifier">1</metadata>')
+    modifier = amf_mesh(3 * CORNERS).replace(
+        "<volume>", '<volume><metadata type="slic3r.modifier">1</metadata>'
+    )
     plain = amf_mesh(CORNERS).replace("<volume>", '<volume><metadata type="slic3r.modifier">0</metadata>')
     text = f"<object id='1'>{plain}</object><object id='2'>{modifier}</object>"
     text += f"<object id='3'>{amf_mesh(5 * CORNERS, kind='support')}</object>"
@@ -84,7 +93,9 @@ def test_supports_and_modifiers_are_left_out_and_told(tmp_path: Path) -> None:
 
 
 def test_curves_are_told(tmp_path: Path) -> None:
-    text = amf(ONE).replace("</coordinates>", "</coordinates><normal><nx>0</nx><ny>0</ny><nz>1</nz></normal>", 1)
+    text = amf(ONE).replace(
+        "</coordinates>", "</coordinates><normal><nx>0</nx><ny>0</ny><nz>1</nz></normal>", 1
+    )
 
     assert read(tmp_path, text).notes == ("curved facets are read as flat ones",)
 
@@ -106,7 +117,9 @@ FAULTS = {
         ),
         "objects within each other",
     ),
-    "moved by nothing": (amf(f"{ONE}<constellation id='2'>{instance(1, deltax=float('nan'))}</constellation>"), "deltax nan"),
+    "moved by nothing": (
+        amf(f"{ONE}<constellation id='2'>{instance(1, deltax=float('nan'))}</constellation>"), "deltax nan"
+    ),
     "cut off": (amf(ONE)[:-100], "not sound XML"),
 }  # fmt: skip
 

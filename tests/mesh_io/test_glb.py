@@ -36,7 +36,9 @@ def test_a_glb_is_in_metres_with_y_up(tmp_path: Path) -> None:
     assert np.array_equal(load_mesh(tmp_path / "part.glb", units="mm").triangles, UPRIGHT)
 
 
-@pytest.mark.parametrize("make", [trimesh.creation.icosphere, trimesh.creation.cylinder, trimesh.creation.torus])
+@pytest.mark.parametrize(
+    "make", [trimesh.creation.icosphere, trimesh.creation.cylinder, trimesh.creation.torus]
+)
 def test_what_trimesh_writes_is_read_as_trimesh_reads_it(tmp_path: Path, make: Any) -> None:
     sizes = {"cylinder": {"radius": 2, "height": 5}, "torus": {"major_radius": 5, "minor_radius": 1}}
     part = make(**sizes.get(make.__name__, {}))
@@ -79,7 +81,7 @@ def test_strips_and_fans_become_facets(tmp_path: Path, mode: int) -> None:
     """Two of them make a box of four triangles: a tetrahedron."""
     points = np.array([[0, 0, 0], [0, 0, 3], [0, 3, 0], [3, 0, 0]], dtype="<f4")
     strips = {5: [0, 1, 2, 3, 0, 1], 6: [0, 1, 2, 3, 1]}
-    corners = np.array(strips[mode] + ([] if mode == 5 else []), dtype="<u2")
+    corners = np.array(strips[mode], dtype="<u2")
     closing = np.array([1, 3, 2], dtype="<u2")
     binary = points.tobytes() + corners.tobytes() + closing.tobytes()
     primitives = [{"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}]
@@ -90,7 +92,13 @@ def test_strips_and_fans_become_facets(tmp_path: Path, mode: int) -> None:
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
             {"bufferView": 1, "componentType": 5123, "count": len(corners), "type": "SCALAR"},
-            {"bufferView": 1, "byteOffset": corners.nbytes, "componentType": 5123, "count": 3, "type": "SCALAR"},
+            {
+                "bufferView": 1,
+                "byteOffset": corners.nbytes,
+                "componentType": 5123,
+                "count": 3,
+                "type": "SCALAR",
+            },
         ],
         "bufferViews": [
             {"buffer": 0, "byteLength": 48},
@@ -151,7 +159,9 @@ def test_a_buffer_may_stand_in_the_text(tmp_path: Path) -> None:
     uri = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
     buffers = [{"byteLength": len(binary), "uri": uri}]
 
-    assert np.array_equal(load_mesh(write(tmp_path, glb_box(buffers=buffers), "part.glb"), units="mm").triangles, UPRIGHT)
+    assert np.array_equal(
+        load_mesh(write(tmp_path, glb_box(buffers=buffers), "part.glb"), units="mm").triangles, UPRIGHT
+    )
 
 
 VIEW = {"buffer": 0, "byteLength": 96}

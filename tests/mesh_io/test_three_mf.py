@@ -18,7 +18,9 @@ QUARTER = (0, 1, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0)
 MIRRORED = (-1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
 
 
-def read(folder: Path, model: str, more: dict[str, str | bytes] | None = None, units: str | None = None) -> Model:
+def read(
+    folder: Path, model: str, more: dict[str, str | bytes] | None = None, units: str | None = None
+) -> Model:
     return load_model(write(folder, three_mf(model, more), "part.3mf"), units=units)
 
 
@@ -124,8 +126,12 @@ def test_objects_that_are_no_model_are_left_out_and_told(tmp_path: Path, kind: s
 
 def test_metadata_colours_and_unknown_elements_are_ignored(tmp_path: Path) -> None:
     text = model_xml({1: mesh_xml()}, item(1))
-    text = text.replace("<resources>", '<metadata name="Title">x &amp; y</metadata><resources><m:texture xmlns:m="u"/>')
-    text = text.replace('v3="1"/>', 'v3="1" pid="4" p1="0"/>', 1).replace("<mesh>", '<mesh><odd vertex="no"/>')
+    text = text.replace(
+        "<resources>", '<metadata name="Title">x &amp; y</metadata><resources><m:texture xmlns:m="u"/>'
+    )
+    text = text.replace('v3="1"/>', 'v3="1" pid="4" p1="0"/>', 1).replace(
+        "<mesh>", '<mesh><odd vertex="no"/>'
+    )
 
     assert np.array_equal(read(tmp_path, text).mesh.triangles, BOX)
 
@@ -142,9 +148,13 @@ def test_attributes_may_come_in_any_order(tmp_path: Path) -> None:
 def test_several_model_files_of_one_archive_are_joined(tmp_path: Path) -> None:
     """As the production extension has it, and as slicers write large plates."""
     text = model_xml(
-        {8: group(component(1, MOVED, "/3D/Objects/one.model"), component(7, (), "/3D/Objects/two.model"))}, item(8)
+        {8: group(component(1, MOVED, "/3D/Objects/one.model"), component(7, (), "/3D/Objects/two.model"))},
+        item(8),
     )
-    more = {"3D/Objects/one.model": model_xml({1: mesh_xml()}, ""), "3D/Objects/two.model": model_xml({7: mesh_xml()}, "")}
+    more = {
+        "3D/Objects/one.model": model_xml({1: mesh_xml()}, ""),
+        "3D/Objects/two.model": model_xml({7: mesh_xml()}, ""),
+    }
     mesh = read(tmp_path, text, more).mesh
 
     assert mesh.n_facets == 24
@@ -182,13 +192,15 @@ def test_a_volume_that_only_changes_settings_is_not_printed_prusa(tmp_path: Path
 
 def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path) -> None:
     text = model_xml({1: mesh_xml(), 2: mesh_xml(3 * CORNERS), 3: group(component(1), component(2))}, item(3))
-    config = '<config><object id="3"><part id="1" subtype="normal_part"/><part id="2" subtype="negative_part"/></object></config>'
+    parts = '<part id="1" subtype="normal_part"/><part id="2" subtype="negative_part"/>'
+    config = f'<config><object id="3">{parts}</object></config>'
     model = read(tmp_path, text, {"Metadata/model_settings.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
     assert "holes, which are not cut" in model.notes[1]
 
 
+BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
 ONE = model_xml({1: mesh_xml()}, item(1))
 FAULTS = {
     "vertex beyond the last": (ONE.replace('v1="0"', 'v1="99"', 1), "object 1: facet 1 has vertex 99 of 8"),
@@ -198,7 +210,9 @@ FAULTS = {
     "missing coordinate": (ONE.replace(' z="0.0"', "", 1), "line 1: no 'z' here"),
     "decimal comma": (ONE.replace('x="2.0"', 'x="2,0"', 1), "could not convert"),
     "object missing": (model_xml({1: mesh_xml()}, item(9)), "there is no object 9"),
-    "object twice": (ONE.replace("</resources>", f'<object id="1">{mesh_xml()}</object></resources>'), "object 1 is there twice"),
+    "object twice": (
+        ONE.replace("</resources>", f'<object id="1">{mesh_xml()}</object></resources>'), "object 1 is there twice"
+    ),
     "object in itself": (model_xml({1: group(component(1))}, item(1)), "objects within each other"),
     "objects in a circle": (model_xml({1: group(component(2)), 2: group(component(1))}, item(1)), "within each other"),
     "short transform": (model_xml({1: mesh_xml()}, item(1, (1, 0, 0))), "a transform has 12 numbers"),
@@ -207,8 +221,8 @@ FAULTS = {
     "cut off": (ONE[:-200], "not sound XML"),
     "no XML": ("hello", "not sound XML"),
     "extension": (
-        model_xml({1: mesh_xml()}, item(1), more=' xmlns:b="http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02" requiredextensions="p b"'),
-        "needs the 3MF extension 'http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02'",
+        model_xml({1: mesh_xml()}, item(1), more=f' xmlns:b="{BEAMS}" requiredextensions="p b"'),
+        f"needs the 3MF extension '{BEAMS}'",
     ),
     "other namespace": (ONE.replace(CORE, "urn:other"), "nothing in it to build"),
 }  # fmt: skip

@@ -18,9 +18,9 @@ __all__ = [
     "BOX",
     "CORNERS",
     "FACES",
-    "ascii_stl",
     "amf",
     "amf_mesh",
+    "ascii_stl",
     "binary_stl",
     "every_format",
     "glb",
@@ -67,7 +67,9 @@ def zipped(members: Mapping[str, str | bytes], method: int = zipfile.ZIP_DEFLATE
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", method) as archive:
         for name, content in members.items():
-            archive.writestr(zipfile.ZipInfo(name), content, method)  # a fixed date: the same bytes every time
+            archive.writestr(
+                zipfile.ZipInfo(name), content, method
+            )  # a fixed date: the same bytes every time
     return packed.getvalue()
 
 
@@ -185,7 +187,11 @@ def ply(*, binary: bool = False) -> bytes:
         "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
     ).encode()
     if binary:
-        return head + CORNERS.astype("<f4").tobytes() + b"".join(struct.pack("<Biii", 3, *face) for face in FACES)
+        return (
+            head
+            + CORNERS.astype("<f4").tobytes()
+            + b"".join(struct.pack("<Biii", 3, *face) for face in FACES)
+        )
     points = "".join(f"{x} {y} {z}\n" for x, y, z in CORNERS.tolist())
     return head + (points + "".join(f"3 {a} {b} {c}\n" for a, b, c in FACES.tolist())).encode()
 
@@ -198,12 +204,17 @@ def off() -> str:
 def every_format() -> dict[str, bytes]:
     """Name -> a good file of every kind that is read without an extra."""
     grouped = model_xml(
-        {1: mesh_xml(), 2: '<components><component objectid="1" transform="1 0 0 0 1 0 0 0 1 9 0 0"/></components>'},
+        {
+            1: mesh_xml(),
+            2: '<components><component objectid="1" transform="1 0 0 0 1 0 0 0 1 9 0 0"/></components>',
+        },
         item(1) + item(2, (0, 1, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0)) + item(1, more=' printable="0"'),
         unit="inch",
     )
     moved = "<instance objectid='1'><deltax>9</deltax><rz>90</rz></instance>"
-    constellation = amf(f"<object id='1'>{amf_mesh()}</object><constellation id='2'>{moved}</constellation>", "inch")
+    constellation = amf(
+        f"<object id='1'>{amf_mesh()}</object><constellation id='2'>{moved}</constellation>", "inch"
+    )
     return {
         "binary.stl": binary_stl(),
         "ascii.stl": ascii_stl().encode(),

@@ -30,9 +30,7 @@ class _Box:
 
     def __init__(self, size: Sequence[float]) -> None:
         self.lines: list[str] = []
-        self.points = [
-            [size[axis] * (corner >> axis & 1) for axis in range(3)] for corner in range(8)
-        ]
+        self.points = [[size[axis] * (corner >> axis & 1) for axis in range(3)] for corner in range(8)]
         self.corners = [self.add(f"VERTEX_POINT('',{self.point(point)})") for point in self.points]
         self.edges: dict[tuple[int, int], str] = {}
 
@@ -52,7 +50,9 @@ class _Box:
         if (end, begin) in self.edges:
             return self.add(f"ORIENTED_EDGE('',*,*,{self.edges[end, begin]},.F.)")
         way = [b - a for a, b in zip(self.points[begin], self.points[end], strict=True)]
-        along = self.add(f"VECTOR('',{self.point([part / sum(map(abs, way)) for part in way], 'DIRECTION')},1.)")
+        along = self.add(
+            f"VECTOR('',{self.point([part / sum(map(abs, way)) for part in way], 'DIRECTION')},1.)"
+        )
         line = self.add(f"LINE('',{self.point(self.points[begin])},{along})")
         curve = f"EDGE_CURVE('',{self.corners[begin]},{self.corners[end]},{line},.T.)"
         self.edges[begin, end] = self.add(curve)
