@@ -161,6 +161,13 @@ def test_several_model_files_of_one_archive_are_joined(tmp_path: Path) -> None:
     assert mesh.bounds.tolist() == [[0, 0, 0], [12, 23, 34]]
 
 
+def test_objects_of_several_model_files_may_have_the_same_number(tmp_path: Path) -> None:
+    text = model_xml({1: group(component(1, MOVED, "/3D/other.model"))}, item(1))
+    mesh = read(tmp_path, text, {"3D/other.model": model_xml({1: mesh_xml()}, "")}).mesh
+
+    assert mesh.bounds.tolist() == [[10, 20, 30], [12, 23, 34]]
+
+
 def test_the_relations_of_the_archive_say_which_model_file_counts(tmp_path: Path) -> None:
     relations = (
         '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="1" '
