@@ -34,12 +34,12 @@ class _OddError(Exception):
 
 
 def looks_like_ascii_stl(source: Source) -> bool:
-    """Whether it begins like an ASCII STL and has no zero byte, of which every binary one has some."""
+    """Whether it begins like an ASCII STL and has next to no zero bytes, of which every binary one has many."""
     head = source.head
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         head = head.replace(b"\0", b"")[2:]
     start = head[:1024].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
-    return start.startswith((b"solid", b"facet")) and b"\0" not in head
+    return start.startswith((b"solid", b"facet")) and head.count(0) * 100 < len(head)
 
 
 def read_ascii_stl(source: Source, limits: Limits) -> Float:

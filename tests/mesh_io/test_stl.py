@@ -56,6 +56,15 @@ def test_a_binary_file_named_solid_with_a_tail_is_binary(tmp_path: Path) -> None
     assert np.array_equal(model.mesh.triangles, BOX)
 
 
+def test_a_zero_byte_in_a_text_is_named_by_its_line(tmp_path: Path) -> None:
+    content = (ascii_stl() * 3).encode()
+    place = content.find(b"endloop")
+
+    assert "line 7: '\0ndloop' where 'endloop' should be" in fault(
+        tmp_path, content[:place] + b"\0" + content[place + 1 :]
+    )
+
+
 @pytest.mark.parametrize("coding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
 def test_a_text_may_be_unicode_of_any_kind(tmp_path: Path, coding: str) -> None:
     mark = {"utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}.get(coding, b"")
