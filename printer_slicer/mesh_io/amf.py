@@ -7,13 +7,13 @@ turned about x, then y, then z, then shifted.
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.assembly import Body, Use, assembled
+from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled
 from printer_slicer.mesh_io.markup import Reader
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 from printer_slicer.mesh_io.units import UNITS, named_unit
@@ -37,7 +37,8 @@ class _AmfReader(Reader):
     def __init__(self, path: Path, limits: Limits) -> None:
         super().__init__(path, limits)
         self.unit = "millimeter"
-        self.bodies: dict[Hashable, Body] = {}
+        self.shelf = Shelf(path, limits)
+        self.check = self.shelf.check  # type: ignore[method-assign]
         self.n_left_out = self.n_curved = 0
         self._body = Body("no object")
         self._point = [math.nan] * 3
@@ -75,9 +76,7 @@ class _AmfReader(Reader):
 
     def _begin_object(self, attributes: list[str]) -> None:
         key = dict(zip(attributes[::2], attributes[1::2], strict=True)).get("id", "").strip()
-        if key in self.bodies:
-            raise self.fault(f"object '{key[:40]}' is there twice")
-        self._body = self.bodies[key] = Body(f"object {key[:40]}")
+        self._body = self.shelf.begin(key, f"object {key[:40]}")
 
     # Meshes
 
@@ -133,6 +132,7 @@ class _AmfReader(Reader):
             raise self.fault(f"an instance with {name} {self.text.strip()}")
 
     def _end_instance(self) -> None:
+        self.shelf.count_use()
         self._body.parts.append(Use(self._target, _matrix(self._place)))
 
 
@@ -156,16 +156,17 @@ def read_amf(
     reader = _AmfReader(path, limits)
     reader.read(pieces)
     own_unit = unit or named_unit(reader.unit, path)
-    taken = {use.key for body in reader.bodies.values() for use in body.parts}
-    roots = [Use(key) for key in reader.bodies if key not in taken]
-    if reader.bodies and not roots:
+    bodies = reader.shelf.bodies
+    taken = {use.key for body in bodies.values() for use in body.parts}
+    roots = [Use(key) for key in bodies if key not in taken]
+    if bodies and not roots:
         raise MeshError(f"{path}: every object is part of another one", remedy=EXPORT_AGAIN)
     notes = []
     if reader.n_left_out:
         notes.append(f"{reader.n_left_out} volumes are supports or modifiers and left out")
     if reader.n_curved:
         notes.append("curved facets are read as flat ones")
-    return assembled(roots, reader.bodies, path, limits, UNITS[own_unit]), own_unit, notes
+    return assembled(roots, bodies, path, limits, UNITS[own_unit]), own_unit, notes
 
 
 def amf_member(archive: Archive) -> str:

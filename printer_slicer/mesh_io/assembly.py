@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.limits import check_facets
+from printer_slicer.mesh_io.limits import check_facets, check_vertices
 from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
     from printer_slicer.model import Float, Int
 
-__all__ = ["Body", "Use", "assembled", "turned_over"]
+__all__ = ["Body", "Shelf", "Use", "assembled", "turned_over"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +33,56 @@ class Use:
 
     key: Hashable
     matrix: Float | None = None
+
+
+class Shelf:
+    """Objects by number while a file is read, and how much they hold."""
+
+    def __init__(self, path: Path, limits: Limits) -> None:
+        self.bodies: dict[Hashable, Body] = {}
+        self._path, self._limits = path, limits
+        self._last = Body("no object")
+        self._n_numbers = [0, 0]
+        self._n_uses = 0
+
+    def begin(self, key: Hashable, name: str) -> Body:
+        """A new object.
+
+        Raises:
+            ValueError: there is one of that number.
+        """
+        if key in self.bodies:
+            raise ValueError(f"{name} is there twice")
+        self._n_numbers = self._held()
+        self._last = self.bodies[key] = Body(name)
+        self.count_use()
+        return self._last
+
+    def count_use(self) -> None:
+        """An object more, or one placed more.
+
+        Raises:
+            MeshError: too many.
+        """
+        self._n_uses += 1
+        if self._n_uses > self._limits.instances:
+            raise MeshError(
+                f"{self._path}: over {self._limits.instances} objects are placed",
+                remedy="Join the objects in the program that made them, or export the part as STL.",
+            )
+
+    def check(self) -> None:
+        """Look how much there is; to be called now and then.
+
+        Raises:
+            MeshError: too much.
+        """
+        n_coordinates, n_corners = self._held()
+        check_vertices(n_coordinates // 3, self._path, self._limits)
+        check_facets(n_corners // 3, self._path, self._limits)
+
+    def _held(self) -> list[int]:
+        return [self._n_numbers[0] + len(self._last.xyz), self._n_numbers[1] + len(self._last.corners)]
 
 
 @dataclass(slots=True, eq=False)
@@ -112,7 +162,7 @@ def _placements(
 ) -> list[tuple[Body, Float | None]]:
     """Every object with facets, as often as it is placed, with the matrix that brings it to the plate."""
     placed: list[tuple[Body, Float | None]] = []
-    n_facets = n_seen = 0
+    n_facets = n_vertices = n_seen = 0
     waiting: list[tuple[Use, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
     while waiting:
         use, outer, depth = waiting.pop()
@@ -131,7 +181,9 @@ def _placements(
         matrix = _composed(use.matrix, outer)
         if len(body.corners):
             n_facets += len(body.corners) // 3
+            n_vertices += len(body.xyz) // 3
             check_facets(n_facets, path, limits)
+            check_vertices(n_vertices, path, limits, most=3)
             placed.append((body, matrix))
         waiting += [(part, matrix, depth + 1) for part in reversed(body.parts)]
     return placed

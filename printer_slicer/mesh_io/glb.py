@@ -15,6 +15,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.assembly import Body, Use, assembled
+from printer_slicer.mesh_io.limits import check_facets, check_vertices
 from printer_slicer.mesh_io.soundness import COPY_AGAIN
 from printer_slicer.mesh_io.units import UNITS
 
@@ -61,10 +62,15 @@ class _Document:
                 raise ValueError(f"a chunk of {length} bytes, but only {len(data) - place - 8} are left")
             chunks.setdefault(kind, view[place + 8 : place + 8 + length])
             place += 8 + length
+        if len(chunks[JSON_CHUNK]) > limits.json_bytes:
+            raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of text; at most {limits.json_bytes} are read")
         self.tree: dict[str, Any] = json.loads(bytes(chunks[JSON_CHUNK]))
         self._binary = chunks.get(BINARY_CHUNK, memoryview(b""))
         self._limits = limits
         self._length = len(data)
+        self._path = path
+        self._n_vertices = self._n_facets = 0
+        self._decoded: dict[int, bytes] = {}
         for name in self.tree.get("extensionsRequired", []):
             if not str(name).startswith(HARMLESS):
                 raise MeshError(
@@ -90,6 +96,17 @@ class _Document:
         if accessor.get("normalized"):
             return np.maximum(numbers / np.iinfo(kind).max, -1.0)
         return numbers
+
+    def count(self, n_vertices: int, n_facets: int) -> None:
+        """So many vertices and facets more.
+
+        Raises:
+            MeshError: too many; several primitives can share the same bytes.
+        """
+        self._n_vertices += n_vertices
+        self._n_facets += n_facets
+        check_vertices(self._n_vertices, self._path, self._limits)
+        check_facets(self._n_facets, self._path, self._limits)
 
     def _replaced(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
         """The numbers, with some of them replaced."""
@@ -119,10 +136,13 @@ class _Document:
         uri = self.tree["buffers"][index].get("uri")
         if uri is None:
             return self._binary
+        if index in self._decoded:
+            return self._decoded[index]
         head, comma, text = str(uri).partition(",")
         if not comma or not head.startswith("data:") or not head.endswith("base64"):
             raise ValueError("a part of it is in another file")
-        return base64.b64decode(text, validate=True)
+        self._decoded[index] = base64.b64decode(text, validate=True)
+        return self._decoded[index]
 
 
 def read_glb(
@@ -209,6 +229,7 @@ def _mesh(document: _Document, index: int) -> Body:
             corners = np.arange(len(points), dtype=np.int64)
         if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
             raise ValueError(f"a facet with vertex {corners.max()} of {len(points)}")
+        document.count(len(points), len(corners) // 3 if mode == TRIANGLES else len(corners))
         faces = _faces(corners, mode) + len(body.xyz) // 3
         body.xyz.frombytes(points.astype(np.float64).tobytes())
         body.corners.frombytes(faces.tobytes())

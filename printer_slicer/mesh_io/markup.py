@@ -45,7 +45,8 @@ class Reader:
         self._depth = 0
         self._starts: dict[str, Handler] = {}
         self._ends: dict[str, Callable[[], None]] = {}
-        self._parser = expat.ParserCreate(namespace_separator=" ")
+        self._names: dict[str, str] = {}
+        self._parser = expat.ParserCreate(namespace_separator=" ", intern=self._names)
         self._parser.ordered_attributes = True
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
@@ -71,6 +72,9 @@ class Reader:
             for piece in pieces:
                 self._parser.Parse(piece, False)
                 n_fed += len(piece)
+                self.check()
+                if len(self._names) > self.limits.names:
+                    raise self.fault(f"over {self.limits.names} different names")
                 # Else one endless tag would be looked through from its start again and again.
                 if n_fed - self._parser.CurrentByteIndex > self.limits.xml_token + len(piece):
                     raise self.fault(f"markup of over {self.limits.xml_token} bytes without an end")
@@ -85,6 +89,9 @@ class Reader:
             self._parser.StartElementHandler = self._parser.EndElementHandler = None
             self._parser.StartNamespaceDeclHandler = self._parser.StartDoctypeDeclHandler = None
             self._parser.CharacterDataHandler = None
+
+    def check(self) -> None:
+        """Is called now and then: to look how much there is, and to raise a MeshError if it is too much."""
 
     def gather(self, _attributes: list[str] | None = None) -> None:
         """Begin to keep the text of the element that has just begun."""
@@ -116,6 +123,8 @@ class Reader:
         self.text = (self.text + text)[:LONGEST_TEXT]
 
     def _declare(self, prefix: str | None, namespace: str) -> None:
+        if len(self.namespaces) >= self.limits.names:
+            raise self.fault(f"over {self.limits.names} namespaces")
         self.namespaces[prefix or ""] = namespace
 
     def _refuse_document_type(self, *_: object) -> None:

@@ -39,6 +39,7 @@ class Modifiers(Reader):
         self.ranges: dict[str, list[tuple[int, int]]] = {}
         self.components: set[tuple[str, str]] = set()
         self.n_holes = 0
+        self._n_marked = 0
         self.on(["object"], self._begin_object)
         self.on(["volume"], self._begin_volume)
         self.on(["metadata"], self._metadata)
@@ -61,6 +62,7 @@ class Modifiers(Reader):
             and self._range
         ):
             self.ranges.setdefault(self._object, []).append(self._range)
+            self._count()
             self.n_holes += kind in HOLES
 
     def _part(self, attributes: list[str]) -> None:
@@ -68,7 +70,13 @@ class Modifiers(Reader):
         kind = given.get("subtype", "").lower()
         if kind not in PLAIN:
             self.components.add((self._object, given.get("id", "")))
+            self._count()
             self.n_holes += kind in HOLES
+
+    def _count(self) -> None:
+        self._n_marked += 1
+        if self._n_marked > self.limits.instances:
+            raise self.fault(f"over {self.limits.instances} volumes")
 
     def taken_from(self, bodies: dict[Hashable, Body], part: str) -> list[str]:
         """Take these volumes out of the objects of a model file.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.assembly import Body, Use, assembled
+from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled
 from printer_slicer.mesh_io.markup import Reader, number_in, whole_in
 from printer_slicer.mesh_io.modifiers import read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
@@ -46,8 +46,8 @@ USUAL_START: Final = "3d/3dmodel.model"
 class _Model:
     """One model file of an archive, as far as it matters."""
 
+    shelf: Shelf
     unit: str = "millimeter"
-    bodies: dict[Hashable, Body] = field(default_factory=dict)
     kinds: dict[Hashable, str] = field(default_factory=dict)
     items: list[Use] = field(default_factory=list)
     n_unprintable: int = 0
@@ -58,7 +58,8 @@ class _ModelReader(Reader):
 
     def __init__(self, path: Path, limits: Limits, part: str) -> None:
         super().__init__(path, limits, part)
-        self.model = _Model()
+        self.model = _Model(Shelf(path, limits))
+        self.check = self.model.shelf.check  # type: ignore[method-assign]
         self._part = part
         self._body = Body("no object")
         for name, handler in {
@@ -85,9 +86,7 @@ class _ModelReader(Reader):
     def _begin_object(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
         key = (self._part, _number(given.get("id", "")))
-        if key in self.model.bodies:
-            raise self.fault(f"object {key[1]} is there twice")
-        self._body = self.model.bodies[key] = Body(f"object {key[1]}")
+        self._body = self.model.shelf.begin(key, f"object {key[1]}")
         self.model.kinds[key] = given.get("type", "model")
 
     def _vertex(self, attributes: list[str]) -> None:
@@ -115,6 +114,7 @@ class _ModelReader(Reader):
 
     def _use(self, given: dict[str, str]) -> Use:
         """An object that is placed, in this or another model file."""
+        self.model.shelf.count_use()
         part = next((_absolute(given[name]) for name in PATH if name in given), self._part)
         return Use((part, _number(given.get("objectid", ""))), self._matrix(given.get("transform", "")))
 
@@ -161,7 +161,7 @@ def read_three_mf(archive: Archive, limits: Limits, unit: str | None) -> tuple[F
     path, start = archive.path, _start(archive, limits)
     first = _read(archive, limits, start)
     own_unit = unit or named_unit(first.unit, path)
-    bodies, kinds = dict(first.bodies), dict(first.kinds)
+    bodies, kinds = dict(first.shelf.bodies), dict(first.kinds)
     _read_more(archive, limits, start, bodies, kinds)
     modifiers = read_modifiers(archive, limits)
     notes = modifiers.taken_from(bodies, start)
@@ -188,7 +188,7 @@ def _read_more(
     wanted = {use.key[0] for body in bodies.values() for use in body.parts if isinstance(use.key, tuple)}
     for part in sorted(wanted - {start}):
         model = _read(archive, limits, part)
-        bodies |= model.bodies
+        bodies |= model.shelf.bodies
         kinds |= model.kinds
 
 
