@@ -37,7 +37,7 @@ class Limits:
 
     facets: int = 20_000_000
     file_bytes: int = 2048 * MIB
-    text_bytes: int = 512 * MIB
+    text_bytes: int = 128 * MIB
     expanded_bytes: int = 1024 * MIB
     expansion: float = 100.0
     members: int = 10_000
