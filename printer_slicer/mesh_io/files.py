@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import codecs
 import os
+import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from io import BufferedReader
+from contextlib import ExitStack, contextmanager
+from io import BufferedRandom, BufferedReader
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import MeshError, UsageError
@@ -38,7 +40,7 @@ class Source:
         head: the first 64 KiB.
     """
 
-    def __init__(self, path: Path, file: BufferedReader, progress: Progress) -> None:
+    def __init__(self, path: Path, file: BufferedReader | BufferedRandom, progress: Progress) -> None:
         self.path = path
         self.file = file
         self.size = os.fstat(file.fileno()).st_size
@@ -110,9 +112,13 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
         raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path.") from error
     except ValueError as error:  # a zero byte in the name
         raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name.") from error
-    with file:
+    with file, ExitStack() as stack:
         try:
-            source = Source(path, file, progress)
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                spool = stack.enter_context(TemporaryFile())
+                source = Source(path, _spooled(file, spool, path, limits), progress)
+            else:
+                source = Source(path, file, progress)
             if not source.head:
                 raise MeshError(
                     f"{path}: the file is empty",
@@ -123,6 +129,18 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
             yield source
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk.") from error
+
+
+def _spooled(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
+    """What comes out of a pipe, as a file that has a length and can be read twice."""
+    length = 0
+    while chunk := pipe.read(CHUNK):
+        length += len(chunk)
+        if length > limits.file_bytes:
+            raise _too_long(path, length, limits.file_bytes)
+        spool.write(chunk)
+    spool.seek(0)
+    return spool
 
 
 def without_byte_order_mark(data: bytes) -> bytes:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 from tiny_files import BOX, ascii_stl, binary_stl, every_format, write, zipped
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io import Model, export_stl, load_mesh, load_model
+from printer_slicer.mesh_io import Limits, Model, export_stl, load_mesh, load_model
 from printer_slicer.mesh_io.files import CHUNK
 from printer_slicer.model import Mesh
 
@@ -79,6 +81,23 @@ def test_a_byte_order_mark_before_another_text_is_no_fault(tmp_path: Path, kind:
 
     for marked in (codecs.BOM_UTF8 + content, content.decode().encode("utf-16")):
         assert np.array_equal(read(tmp_path, marked, kind).mesh.triangles, BOX)
+
+
+@pytest.mark.skipif(not Path("/dev/stdin").exists(), reason="this system has no /dev/stdin")
+@pytest.mark.parametrize("name", ["binary.stl", "ascii.stl", "deflated.3mf", "part.obj"])
+def test_a_part_may_come_out_of_a_pipe(name: str) -> None:
+    code = "from printer_slicer import load_mesh; print(load_mesh('/dev/stdin').n_facets)"
+    data = every_format()[name]
+    done = subprocess.run([sys.executable, "-c", code], input=data, capture_output=True, check=True)
+
+    assert done.stdout.split() == [b"24" if name == "deflated.3mf" else b"12"]
+
+
+def test_a_pipe_without_end_is_refused() -> None:
+    if not Path("/dev/zero").exists():
+        pytest.skip("this system has no /dev/zero")
+    with pytest.raises(MeshError, match="at most 3000000"):
+        load_mesh("/dev/zero", limits=Limits(file_bytes=3_000_000))
 
 
 def test_decimal_commas_are_named_with_what_to_do(tmp_path: Path) -> None:
