@@ -74,6 +74,8 @@ class _Terms:
         self._base: dict[str, object] = {
             "quality.planner.kind": "optimal",
             "quality.tolerance": min(max(row.score.bound + _EQUAL / 2, _LEAST_TOLERANCE), 2.0),
+            # The peers choose among all heights; so do we, by the printer's own step.
+            "quality.layer_step": judge.part.profile.printer.z_step,
             # Flats are met by default; on the peer's terms they may be missed as far as it misses them.
             "quality.planner.snap_tolerance": min(row.score.worst_flat, _WIDEST),
         }

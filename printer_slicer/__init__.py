@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from printer_slicer.drawing import draw_layer, draw_plan, layer_picture, picture_bytes
     from printer_slicer.errors import PrinterSlicerError
     from printer_slicer.extrusion import move_seconds
+    from printer_slicer.healing import repair
     from printer_slicer.jobs import Job, job_from, job_of
     from printer_slicer.mesh_io import LIMITS, Limits, Model, export_stl, load_mesh, load_model
-    from printer_slicer.model import LayerPlan, Mesh, Program, Sections
+    from printer_slicer.model import LayerPlan, Mesh, Program, Repairs, Sections
     from printer_slicer.pipeline import Stages, gcode_of, plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, joined, place, transformed
     from printer_slicer.planning import plan_layers
@@ -44,6 +45,7 @@ _HOMES = {
     "PrinterSlicerError": "errors",
     "Profile": "profile",
     "Program": "model",
+    "Repairs": "model",
     "Sections": "model",
     "Stages": "pipeline",
     "Verdict": "verdict",
@@ -71,6 +73,7 @@ _HOMES = {
     "print_job": "printing",
     "profile_with": "profile",
     "read_surface": "surface",
+    "repair": "healing",
     "slice_part": "pipeline",
     "slice_stages": "pipeline",
     "transformed": "placing",
@@ -89,6 +92,7 @@ __all__ = [
     "PrinterSlicerError",
     "Profile",
     "Program",
+    "Repairs",
     "Sections",
     "Stages",
     "Verdict",
@@ -116,6 +120,7 @@ __all__ = [
     "print_job",
     "profile_with",
     "read_surface",
+    "repair",
     "slice_part",
     "slice_stages",
     "transformed",

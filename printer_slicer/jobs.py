@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -13,9 +13,9 @@ import numpy as np
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import read_moves
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import LayerPlan, Mesh, Program
+from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.pipeline import Report, gcode_of, quiet, slice_part
+from printer_slicer.pipeline import Report, gcode_of, quiet, slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.profile import Profile
 from printer_slicer.stream.framing import check_commands, strip
@@ -41,6 +41,7 @@ class Job:
         end: (3,) where the last move ends, mm.
         program: the moves, if the job was sliced here.
         marks: command index -> layer (counted from 1), where the text has layer comments.
+        repairs: what was put right in the part, if the job was sliced here.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Job:
     end: tuple[float, float, float]
     program: Program | None = None
     marks: Mapping[int, int] = field(default_factory=dict)
+    repairs: Repairs = field(default_factory=Repairs)
 
     @property
     def plan(self) -> LayerPlan | None:
@@ -72,8 +74,14 @@ def is_gcode(path: Path) -> bool:
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
-def job_from(path: Path, profile: Profile, *, report: Report = quiet) -> Job:
+def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bool = False) -> Job:
     """The job that prints a model (sliced now) or a G-code file (as it is).
+
+    Args:
+        path: of the file.
+        profile: printer, material and quality.
+        report: is told the name of each stage as it begins.
+        strict: whether a mesh that needs repair is refused.
 
     Raises:
         PrinterSlicerError: the file cannot be read, sliced or sent.
@@ -82,7 +90,7 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet) -> Job:
         report("reading")
         return _job(path.name, _read(path), profile, None)
     report("loading")
-    return job_of(load_mesh(path), profile, name=path.name, report=report)
+    return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
 
 def job_of(
@@ -92,6 +100,7 @@ def job_of(
     name: str = "",
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
+    strict: bool = False,
 ) -> Job:
     """The job that prints a part, sliced now.
 
@@ -101,13 +110,15 @@ def job_of(
         name: what to call the job; empty: as the part.
         placement: where the part is put.
         report: is told the name of each stage as it begins.
+        strict: whether a mesh that needs repair is refused.
 
     Raises:
         PrinterSlicerError: it cannot be sliced.
     """
-    program = slice_part(mesh, profile, placement=placement, report=report)
+    stages = slice_stages(mesh, profile, placement=placement, report=report, strict=strict)
     report("writing")
-    return _job(name or mesh.name, gcode_of(program, profile), profile, program)
+    job = _job(name or mesh.name, gcode_of(stages.program, profile), profile, stages.program)
+    return replace(job, repairs=stages.repairs)
 
 
 def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> Job:

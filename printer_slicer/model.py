@@ -30,6 +30,8 @@ __all__ = [
     "Mesh",
     "Program",
     "Regions",
+    "Repair",
+    "Repairs",
     "Role",
     "Sections",
     "Toolpaths",
@@ -105,11 +107,7 @@ class Mesh:
         for start in range(0, self.n_facets, _BLOCK):
             block = self.triangles[start : start + _BLOCK].reshape(-1, 9)
             a, b, c = np.subtract(block.T, origin, order="C").reshape(3, 3, -1)
-            total += float(
-                a[0] @ (b[1] * c[2] - b[2] * c[1])
-                + a[1] @ (b[2] * c[0] - b[0] * c[2])
-                + a[2] @ (b[0] * c[1] - b[1] * c[0])
-            )
+            total += sum(float(a[i] @ (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2])) for i in range(3))
         return total / 6
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
@@ -214,6 +212,43 @@ class Faults:
         return len(self.open_edges) + len(self.flipped_edges) + len(self.crowded_edges)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Repair:
+    """What was done to a mesh for one reason.
+
+    Attributes:
+        kind: what, in words: "facets turned round".
+        places: (n, 3) mm, one for each time it was done.
+        widest: the farthest that a corner was moved, or the largest hole that was closed, mm; 0 where neither.
+        area: mm² of surface that was guessed.
+    """
+
+    kind: str
+    places: Float
+    widest: float = 0.0
+    area: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "places", frozen_array(self.places, np.float64, (-1, 3)))
+
+    @property
+    def count(self) -> int:
+        """How often."""
+        return len(self.places)
+
+
+@dataclass(frozen=True, slots=True)
+class Repairs:
+    """All that was done to a mesh before it was cut, in the order in which it was done."""
+
+    done: tuple[Repair, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """How many places in all."""
+        return sum(repair.count for repair in self.done)
+
+
 @dataclass(frozen=True, slots=True)
 class Gap:
     """A place where the mesh is open: the contour of a layer had to be closed over `width` mm."""
@@ -223,6 +258,11 @@ class Gap:
     y: float
     z: float
     width: float
+
+    @property
+    def area(self) -> float:
+        """Mm² by which the section is off if the missing wall stays within the circle over the gap: half a disc."""
+        return float(np.pi / 8 * self.width**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,12 +274,15 @@ class Sections:
         solid: clean areas.
         open_edges: edges that the cut planes cross and that lack a neighbour, or whose neighbour faces the other way.
         gaps: where contours were closed over such edges, widest first.
+        turned: what contours run around the wrong way, as a shell that crosses itself does, or a void that reaches out
+            of the solid; it is left out. Its own rings run clockwise. None where there is nothing of it.
     """
 
     plan: LayerPlan
     solid: Areas
     open_edges: int = 0
     gaps: tuple[Gap, ...] = ()
+    turned: Areas | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,15 +11,16 @@ from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
+from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Sections, Toolpaths, Walls
+from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import OptimalPlanner, Profile, profile_with
 from printer_slicer.regions import classify
-from printer_slicer.slicing import cut
+from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, read_surface
 
 __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
@@ -35,7 +36,7 @@ def quiet(stage: str) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stages:
-    """Every value on the way from a part to its moves."""
+    """Every value on the way from a part to its moves; `repairs`: what was put right, placed as in the file."""
 
     part: Mesh
     sections: Sections
@@ -43,6 +44,7 @@ class Stages:
     regions: Regions
     toolpaths: Toolpaths
     program: Program
+    repairs: Repairs = field(default_factory=Repairs)
 
 
 def slice_stages(
@@ -52,23 +54,34 @@ def slice_stages(
     plan: LayerPlan | None = None,
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
+    strict: bool = False,
 ) -> Stages:
     """Slice a part and keep the value of each stage.
 
     Args:
-        mesh: the part, anywhere.
+        mesh: the part, anywhere; it is repaired and placed.
         profile: printer, material and quality.
         plan: the layers, if not the profile's planner shall choose them.
         placement: where the part is put; by default on the middle of the bed.
         report: is told the name of each stage as it begins.
+        strict: whether a mesh that needs repair is refused.
 
     Raises:
-        PartError: the part does not fit, is open, or cannot be divided into layers.
+        PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
     """
+    report("repairing")
+    mended, repairs = repair(mesh)
+    if strict:
+        refuse_repaired(mesh.name, repairs)
     report("placing")
-    part = place(mesh, profile.printer, placement)
+    part = place(mended, profile.printer, placement)
     report("planning")
-    return _down_from(part, plan or plan_part(part, profile), profile, report)
+    stages = _down_from(part, plan or plan_part(part, profile), profile, report)
+    shift = mended.bounds[0] - part.bounds[0]
+    repairs = Repairs((*repairs.done, *section_repairs(stages.sections, shift)))
+    if strict:
+        refuse_repaired(mesh.name, repairs)
+    return replace(stages, repairs=repairs)
 
 
 def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
@@ -84,10 +97,14 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
     if not budget:
         return plan
+
+    def seconds_of(plan: LayerPlan) -> float:
+        return float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+
     asked, low, high = budget, 0.0, np.inf
     tried: list[tuple[float, LayerPlan]] = []
     for _ in range(_ROUNDS):
-        seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+        seconds = seconds_of(plan)
         tried.append((seconds, plan))
         if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
             break
@@ -97,8 +114,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     if all(seconds > budget for seconds, _ in tried):
         hurry = {"quality.planner.time_budget": 0, "quality.planner.objective": "time"}
         plan = plan_layers(part, profile_with(profile, hurry))
-        seconds = float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
-        tried.append((seconds, plan))
+        tried.append((seconds_of(plan), plan))
     within = [plan for seconds, plan in tried if seconds <= budget]
     if not within:
         return min(tried, key=lambda one: one[0])[1]
@@ -134,9 +150,10 @@ def slice_part(
     plan: LayerPlan | None = None,
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
+    strict: bool = False,
 ) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
-    return slice_stages(mesh, profile, plan=plan, placement=placement, report=report).program
+    return slice_stages(mesh, profile, plan=plan, placement=placement, report=report, strict=strict).program
 
 
 def gcode_of(

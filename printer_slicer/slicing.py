@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
+from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
+from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import Crossings, connected, cross, edge_faults
 from printer_slicer.geometry.slabs import slab_shadows
-from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Sections
+from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Repair, Sections
 
-__all__ = ["contours", "cut", "mesh_faults", "open_places"]
+__all__ = ["contours", "cut", "mesh_faults", "open_places", "section_repairs"]
 
 _ROUNDING = 1e-3  # mm; ends this close are the same point, written twice
 _FINE = (
     0.002  # mm; contours that must not cross the surface are simplified by this much and moved away as much
 )
-_LARGEST_GAP = 1.0  # mm; a wider gap in a contour is a missing face, not a crack
+_CRACK = (
+    1.0  # mm; up to this, loose ends are the two sides of a crack; beyond, something is missing between them
+)
+_MOST_GUESSED = 1 / 3  # of a contour
+_WORTH_SAYING = 0.01  # mm²
+_MEND = "close the mesh in the program that made it (look for missing or flipped faces there)"
 
 
 def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
@@ -35,15 +40,35 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
     """
     crossings = cross(mesh.triangles, plan.cut)
     rings, gaps = _joined(crossings, plan, mesh.name)
-    solid = (
-        normalize(simplify(rings, resolution)) if plan.containment == "mid" else _contained(mesh, plan, rings)
-    )
+    simple = simplify(rings, resolution)
+    solid = normalize(simple) if plan.containment == "mid" else _contained(mesh, plan, rings)
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
             remedy="the part may be thinner than one layer, or inside out; check its size and units",
         )
-    return Sections(plan, solid, crossings.unpaired, tuple(gaps))
+    turned = _turned(simple, solid) if plan.containment == "mid" else None
+    return Sections(plan, solid, crossings.unpaired, tuple(gaps), turned)
+
+
+def _turned(rings: Areas, solid: Areas) -> Areas | None:
+    """What rings run around the wrong way and so is not solid; None where there is nothing of it.
+
+    Where no rings overlap and none runs around the wrong way, the sum of their signed areas is that of the solid.
+    """
+    perimeter = np.bincount(rings.ring_layer, rings.ring_length(), minlength=rings.n_layers)
+    differs = np.abs(rings.area() - solid.area()) > 1e-5 * perimeter + 1e-6
+    if not differs.any():
+        return None
+    mirror = np.array([-1.0, 1.0])  # in a mirror the wrong way round is the right one
+    suspects = rings.select(differs[rings.ring_layer])
+    found = normalize(
+        Areas(suspects.xy * mirror, suspects.ring_start, suspects.ring_layer, suspects.n_layers)
+    )
+    found = found.select((found.area() > _WORTH_SAYING)[found.ring_layer])
+    if not found.n_rings:
+        return None
+    return Areas(found.xy * mirror, found.ring_start, found.ring_layer, found.n_layers)
 
 
 def _contained(mesh: Mesh, plan: LayerPlan, rings: Areas) -> Areas:
@@ -95,21 +120,43 @@ def open_places(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
     return crossings.unpaired, _joined(crossings, plan, mesh.name)[1]
 
 
+def section_repairs(
+    sections: Sections, shift: Float | tuple[float, float, float] = (0, 0, 0)
+) -> list[Repair]:
+    """What was done to contours when the mesh was cut.
+
+    Args:
+        sections: of the part.
+        shift: (3,) mm, added to places.
+    """
+    done = []
+    if sections.gaps:
+        places = np.array([(gap.x, gap.y, gap.z) for gap in sections.gaps]) + shift
+        area = sum(gap.area for gap in sections.gaps)
+        done.append(Repair("gaps in contours closed", places, sections.gaps[0].width, area))
+    if sections.turned is not None:
+        first, layer = sections.turned.ring_start[:-1], sections.turned.ring_layer
+        places = np.column_stack([sections.turned.xy[first], sections.plan.cut[layer]]) + shift
+        done.append(Repair("inside-out areas left out", places, area=float(-sections.turned.area().sum())))
+    return done
+
+
 def mesh_faults(mesh: Mesh) -> Faults:
     """Where the mesh is open, wrongly oriented, or not a surface; in the coordinates of the mesh."""
     return Faults(*edge_faults(mesh.triangles))
 
 
 def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, list[Gap]]:
-    """All segments joined tail to head into closed rings."""
+    """All segments joined tail to head into closed rings, and where that took more than rounding, widest first.
+
+    Raises:
+        MeshError: a contour cannot be closed, or more than a third of one would be guessed.
+    """
     n_nodes = len(crossings.xy)
     following = np.full(n_nodes, -1, np.int64)
     following[crossings.tail] = crossings.head
-    gaps: list[Gap] = []
-    if crossings.unpaired:
-        gaps = _close(following, crossings, plan)
-        _refuse_wide(gaps, name, crossings.unpaired)
-    ring, rank = _cycles(following)
+    chords = _closed(following, crossings, plan, name) if crossings.unpaired else Chords.none()
+    ring, rank = cycles(following)
     first = np.flatnonzero(rank == 0)
     first = first[np.argsort(crossings.plane[first], kind="stable")]
     size = np.bincount(ring, minlength=n_nodes)[first]
@@ -118,92 +165,79 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
     place_of_ring[first] = start[:-1]
     xy = np.zeros((n_nodes, 2))
     xy[place_of_ring[ring] + rank] = crossings.xy
-    return Areas(xy, start, crossings.plane[first], plan.n_layers), gaps
+    rings = Areas(xy, start, crossings.plane[first], plan.n_layers)
+    place_of_ring[first] = np.arange(len(first))
+    gaps = _gaps(chords, crossings, plan)
+    _refuse_guesses(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
+    return rings, gaps
 
 
-def _cycles(following: Int) -> tuple[Int, Int]:
-    """For a permutation: the lowest index of each item's cycle, and the steps from there to the item.
+def _closed(following: Int, crossings: Crossings, plan: LayerPlan, name: str) -> Chords:
+    """Close all contours, in place: loose ends up to 1 mm apart first, then by chords that cross nothing."""
+    loose = LooseEnds.of(following, crossings.xy, crossings.plane)
+    tail, head = crossings.tail, crossings.head
+    try:
+        chords = close_near(loose, _CRACK)
+        left = loose.without(chords)
+        if len(left.tails):
+            begin = np.concatenate([crossings.xy[tail], crossings.xy[chords.tail]])
+            end = np.concatenate([crossings.xy[head], crossings.xy[chords.head]])
+            planes = np.concatenate([crossings.plane[tail], crossings.plane[chords.tail]])
+            long = close_by_chords(left, begin, end, planes)
+            chords, left = chords.merge(long), left.without(long)
+    except OverflowError:
+        raise _not_closed(name, loose, plan, "the surface is in shreds") from None
+    if len(left.tails):
+        raise _not_closed(name, left, plan, "the contour cannot be closed without crossing itself")
+    following[chords.tail] = chords.head
+    return chords
 
-    Pointer jumping: after round k every item knows its cycle's minimum over 2^k successors, so the number of rounds is
-    the logarithm of the longest cycle.
+
+def _not_closed(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
+    """What to say where a contour stays open: at the end with the lowest z, x, y."""
+    planes = loose.plane[loose.tails]
+    worst = loose.tails[np.lexsort((*loose.xy[loose.tails].T[::-1], planes))[0]]
+    x, y = loose.xy[worst]
+    z = plan.cut[loose.plane[worst]]
+    return MeshError(
+        f"{name}: the surface is open: {why} at x {x:.2f} y {y:.2f} z {z:.2f} "
+        f"(loose ends at this height: {np.bincount(planes)[loose.plane[worst]]})",
+        remedy=_MEND,
+    )
+
+
+def _gaps(chords: Chords, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
+    """Where contours were closed over more than rounding, widest first."""
+    wide = np.flatnonzero(chords.width > _ROUNDING)
+    xy = (crossings.xy[chords.tail[wide]] + crossings.xy[chords.head[wide]]) / 2
+    plane = crossings.plane[chords.tail[wide]]
+    columns = (plane, xy[:, 0], xy[:, 1], plan.cut[plane], chords.width[wide])
+    order = np.lexsort((xy[:, 1], xy[:, 0], plane, -chords.width[wide]))
+    return [Gap(*row) for row in zip(*(column[order].tolist() for column in columns), strict=True)]
+
+
+def _refuse_guesses(chords: Chords, ring: Int, rings: Areas, gaps: list[Gap], name: str) -> None:
+    """Raise when chords wider than cracks are more than a third of a contour that holds an area.
+
+    Args:
+        chords: all.
+        ring: (C,) of each chord.
+        rings: all.
+        gaps: as they will be told.
+        name: of the part.
     """
-    n = len(following)
-    lowest = np.arange(n)
-    jump = following
-    while True:
-        better = np.minimum(lowest, lowest[jump])
-        if np.array_equal(better, lowest):
-            break
-        lowest, jump = better, jump[jump]
-    # Steps to the cycle's first item, by the same doubling along the chain that ends there.
-    is_first = lowest == np.arange(n)
-    jump = np.where(is_first[following], np.arange(n), following)
-    steps = (jump != np.arange(n)).astype(np.int64)
-    while True:
-        ahead = steps[jump]
-        if not ahead.any():
-            break
-        steps, jump = steps + ahead, jump[jump]
-    length = np.bincount(lowest, minlength=n)
-    return lowest, np.where(is_first, 0, length[lowest] - 1 - steps)
-
-
-def _close(following: Int, crossings: Crossings, plan: LayerPlan) -> list[Gap]:
-    """Join each loose tail to the nearest loose head of its plane, in place; the gaps that this bridged.
-
-    Ends that fall together but for rounding find each other by sorting; only the rest is compared pair by pair.
-    """
-    heads = np.setdiff1d(np.arange(len(following)), following[following >= 0])
-    tails = np.flatnonzero(following < 0)
-    for grid in (_ROUNDING, 10 * _ROUNDING):
-        tails, heads = _join_equal(following, crossings, tails, heads, grid)
-    gaps: list[Gap] = []
-    for plane in np.unique(crossings.plane[tails]):
-        ends = tails[crossings.plane[tails] == plane]
-        begins = heads[crossings.plane[heads] == plane]
-        for end, begin, width in _nearest_pairs(crossings.xy[ends], crossings.xy[begins]):
-            following[ends[end]] = begins[begin]
-            x, y = crossings.xy[ends[end]]
-            if width > 0:
-                gaps.append(Gap(int(plane), float(x), float(y), float(plan.cut[plane]), width))
-    return sorted(gaps, key=lambda gap: -gap.width)
-
-
-def _join_equal(following: Int, crossings: Crossings, tails: Int, heads: Int, grid: float) -> tuple[Int, Int]:
-    """Join, in place, tails and heads of one plane that round to the same place; what is left of both."""
-    both = np.concatenate([tails, heads])
-    cell = np.column_stack([crossings.plane[both], np.rint(crossings.xy[both] / grid).astype(np.int64)])
-    number = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
-    tail_cell, head_cell = number[: len(tails)], number[len(tails) :]
-    by_tail, by_head = np.argsort(tail_cell, kind="stable"), np.argsort(head_cell, kind="stable")
-    tail_sorted, head_sorted = tail_cell[by_tail], head_cell[by_head]
-    # The k-th tail of a cell goes with its k-th head.
-    rank = np.arange(len(tails)) - np.searchsorted(tail_sorted, tail_sorted)
-    partner = np.searchsorted(head_sorted, tail_sorted) + rank
-    inside = np.minimum(partner, max(len(heads) - 1, 0))
-    fits = (partner < len(heads)) & (head_sorted[inside] == tail_sorted)
-    joined_tails, joined_heads = by_tail[fits], by_head[partner[fits]]
-    following[tails[joined_tails]] = heads[joined_heads]
-    return np.delete(tails, joined_tails), np.delete(heads, joined_heads)
-
-
-def _nearest_pairs(ends: Float, begins: Float) -> Iterator[tuple[int, int, float]]:
-    """Pairs (end, begin, distance) of as many points each, the nearest first, every point once."""
-    distance = np.linalg.norm(ends[:, None] - begins[None], axis=2)
-    free_end, free_begin = np.ones(len(ends), np.bool_), np.ones(len(begins), np.bool_)
-    for pair in np.argsort(distance, axis=None, kind="stable").tolist():
-        end, begin = divmod(pair, len(begins))
-        if free_end[end] and free_begin[begin]:
-            free_end[end] = free_begin[begin] = False
-            yield end, begin, float(distance[end, begin])
-
-
-def _refuse_wide(gaps: list[Gap], name: str, n_edges: int) -> None:
-    """Raise when a contour had to be closed over more than a crack."""
-    if gaps and gaps[0].width > _LARGEST_GAP:
-        wide = gaps[0]
+    wide, length = chords.width > _CRACK, rings.ring_length()
+    guessed = np.bincount(ring[wide], chords.width[wide], minlength=len(length))
+    # A chord along the one sheet that a contour consists of adds nothing: no area hangs on it.
+    flat = np.abs(rings.ring_area()) <= _ROUNDING * length
+    bad = ((guessed > _MOST_GUESSED * length) & ~flat)[ring] & wide
+    if bad.any():
+        worst = next(gap for gap in gaps if gap.width == chords.width[bad].max())
+        share = 100 * float(
+            (guessed / np.maximum(length, 1e-9))[ring][bad & (chords.width == worst.width)].max()
+        )
         raise MeshError(
-            f"{name}: the surface is open: {n_edges} edges have no neighbour; the widest gap is {wide.width:.3g} mm "
-            f"at x {wide.x:.2f} y {wide.y:.2f} z {wide.z:.2f}",
-            remedy="close the mesh in the program that made it (look for missing or flipped faces there)",
+            f"{name}: the surface is open: a gap of {worst.width:.3g} mm at x {worst.x:.2f} y {worst.y:.2f} "
+            f"z {worst.z:.2f}; {share:.0f} % of the contour there would be guessed",
+            remedy=_MEND,
         )

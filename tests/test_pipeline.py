@@ -24,6 +24,7 @@ from tests.parts import (
     cone,
     joined,
     plain,
+    prism,
     profile,
     pyramid,
     shape,
@@ -151,6 +152,7 @@ def test_stages_share_one_plan_and_are_told_by_name() -> None:
     stages = slice_stages(box(), plain(), report=heard.append)
 
     assert heard == [
+        "repairing",
         "placing",
         "planning",
         "slicing",
@@ -223,8 +225,26 @@ def test_parts_that_do_not_fit_are_refused_with_both_sizes() -> None:
 
 
 def test_open_parts_are_refused() -> None:
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    pipe = prism(10 * np.column_stack([np.cos(turn), np.sin(turn)]), 5.0)
+    middle = pipe.triangles.mean(axis=1)
+    half = np.flatnonzero((middle[:, 0] < 0) | (middle[:, 2] == 0) | (middle[:, 2] == 5))
+
     with pytest.raises(MeshError, match="surface is open"):
-        slice_part(without(box(), 4), plain())
+        slice_part(without(pipe, *half.tolist()), plain())
+
+
+def test_what_was_put_right_is_told_and_refused_when_that_is_asked_for() -> None:
+    holed = without(box((10, 20, 5), (100, 0, 0)), 5)
+
+    repairs = slice_stages(holed, plain()).repairs
+    with pytest.raises(MeshError, match="needs repair: holes filled: 1, the first at x 110"):
+        slice_part(holed, plain(), strict=True)
+
+    assert [one.kind for one in repairs.done] == ["holes filled"]
+    assert repairs.done[0].places[0, 0] == 110
+    assert repairs.done[0].area == pytest.approx(50)
+    assert slice_stages(box(), plain(), strict=True).repairs.count == 0
 
 
 # --- the same part, put otherwise ---

@@ -420,14 +420,18 @@ def test_a_crack_is_closed_and_told() -> None:
     assert cracked.solid.area() == pytest.approx(whole.solid.area(), abs=0.03)
 
 
-def test_a_missing_face_is_refused_with_its_place() -> None:
-    """A facet of the wall x = 10 is gone; its gap is as wide as the wall at one end."""
-    mesh = box((10, 20, 10))
-    wall = np.flatnonzero((mesh.triangles[:, :, 0] == 10).all(axis=1))
+def test_a_contour_of_which_a_third_is_missing_is_closed_and_more_is_refused_with_its_place() -> None:
+    def opened(depth: float) -> Mesh:
+        mesh = box((depth, 20, 10))
+        return without(mesh, *np.flatnonzero((mesh.triangles[:, :, 0] == depth).all(axis=1)).tolist())
 
-    with pytest.raises(MeshError, match=r"surface is open.*mm at x 10\.00 y \d+\.\d+ z \d+\.\d+") as caught:
-        cut(without(mesh, *wall.tolist()), layers(50, 0.2), 0.0125)
+    section = cut(opened(10), layers(50, 0.2), 0.0125)
+    with pytest.raises(MeshError, match=r"surface is open.*mm at x 9\.00 y 10\.00 z \d+\.\d+") as caught:
+        cut(opened(9), layers(50, 0.2), 0.0125)
 
+    assert section.solid.area() == pytest.approx([200] * 50)
+    assert len(section.gaps) == 50
+    assert section.gaps[0].width == pytest.approx(20)
     assert "20 mm" in str(caught.value)
     assert "close the mesh" in caught.value.remedy
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 import time
@@ -24,6 +25,7 @@ __all__ = [
     "check_writable",
     "profile_from",
     "refuse_mixing",
+    "refuse_same",
     "say",
     "stages",
     "visible",
@@ -31,7 +33,7 @@ __all__ = [
 ]
 
 PATIENCE = 1.0  # s before a progress bar appears
-_STAGES = 10  # from loading to writing
+_STAGES = 11  # from loading to writing
 
 
 def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profile:
@@ -87,16 +89,33 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def refuse_mixing(arguments: argparse.Namespace) -> None:
-    """Only one thing can go to stdout.
+    """Only one thing can go to stdout, and a picture must be of a kind that is made.
 
     Raises:
-        UsageError: two would.
+        UsageError: two would go there, or it is not.
     """
+    if arguments.picture:
+        from printer_slicer.drawing import check_picture
+
+        check_picture(arguments.picture)
     wants = {"-o": getattr(arguments, "output", None), "--picture": arguments.picture}
     there = [f"{flag} -" for flag, path in wants.items() if str(path) == "-"]
     there += ["--json"] if arguments.json else []
     if len(there) > 1:
         raise UsageError(f"{' and '.join(there)} both want stdout", remedy="write one of them to a file")
+
+
+def refuse_same(output: Path, model: Path) -> None:
+    """Never write over the model.
+
+    Raises:
+        UsageError: it would be.
+    """
+    # Names that cannot be are refused when they are written to.
+    with contextlib.suppress(OSError, ValueError):
+        if not output.samefile(model):
+            return
+        raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:

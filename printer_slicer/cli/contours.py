@@ -13,9 +13,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.common import check_writable, profile_from, say, stages, write_file
-from printer_slicer.cli.facts import runs_text
-from printer_slicer.cli.models import plate_from
+from printer_slicer.cli.common import (
+    check_writable,
+    profile_from,
+    refuse_same,
+    say,
+    stages,
+    write_file,
+)
+from printer_slicer.cli.facts import repair_facts, repair_sentences, runs_text
+from printer_slicer.cli.models import repaired_plate
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.exports import (
     CLI_UNITS,
@@ -31,10 +38,11 @@ from printer_slicer.exports import (
     write_svg,
     write_svgs,
 )
-from printer_slicer.model import Sections
+from printer_slicer.healing import refuse_repaired
+from printer_slicer.model import Repairs, Sections
 from printer_slicer.pipeline import plan_part
 from printer_slicer.placing import place
-from printer_slicer.slicing import cut
+from printer_slicer.slicing import cut, section_repairs
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
@@ -69,23 +77,26 @@ def contours_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     _refuse_broken_promise(arguments, profile)
     with stages(arguments) as report:
-        report("loading")
-        plate = plate_from(arguments, profile.printer, report)
+        plate, repairs = repaired_plate(arguments, profile.printer, report)
         for path in arguments.models:
-            _refuse_same(target.path, path)
+            refuse_same(target.path, path)
         report("placing")
         part = place(plate.mesh, profile.printer, plate.placement)
         report("planning")
         plan = plan_part(part, profile)
         report("slicing")
-        sections = _shaped(cut(part, plan, profile.quality.resolution), arguments, profile, report)
+        raw = cut(part, plan, profile.quality.resolution)
+        repairs = Repairs((*repairs.done, *section_repairs(raw, plate.mesh.bounds[0] - part.bounds[0])))
+        if arguments.strict:
+            refuse_repaired(part.name, repairs)
+        sections = _shaped(raw, arguments, profile, report)
         report("writing")
         sizes = _write(sections, target, binary=arguments.binary)
-    facts = _facts(sections, sizes, target, arguments, profile)
+    facts = _facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
     if arguments.json:
         print(json.dumps(facts | plate.facts()))
     else:
-        say(arguments, "\n  ".join(_sentences(facts)))
+        say(arguments, "\n  ".join([*_sentences(facts), *repair_sentences(facts["repairs"])]))
     return 0
 
 
@@ -156,12 +167,6 @@ def _check_folder(path: Path) -> None:
         raise OutputError(f"{path}: is no folder", remedy="name another one, or a file without / at the end")
     if not path.exists():
         check_writable(path)
-
-
-def _refuse_same(path: Path, model: Path) -> None:
-    """Never write over the model."""
-    if path.exists() and path.samefile(model):
-        raise UsageError(f"{path}: is the model itself", remedy="name another output with -o")
 
 
 def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
@@ -253,7 +258,6 @@ def _facts(
         "spacing": arguments.resample if arguments.resample != inf else None,
         "at_most_off": off | {"together": round(sum(off.values()), _DIGITS)},
         "rings_left_out": rounded.lost,
-        "gaps": len(sections.gaps),
         "notes": _notes(sections, rounded, target),
     }
 
@@ -270,12 +274,6 @@ def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
     notes = []
     if rounded.lost:
         notes.append(f"{rounded.lost} rings are smaller than the rounding and left out")
-    if sections.gaps:
-        gap = sections.gaps[0]
-        notes.append(
-            f"{len(sections.gaps)} gaps in contours were closed,"
-            f" the widest of {gap.width:.3g} mm in layer {gap.layer + 1}"
-        )
     if sections.plan.containment != "mid":
         notes.append(
             f"rounding can break the promise of {sections.plan.containment} containment by {rounded.error:.2g} mm"

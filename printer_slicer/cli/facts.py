@@ -7,14 +7,27 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.gcode import spoken
-from printer_slicer.model import Float, LayerPlan, Mesh, Program, Role
+from printer_slicer.model import Float, LayerPlan, Mesh, Program, Repairs, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
+from printer_slicer.planning.unkept import unkept_rules
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
 
-__all__ = ["certificate_facts", "certificate_sentences", "facts_of", "flats_off", "runs_text", "sentences"]
+__all__ = [
+    "budget_sentences",
+    "certificate_facts",
+    "certificate_sentences",
+    "facts_of",
+    "flats_off",
+    "repair_facts",
+    "repair_sentences",
+    "runs_text",
+    "sentences",
+    "time_budget",
+    "unkept_sentences",
+]
 
 _WORTH_SAYING = 0.002  # share of the part
 _WORTH_MENTION = 0.01  # mm²
@@ -28,7 +41,7 @@ def facts_of(
     """Everything worth knowing, ready for JSON.
 
     Args:
-        mesh: the part as it was read; places are told in its coordinates.
+        mesh: the part as it was repaired; places are told in its coordinates.
         stages: the sliced part.
         profile: what it was sliced with.
         seconds: modelled time of the moves.
@@ -37,14 +50,8 @@ def facts_of(
     program = stages.program
     area = np.pi * profile.material.filament_diameter**2 / 4
     shift = mesh.bounds[0] - stages.part.bounds[0]
-    gaps = [
-        dict(zip("xyz", np.round(np.add((gap.x, gap.y, gap.z), shift), 4).tolist(), strict=True))
-        | {"width": gap.width}
-        for gap in stages.sections.gaps[:_MOST_PLACES]
-    ]
-    planner = profile.quality.planner
     return {
-        "time_budget": planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0,
+        "time_budget": time_budget(profile),
         "layers": program.plan.n_layers,
         "planner": program.plan.planner,
         "heights": [[count, height] for count, height in program.plan.runs()],
@@ -59,8 +66,7 @@ def facts_of(
         "skirt_left_out": bool(profile.quality.skirt_loops) and not (program.role == Role.SKIRT).any(),
         "faults": _faults(mesh),
         "open_edges": stages.sections.open_edges,
-        "n_gaps": len(stages.sections.gaps),
-        "gaps": gaps,
+        "repairs": repair_facts(stages.repairs),
         "certificate": certificate_facts(certificate, stages.part, profile, shift),
     }
 
@@ -98,11 +104,9 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         change.removeprefix("quality.").startswith("layer_height") for change in changes
     ):
         lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
-    if 0 < facts["time_budget"] < facts["seconds"]:
-        budget = spoken(facts["time_budget"])
-        lines.append(f"the time budget of {budget} cannot be kept with this tolerance and these heights")
-    first, *more = certificate_sentences(facts["certificate"])
-    lines += [first, *(line for line in more if line.startswith("over the tolerance"))]
+    lines += budget_sentences(facts["time_budget"], facts["seconds"])
+    first = certificate_sentences(facts["certificate"])[0]
+    lines += [first, *unkept_sentences(facts["certificate"])]
     if facts["empty_layers"]:
         many = "1 layer stays" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers stay"
         lines.append(f"{many} empty: the part is narrower than a bead there")
@@ -118,7 +122,37 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         lines.append(
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
         )
-    return lines + _fault_sentences(facts)
+    return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
+
+
+def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
+    """What was put right in a mesh, ready for JSON; lengths in mm, places in the file's coordinates."""
+    return [
+        {
+            "kind": one.kind,
+            "count": one.count,
+            "places": np.round(one.places[:_MOST_PLACES], 4).tolist(),
+            "largest_gap_mm": round(one.widest, 6),
+            "area_guessed_mm2": round(one.area, 4),
+        }
+        for one in repairs.done
+    ]
+
+
+def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
+    """What was put right, for people.
+
+    Args:
+        facts: of `repair_facts`.
+    """
+    lines = []
+    for fact in facts:
+        x, y, z = fact["places"][0]
+        line = f"repaired: {fact['kind']}: {fact['count']}, the first at x {x:g} y {y:g} z {z:g}"
+        line += f"; the widest of {fact['largest_gap_mm']:.3g} mm" if fact["largest_gap_mm"] else ""
+        area = fact["area_guessed_mm2"]
+        lines.append(line + (f", {area:.4g} mm2 guessed" if area > _WORTH_MENTION else ""))
+    return lines
 
 
 def _fault_sentences(facts: dict[str, Any]) -> list[str]:
@@ -132,18 +166,29 @@ def _fault_sentences(facts: dict[str, Any]) -> list[str]:
     for name, fault in facts["faults"].items():
         x, y, z = fault["places"][0]
         lines.append(f"{meaning[name].format(fault['count'])}, the first at x {x:g} y {y:g} z {z:g}")
-    if facts["n_gaps"]:
-        gap = facts["gaps"][0]
-        place = f"x {gap['x']:g} y {gap['y']:g} z {gap['z']:g}"
-        lines.append(
-            f"{facts['n_gaps']} gaps in contours were closed, the widest of {gap['width']:.3g} mm at {place}"
-        )
     return lines
 
 
-def flats_off(part: Mesh, plan: LayerPlan) -> float:
-    """The farthest that a flat of more than 1 mm² is from the end of a layer, mm."""
-    flats = find_flats(part)[0]
+def time_budget(profile: Profile) -> float:
+    """The time that the planner was given, s; 0 where it was given none."""
+    planner = profile.quality.planner
+    return planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
+
+
+def budget_sentences(budget: float, seconds: float) -> list[str]:
+    """What to say where a plan takes longer than it should; nothing where there is no budget or it is kept.
+
+    Args:
+        budget: s, 0 for none.
+        seconds: of the program.
+    """
+    if not 0 < budget < seconds:
+        return []
+    return [f"the time budget of {spoken(budget)} cannot be kept with this tolerance and these heights"]
+
+
+def flats_off(flats: Float, plan: LayerPlan) -> float:
+    """The farthest that one of the flats at these heights (n,) is from the end of a layer, mm."""
     ends = np.append(plan.top, 0.0)
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
 
@@ -158,6 +203,7 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         shift: (3,) mm from the placed part to the file's coordinates, in which places are told.
     """
     worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
+    flats = find_flats(part)[0]
     place = np.round(np.add((worst.x, worst.y, worst.z), shift), 4)
     return {
         "planner": plan.planner,
@@ -171,16 +217,24 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         "volume_error_mm3": round(certificate.volume_error, 3),
         "volume_error_share": round(certificate.volume_error / max(part.volume, 1e-9), 6),
         "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-        "flats": len(find_flats(part)[0]),
-        "flat_error_mm": round(flats_off(part, plan), 6),
+        "flats": len(flats),
+        "flat_error_mm": round(flats_off(flats, plan), 6),
         "worst": dict(zip("xyz", place.tolist(), strict=True))
         | {"layer": worst.layer + 1, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
             {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
             for low, high, bound in certificate.over(tolerances(profile, plan.bottom, plan.top))
         ],
-        "thinnest_layer_mm": profile.thinnest,
-        "first_layer_mm": profile.quality.first_layer_height,
+        "unkept": [
+            {
+                "rule": unkept.rule,
+                "from": round(unkept.low, 6),
+                "to": round(unkept.high, 6),
+                "amount_mm": round(unkept.amount, 6),
+                "cause": unkept.cause,
+            }
+            for unkept in unkept_rules(part, certificate, profile)
+        ],
     }
 
 
@@ -199,7 +253,7 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
     Args:
         facts: of `certificate_facts`.
     """
-    worst, over = facts["worst"], facts["over_tolerance"]
+    worst = facts["worst"]
     side = {"mid": "wrong", "positive": "too much", "negative": "missing"}[facts["containment"]]
     proven = f"certified error {facts['max_error_mm']:.4f} mm: nothing {side} is farther from the surface"
     lines = [f"{proven}; {facts['volume_error_mm3']:.1f} mm3 in all, at most"]
@@ -219,23 +273,33 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
             f"edges and features of {thin['area_mm2']:.2f} mm2, seen from above, are thinner than the layers and come "
             f"out smaller or not at all, most of them near z {thin['z']:g}"
         )
-    thinnest, tolerance = facts["thinnest_layer_mm"], facts["tolerance_mm"]
-    wanted = "" if facts["ranges"] else f" of {tolerance:g} mm"
-    lines += [
-        f"over the tolerance{wanted} from z {stretch['from']:g} to {stretch['to']:g}: "
-        f"{stretch['bound_mm']:.4f} mm; {_remedy(stretch, thinnest, facts['first_layer_mm'])}"
-        for stretch in over[:_MOST_RUNS]
+    return lines + unkept_sentences(facts)
+
+
+_BROKEN = {
+    "tolerance": "over the tolerance{wanted} from z {from:g} to {to:g}: {amount_mm:.4f} mm",
+    "flat": "the flat at z {from:g} is missed by {amount_mm:.4f} mm",
+    "max_step": "neighbours at z {from:g} differ by {amount_mm:g} mm, more than max_step",
+    "range height": "from z {from:g} to {to:g} layers differ by {amount_mm:g} mm from the height of their range",
+    "range end": "no layer ends at z {from:g}, the end of a range, by {amount_mm:.4f} mm",
+    "range": "nothing of the range from z {from:g} to {to:g} is in the part",
+}
+
+
+def unkept_sentences(facts: dict[str, Any]) -> list[str]:
+    """The rules that the plan could not keep, for people.
+
+    Args:
+        facts: of `certificate_facts`.
+    """
+    wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
+    unkept = facts["unkept"]
+    lines = [
+        f"{_BROKEN[one['rule']].format(wanted=wanted, **one)}; {one['cause']}" for one in unkept[:_MOST_RUNS]
     ]
-    if len(over) > _MOST_RUNS:
-        lines.append(f"and {len(over) - _MOST_RUNS} stretches more")
+    if len(unkept) > _MOST_RUNS:
+        lines.append(f"and {len(unkept) - _MOST_RUNS} more that --json lists")
     return lines
-
-
-def _remedy(stretch: dict[str, float], thinnest: float, first: float) -> str:
-    """What would bring a stretch within the tolerance."""
-    if stretch["from"] == 0 and first and stretch["to"] <= first + 1e-9:
-        return f"the first layer is set to {first:g} mm"
-    return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {thinnest / 2:g} mm"
 
 
 def runs_text(runs: list[tuple[int, float]] | list[list[float]]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +13,16 @@ import numpy as np
 
 from printer_slicer.cli.common import visible
 from printer_slicer.errors import UsageError
+from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, joined, transformed
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
-    from printer_slicer.model import Mesh
+    from printer_slicer.model import Mesh, Repairs
     from printer_slicer.profile import Printer
 
-__all__ = ["Plate", "plate_from", "plate_name", "refuse_model_flags", "warn"]
+__all__ = ["Plate", "plate_from", "plate_name", "refuse_model_flags", "repaired_plate", "warn"]
 
 _IN_THE_AIR = 0.01  # mm
 _MODEL_FLAGS = {
@@ -81,6 +82,21 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     warnings += _in_the_air(arguments.models, meshes, placement)
     warn(arguments, warnings)
     return Plate(joined(meshes), placement, tuple(warnings), tuple(models))
+
+
+def repaired_plate(arguments: argparse.Namespace, printer: Printer, report: Stages) -> tuple[Plate, Repairs]:
+    """The plate with its mesh put right, and what was put right.
+
+    Raises:
+        PrinterSlicerError: it cannot be read or repaired, or --strict refuses it.
+    """
+    report("loading")
+    plate = plate_from(arguments, printer, report)
+    report("repairing")
+    mended, repairs = repair(plate.mesh)
+    if arguments.strict:
+        refuse_repaired(plate.mesh.name, repairs)
+    return replace(plate, mesh=mended), repairs
 
 
 def _progress(report: Stages, path: Path) -> Any:

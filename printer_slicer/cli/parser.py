@@ -129,6 +129,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
     )
+    group.add_argument("--strict", action="store_true", help="refuse a part whose mesh needs repair")
     _heights(parser)
     _output(parser)
 

@@ -5,21 +5,30 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
-from printer_slicer.cli.facts import certificate_facts, certificate_sentences, flats_off, runs_text
-from printer_slicer.cli.models import plate_from, plate_name
+from printer_slicer.cli.facts import (
+    budget_sentences,
+    certificate_facts,
+    certificate_sentences,
+    flats_off,
+    repair_facts,
+    repair_sentences,
+    runs_text,
+    time_budget,
+)
+from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
-from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.healing import refuse_repaired
+from printer_slicer.model import LayerPlan, Mesh, Repairs, Sections
 from printer_slicer.pipeline import plan_part, slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.slicing import cut
+from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, find_flats, read_surface, thin_areas
 
 if TYPE_CHECKING:
@@ -47,40 +56,40 @@ _VARIANTS: Mapping[str, dict[str, object]] = {
 
 def plan_command(arguments: argparse.Namespace) -> int:
     """Compare layer plans: the tables of the paper for any part, and what is proven about the chosen plan."""
-    if arguments.picture:
-        from printer_slicer.drawing import check_picture
-
-        check_picture(arguments.picture)
     refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
-        report("loading")
-        plate = plate_from(arguments, profile.printer, report)
+        plate, repairs = repaired_plate(arguments, profile.printer, report)
         mesh, name = plate.mesh, plate_name(arguments.models)
         part = place(mesh, profile.printer, plate.placement)
         report("planning")
         chosen = plan_part(part, profile)
         certificate = certify(read_surface(part), chosen)
+        sections = cut(part, chosen, profile.quality.resolution)
+        repairs = Repairs((*repairs.done, *section_repairs(sections, mesh.bounds[0] - part.bounds[0])))
+        if arguments.strict:
+            refuse_repaired(part.name, repairs)
         rows = _compare(part, profile, chosen, report, everything=arguments.compare)
         if arguments.picture:
             report("drawing")
-            _draw(part, certificate, profile, name, arguments.picture)
+            _draw(part, sections, certificate, profile, arguments)
     table = _table_1(mesh)
     facts = certificate_facts(certificate, part, profile, np.asarray(mesh.bounds[0] - part.bounds[0]))
     facts |= {"thin_features": _thin(part, chosen)}
     if arguments.json:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
-        result = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
-        print(json.dumps(result | plate.facts()))
+        told = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
+        print(json.dumps(told | {"repairs": repair_facts(repairs)} | plate.facts()))
     elif not arguments.quiet:
         print(_as_text(name, table, rows))
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )
-        budget = getattr(profile.quality.planner, "time_budget", 0.0)
-        if 0 < budget < float(str(rows[-1]["seconds"])):
-            print(f"the time budget of {spoken(budget)} cannot be kept with this tolerance and these heights")
+        for line in budget_sentences(time_budget(profile), float(str(rows[-1]["seconds"]))):
+            print(line)
+        for line in repair_sentences(repair_facts(repairs)):
+            print(line)
     return 0
 
 
@@ -92,20 +101,25 @@ def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
     return {"area_mm2": round(float(areas.sum()), 3), "z": round(float(plan.bottom[areas[:-1].argmax()]), 4)}
 
 
-def _draw(part: Mesh, certificate: Certificate, profile: Profile, title: str, path: Path) -> None:
+def _draw(
+    part: Mesh,
+    sections: Sections,
+    certificate: Certificate,
+    profile: Profile,
+    arguments: argparse.Namespace,
+) -> None:
     """Write the picture of the chosen plan."""
     from printer_slicer.drawing import draw_plan, picture_bytes
 
-    sections = cut(part, certificate.plan, profile.quality.resolution)
     bounded = certificate.plan.planner not in ("uniform", "area")
     picture = draw_plan(
         sections,
         certificate,
-        title,
+        plate_name(arguments.models),
         tolerance=profile.quality.tolerance if bounded else None,
         flats=find_flats(part)[0],
     )
-    write_file(path, picture_bytes(picture, path))
+    write_file(arguments.picture, picture_bytes(picture, arguments.picture))
 
 
 def _table_1(mesh: Mesh) -> dict[str, object]:
@@ -126,6 +140,7 @@ def _compare(
 ) -> list[dict[str, object]]:
     """The paper's Table 2 and beyond: uniform thin, uniform thick, the chosen plan, and all others if wanted."""
     rows: list[dict[str, object]] = []
+    flats = find_flats(part)[0]
     for name, variant in _jobs(profile, everything=everything).items():
         report(f"planning {name}")
         plan = chosen if variant is profile else plan_part(part, variant)
@@ -145,7 +160,7 @@ def _compare(
                 "max_error_mm": round(certificate.max_error, 6),
                 "volume_error_mm3": round(certificate.volume_error, 3),
                 "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-                "flat_error_mm": round(flats_off(part, plan), 6),
+                "flat_error_mm": round(flats_off(flats, plan), 6),
             }
         )
     return rows

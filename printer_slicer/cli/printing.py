@@ -41,7 +41,7 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(_as_json(verdict, job) | known))
     else:
-        say(arguments, _as_text(verdict, profile))
+        say(arguments, "\n".join([_as_text(verdict, profile), *_repaired(job)]))
     _insist(verdict)
     return 0
 
@@ -54,7 +54,10 @@ def print_command(arguments: argparse.Namespace) -> int:
     if arguments.json and known["models"]:
         print(json.dumps({"event": "models", **known}), flush=True)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
-    say(arguments, f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion")
+    first = f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion"
+    say(arguments, "\n  ".join([first, *_repaired(job)]))
+    if arguments.json and job.repairs.count:
+        print(json.dumps({"event": "repaired", "repairs": _repair_facts(job)}), flush=True)
     if arguments.port == _SIMULATED:
         verdict = _simulate(arguments, job, profile, events=True)
         if arguments.json:
@@ -75,11 +78,16 @@ def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tup
     """The job that the files of the command line make, and what is known about models, for JSON."""
     if _has_gcode(arguments):
         refuse_model_flags(arguments)
-        return job_from(arguments.models[0], profile, report=report), {"models": [], "warnings": []}
+        return job_from(arguments.models[0], profile, report=report, strict=arguments.strict), {
+            "models": [],
+            "warnings": [],
+        }
     report("loading")
     plate = plate_from(arguments, profile.printer, report)
     name = plate_name(arguments.models)
-    job = job_of(plate.mesh, profile, name=name, placement=plate.placement, report=report)
+    job = job_of(
+        plate.mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict
+    )
     return job, plate.facts()
 
 
@@ -222,8 +230,27 @@ def _as_json(verdict: Verdict, job: Job) -> dict[str, object]:
         "simulated_seconds": round(verdict.simulated_seconds, 3),
         "total_seconds": round(verdict.total_seconds, 3),
         "problems": list(verdict.problems),
+        "repairs": _repair_facts(job),
         "printer": report,
     }
+
+
+def _repair_facts(job: Job) -> list[dict[str, Any]]:
+    """What was put right in the part; what tells it is loaded only then."""
+    if not job.repairs.count:
+        return []
+    from printer_slicer.cli.facts import repair_facts
+
+    return repair_facts(job.repairs)
+
+
+def _repaired(job: Job) -> list[str]:
+    """The same for people."""
+    if not job.repairs.count:
+        return []
+    from printer_slicer.cli.facts import repair_sentences
+
+    return repair_sentences(_repair_facts(job))
 
 
 def _as_text(verdict: Verdict, profile: Profile) -> str:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
-from printer_slicer.cli.common import profile_from, refuse_mixing, say, stages, write_file
+from printer_slicer.cli.common import (
+    profile_from,
+    refuse_mixing,
+    refuse_same,
+    say,
+    stages,
+    write_file,
+)
 from printer_slicer.cli.facts import facts_of, sentences
-from printer_slicer.cli.models import plate_from
+from printer_slicer.cli.models import repaired_plate
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import Program
+from printer_slicer.model import Program, Repairs
 from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.surface import certify, read_surface
 
@@ -23,17 +30,15 @@ def slice_command(arguments: argparse.Namespace) -> int:
     """Slice a model and write the G-code."""
     profile = profile_from(arguments)
     refuse_mixing(arguments)
-    if arguments.picture:
-        from printer_slicer.drawing import check_picture
-
-        check_picture(arguments.picture)
     with stages(arguments) as report:
-        report("loading")
-        plate = plate_from(arguments, profile.printer, report)
+        plate, repairs = repaired_plate(arguments, profile.printer, report)
         output = arguments.output or arguments.models[0].with_suffix(".gcode")
         for path in arguments.models:
-            _refuse_same(output, path)
-        stage = slice_stages(plate.mesh, profile, placement=plate.placement, report=report)
+            refuse_same(output, path)
+        stage = slice_stages(
+            plate.mesh, profile, placement=plate.placement, report=report, strict=arguments.strict
+        )
+        stage = replace(stage, repairs=Repairs(repairs.done + stage.repairs.done))
         program = stage.program
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
@@ -48,15 +53,6 @@ def slice_command(arguments: argparse.Namespace) -> int:
         first, *more = sentences(facts, arguments.set)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))
     return 0
-
-
-def _refuse_same(output: Path, model: Path) -> None:
-    """Never write over the model."""
-    # Names that cannot be are refused when they are written to.
-    with contextlib.suppress(OSError, ValueError):
-        if not output.samefile(model):
-            return
-        raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
 
 
 def _draw_layer(program: Program, number: int, path: Path) -> None:

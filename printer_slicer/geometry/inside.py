@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
-__all__ = ["crossed", "rings_around"]
+__all__ = ["any_crossing", "crossed", "rings_around"]
 
 _STRIP = 5.0  # mm
 _WAYS_AT_ONCE = 16
@@ -63,7 +63,7 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
 def _crossed_here(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     """(P,) whether each way crosses one of the edges; few ways at a time, against the edges around them only."""
     if len(begin) * len(a) <= _FEW_PAIRS:
-        return _any_crossing(begin, end, a, b)
+        return any_crossing(begin, end, a, b)
     result = np.zeros(len(begin), np.bool_)
     low, high = np.minimum(a, b), np.maximum(a, b)
     # Neighbours in a sequence of strips have a small box around them, which few edges meet.
@@ -73,11 +73,11 @@ def _crossed_here(begin: Float, end: Float, a: Float, b: Float) -> Bool:
         ends = np.concatenate([begin[some], end[some]])
         near = ((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1)
         if near.any():
-            result[some] = _any_crossing(begin[some], end[some], a[near], b[near])
+            result[some] = any_crossing(begin[some], end[some], a[near], b[near])
     return result
 
 
-def _any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
+def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
     """(P,) whether each way (P, 2) to (P, 2) crosses one of the edges (E, 2) to (E, 2).
 
     An edge belongs to one of its ends only, so a way through a corner crosses exactly one of the corner's edges.

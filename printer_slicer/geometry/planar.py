@@ -92,14 +92,15 @@ def simplify(areas: Areas, tolerance: float) -> Areas:
     """The rings with fewer points, at most `tolerance` mm from where they were; see `engine.simplify`."""
     turned = _from_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
     if tolerance == 0:
-        return _without_straight(turned)
+        return _only_corners(turned)
     rings = shapely.simplify(_linear_rings(turned), tolerance, preserve_topology=False)
     simple = _areas(rings, turned.ring_layer, turned.n_layers)
     sizes = np.diff(simple.ring_start)
     kept = sizes >= 3
     # Compared with the ring it came from: one that turned over would make a solid of a hole.
     before, simple = turned.select(kept).ring_area(), simple.select(kept)
-    return simple.select(simple.ring_area() * before > 0)
+    # A ring that crosses itself may hold as much on either side, no area in all.
+    return simple.select((simple.ring_area() * before > 0) | (before == 0))
 
 
 def _array(layers: list[Any]) -> Shapes:
@@ -216,11 +217,17 @@ def _from_leftmost(areas: Areas) -> Areas:
 
 
 def _without_straight(areas: Areas) -> Areas:
+    """The same as `_only_corners`, and without rings that hold no area."""
+    areas = _only_corners(areas)
+    return areas.select(areas.ring_area() != 0)
+
+
+def _only_corners(areas: Areas) -> Areas:
     """The rings without repeated points and points on the straight line between their neighbours."""
     while True:
         keep = _corners(areas)
         if keep.all():
-            return areas.select(areas.ring_area() != 0)
+            return areas
         areas = _only_points(areas, keep)
 
 

@@ -12,20 +12,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Float, Int
+from printer_slicer.geometry.areas import Bool, Float, Int
+from printer_slicer.geometry.joints import linked, lowest_of_chain, welded
 
 __all__ = [
     "Crossings",
+    "balanced",
     "connected",
     "corner_keys",
     "cross",
     "edge_faults",
     "edge_keys",
+    "lowest_of_chain",
     "section_areas",
     "spread",
 ]
 
 _UInt = NDArray[np.uint64]
+_FACETS_AT_ONCE = 200_000
+_CORNERS_AT_ONCE = 200_000
 _PAIRS_AT_ONCE = 4_000_000  # facet-plane pairs held at the same time: about 0.5 GB
 
 
@@ -101,43 +106,37 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     """
     tag = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3).T
     after = tag[[1, 2, 0]]
-    forward, used = tag < after, tag != after  # an edge of no length belongs to a facet of no area
-    key = edge_keys(tag)
-    ordered = np.sort(key[used])
-    begins = (
-        np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-        if len(ordered)
-        else np.zeros(0, int)
-    )
-    count = np.diff(np.append(begins, len(ordered)))
-    turn = np.where(forward, 1, -1)
-    # Twice the same direction sums to two; a sum over all edges that is zero edge by edge has no such pair.
-    suspects = ordered[begins[count != 2]]
-    balance = int((key[used].astype(np.int64) * turn[used]).sum()) if len(ordered) else 0
-    if len(suspects) == 0 and balance == 0:
-        nothing = np.zeros((0, 3))
-        return nothing, nothing, nothing
-    middle = ((triangles + triangles[:, [1, 2, 0]]) / 2).transpose(1, 0, 2)[used]
-    unique, first, which, counts = np.unique(
-        key[used], return_index=True, return_inverse=True, return_counts=True
-    )
-    direction = np.bincount(which, weights=turn[used], minlength=len(unique))
-    open_, crowded = counts == 1, counts > 2
-    return middle[first[open_]], middle[first[(counts == 2) & (direction != 0)]], middle[first[crowded]]
+    used = np.flatnonzero(tag != after)  # an edge of no length belongs to a facet of no area
+    edge, firsts = welded(edge_keys(tag).ravel()[used])
+    count = np.bincount(edge, minlength=len(firsts))
+    net = 2 * np.bincount(edge[(tag < after).ravel()[used]], minlength=len(firsts)) - count
+
+    def middles(of: Bool) -> Float:
+        corner, facet = np.divmod(used[np.sort(firsts[of])], len(triangles))
+        return np.asarray((triangles[facet, corner] + triangles[facet, (corner + 1) % 3]) / 2)
+
+    return middles(count == 1), middles((count == 2) & (net != 0)), middles(count > 2)
+
+
+def balanced(tag: _UInt) -> bool:
+    """Whether all edges are passed as often in one direction as in the other, from the keys of the corners (F, 3).
+
+    A sum over all edges of their keys, with the sign of the direction: it is zero when that is so, and when it is not,
+    with a chance of 2^-64.
+    """
+    total = 0
+    for some in np.array_split(tag, len(tag) // _FACETS_AT_ONCE + 1):
+        keys = some.T
+        signed = np.where(keys < keys[[1, 2, 0]], 1, -1) * edge_keys(keys).view(np.int64)
+        total += int(signed[keys != keys[[1, 2, 0]]].sum())
+    return total % 2**64 == 0
 
 
 def connected(triangles: Float) -> Int:
     """(F,) the body that each facet belongs to, from 0: facets that share corners, however far along, are one body."""
-    corner = np.unique(corner_keys(triangles.reshape(-1, 3)), return_inverse=True)[1].reshape(-1, 3)
-    lowest = np.arange(int(corner.max(initial=-1)) + 1)
-    while True:
-        of_facet = lowest[corner].min(axis=1)
-        better = lowest.copy()
-        np.minimum.at(better, corner, of_facet[:, None])
-        better = better[better]
-        if np.array_equal(better, lowest):
-            return np.unique(of_facet, return_inverse=True)[1].astype(np.int64)
-        lowest = better
+    corner, firsts = welded(corner_keys(triangles.reshape(-1, 3)))
+    facet_corners = corner.reshape(-1, 3)
+    return linked(facet_corners.T, len(firsts))[facet_corners[:, 0]]
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:
@@ -213,15 +212,19 @@ def _nodes(half_edge: Int, first: Int, last: Int, slot: Int, base: Int) -> Int:
 
 def corner_keys(corner: Float) -> _UInt:
     """(n,) 64 bits from the coordinates (n, 3) of each corner; equal coordinates, equal bits."""
-    bits = (corner + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0
-    mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
-    mixed ^= mixed >> np.uint64(29)
-    mixed += bits[:, 1]
-    mixed *= np.uint64(0xBF58476D1CE4E5B9)
-    mixed ^= mixed >> np.uint64(32)
-    mixed += bits[:, 2]
-    mixed *= np.uint64(0x94D049BB133111EB)
-    return np.asarray(mixed ^ (mixed >> np.uint64(31)))
+    mixed = np.zeros(len(corner), np.uint64)
+    for at in range(0, len(corner), _CORNERS_AT_ONCE):
+        some = slice(at, at + _CORNERS_AT_ONCE)
+        bits = (corner[some] + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0
+        keys = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
+        keys ^= keys >> np.uint64(29)
+        keys += bits[:, 1]
+        keys *= np.uint64(0xBF58476D1CE4E5B9)
+        keys ^= keys >> np.uint64(32)
+        keys += bits[:, 2]
+        keys *= np.uint64(0x94D049BB133111EB)
+        mixed[some] = keys ^ (keys >> np.uint64(31))
+    return mixed
 
 
 def edge_keys(tag: _UInt) -> _UInt:

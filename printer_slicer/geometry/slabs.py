@@ -7,9 +7,10 @@ import numpy as np
 from printer_slicer.geometry.areas import Areas, Float, Int
 from printer_slicer.geometry.planes import spread
 
-__all__ = ["slab_shadows"]
+__all__ = ["BESIDE", "slab_shadows"]
 
-_ROUNDING = 2e-5  # mm; what 32-bit coordinates leave of a height that was meant to be a border
+BESIDE = 2e-5
+"""mm; what 32-bit coordinates leave of a height that was meant to be a border: slabs leave it out at both ends."""
 _NO_AREA = 1e-9  # mm²
 
 
@@ -23,7 +24,7 @@ def slab_shadows(triangles: Float, bottom: Float, top: Float) -> Areas:
         bottom: (L,) mm, ascending.
         top: (L,) mm, ascending; slabs may touch but not overlap.
     """
-    low, high = bottom + _ROUNDING, top - _ROUNDING
+    low, high = bottom + BESIDE, top - BESIDE
     z = triangles[:, :, 2]
     first = np.searchsorted(high, z.min(axis=1), side="right")
     last = np.searchsorted(low, z.max(axis=1), side="left")

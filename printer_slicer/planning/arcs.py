@@ -1,163 +1,130 @@
-"""Every layer that a plan may have, with what it costs: one table a quantity, by height and by end.
-
-Heights are counted in units, a whole number of the printer's z steps; a unit is divided into an even number of cells,
-so that the middle of every layer is a border between cells. Entry [r, k] of a table is about the layer of `heights[r]`
-units that ends `k` units above the bed.
-"""
+"""Every layer that a plan may have, as an arc between two heights, with what it costs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import gcd
-from typing import Final
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from printer_slicer.geometry import frozen_array
+from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Bool, Float, Int
+from printer_slicer.planning.lattice import Lattice, Row, rows_of
+from printer_slicer.planning.path import Graph
 from printer_slicer.planning.seconds import LayerTimes
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
-from printer_slicer.surface.runs import run_tables
+from printer_slicer.surface.runs import runs_by_length
 
-__all__ = ["Arcs", "Lattice", "counted", "touches"]
-
-_FINE: Final = 0.0025  # mm; heights need not be told apart more finely to end on an event plane
-
-
-@dataclass(frozen=True, slots=True)
-class Lattice:
-    """The heights at which layers may end.
-
-    Attributes:
-        unit: mm.
-        steps: z steps in a unit.
-        n: units in the part.
-        heights: (R,) all heights that the printer can print, in units.
-    """
-
-    unit: float
-    steps: int
-    n: int
-    heights: Int
-
-    @property
-    def cells(self) -> int:
-        """Cells in a unit: an even number, each no larger than 0.0025 mm."""
-        return 2 * max(int(np.ceil(self.unit / (2 * _FINE) - 1e-6)), 1)
-
-    @classmethod
-    def of(cls, steps: Steps, more: Sequence[float] = ()) -> Lattice:
-        """The coarsest lattice with all allowed heights, and `more` in mm, that is fine enough for event planes."""
-        wanted = [steps.of(height) for height in more]
-        common = gcd(*steps.allowed.tolist(), *wanted, steps.first, steps.part)
-        fits = [
-            d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= _FINE + 1e-9)
-        ]
-        size = fits[-1]
-        low, high = -(-steps.lowest // size), steps.highest // size
-        return cls(steps.size * size, size, steps.part // size, np.arange(low, high + 1, dtype=np.int64))
-
-    def nearest(self, z: Float) -> Int:
-        """The nodes nearest to heights in mm."""
-        return np.rint(np.asarray(z) / self.unit).astype(np.int64).clip(0, self.n)
-
-    def ends(self) -> tuple[Int, Int]:
-        """Start (R, n + 1) and end (n + 1,) of every layer in units; starts under the bed are negative."""
-        end = np.arange(self.n + 1)
-        return end - self.heights[:, None], end
+__all__ = ["Arcs"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arcs:
-    """What every layer would do.
+    """Layers by where they end, and at each end by height.
 
     Attributes:
         lattice: heights and ends.
-        bound: (R, n + 1) mm, certified error; errs upward by less than a cell.
-        volume: (R, n + 1) mm³, wrongly filled or empty at most.
-        seconds: (R, n + 1) s, modelled.
+        graph: where each layer begins and ends, in units.
+        listed: (A,) whether its height is allowed where it is.
+        free: (A,) whether it is, or the layer touches an event plane.
+        bound: (A,) mm, certified error as tables have it.
+        volume: (A,) mm³, wrongly filled or empty at most.
+        seconds: (A,) s, modelled.
     """
 
     lattice: Lattice
+    graph: Graph
+    listed: Bool
+    free: Bool
     bound: Float
     volume: Float
     seconds: Float
 
     def __post_init__(self) -> None:
-        for name in ("bound", "volume", "seconds"):
-            shape = (len(self.lattice.heights), self.lattice.n + 1)
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
+        for name, kind in (
+            ("listed", np.bool_),
+            ("free", np.bool_),
+            ("bound", np.float64),
+            ("volume", np.float64),
+            ("seconds", np.float64),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (len(self.graph.start),)))
 
     @classmethod
-    def over(cls, surface: Surface, lattice: Lattice, profile: Profile) -> Arcs:
-        """The tables for a part."""
+    def over(
+        cls, surface: Surface, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool = False
+    ) -> Arcs:
+        """The layers for a part; with `everywhere` those of any height that the printer can print."""
+        rows = rows_of(surface, lattice, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
         middles: Float = np.arange(2 * lattice.n + 1, dtype=np.float64) * (lattice.unit / 2)
         times = LayerTimes(surface, profile, middles)
-        volume = _volumes(surface, lattice, containment)
-        return cls(lattice, _bounds(surface, lattice, containment), volume, _seconds(lattice, times))
+        seconds = (times.seconds(2 * row.end - row.height, row.height * lattice.unit) for row in rows)
+        end = _joined((row.end for row in rows), np.int64)
+        start = _joined((row.end - row.height for row in rows), np.int64)
+        # By where they end, and as rows are at each end: from the lowest height up.
+        order = np.argsort(end, kind="stable")
+        begin = np.append(0, np.cumsum(np.bincount(end, minlength=lattice.n + 1)))
+        return cls(
+            lattice,
+            Graph(begin, start[order]),
+            _joined((row.listed for row in rows), np.bool_)[order],
+            _joined((row.free for row in rows), np.bool_)[order],
+            _joined(_bounds(surface, lattice, containment, rows), np.float64)[order],
+            _joined(_volumes(surface, lattice, containment, rows), np.float64)[order],
+            _joined(seconds, np.float64)[order],
+        )
+
+    def rated(self, layers: Int, bounds: Float) -> Arcs:
+        """The same with other bounds, mm, of some of the layers."""
+        bound = self.bound.copy()
+        bound[layers] = bounds
+        return replace(self, bound=bound)
 
 
-def _bounds(surface: Surface, lattice: Lattice, containment: str) -> Float:
-    """Certified error of every layer."""
-    cell, n_cells, heights = lattice.unit / lattice.cells, lattice.cells * lattice.n, lattice.heights
-    contained, half = containment != "mid", lattice.cells // 2
+def _joined(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
+    """One column of what all rows say."""
+    return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
+
+
+def _bounds(surface: Surface, lattice: Lattice, containment: str, rows: list[Row]) -> Iterable[Float]:
+    """Certified errors, row by row."""
+    n_cells, contained = lattice.cells * lattice.n, containment != "mid"
     # From the cut in the middle to either end, or through the whole layer.
-    length = heights * (lattice.cells if contained else half)
-    rising = run_tables(surface.contacts, cell, n_cells, length, contained=contained)
-    falling = run_tables(surface.turned, cell, n_cells, length, bottom=-n_cells * cell, contained=contained)
-    bound = np.zeros((len(heights), lattice.n + 1))
-    for row, height in enumerate(heights.tolist()):
-        start = lattice.cells * np.arange(lattice.n + 1 - height)
-        first, last = (start, start + lattice.cells * height) if contained else (start + half * height,) * 2
-        bound[row, height:] = np.maximum(rising[row, first], falling[row, n_cells - last])
-    return bound
+    share = lattice.cells if contained else lattice.cells // 2
+    length = [share * row.height for row in rows]
+    rising = runs_by_length(surface.contacts, lattice.cell, n_cells, length, contained=contained)
+    falling = runs_by_length(
+        surface.turned, lattice.cell, n_cells, length, bottom=-n_cells * lattice.cell, contained=contained
+    )
+    for row, cells, up, down in zip(rows, length, rising, falling, strict=True):
+        end = lattice.cells * row.end
+        first = end - lattice.cells * row.height
+        # Both runs begin where the section is taken, or at the far end where the layer is contained.
+        start, turned = (first, n_cells - end) if contained else (first + cells, n_cells - first - cells)
+        yield np.maximum(up[start], down[turned]) + (2 * BESIDE if contained else 0.0)
 
 
-def _volumes(surface: Surface, lattice: Lattice, containment: str) -> Float:
-    """Wrong volume of every layer, at most."""
-    cell, n, cells = lattice.unit / lattice.cells, lattice.n, lattice.cells
-    up, down = (shadow.on_lattice(cell, cells * n) for shadow in (surface.up, surface.down))
-    volume = np.zeros((len(lattice.heights), n + 1))
+def _volumes(surface: Surface, lattice: Lattice, containment: str, rows: list[Row]) -> Iterable[Float]:
+    """Wrong volumes at most, row by row."""
+    cell, n_cells = lattice.cell, lattice.cells * lattice.n
+    up, down = (shadow.on_lattice(cell, n_cells) for shadow in (surface.up, surface.down))
     over, under = (up, down) if containment != "negative" else (down, up)
     # Shadows just above and just below each end, from the nearest cell: flats in the end itself belong to one side.
     just_above, just_below = np.append(np.diff(over), 0.0) / cell, np.append(0.0, np.diff(under)) / cell
-    for row, height in enumerate(lattice.heights.tolist()):
-        start, end = cells * np.arange(n + 1 - height), cells * np.arange(height, n + 1)
+    both = up + down
+    for row in rows:
+        end = lattice.cells * row.end
+        start = end - lattice.cells * row.height
         if containment == "mid":
-            both, middle = up + down, start + cells // 2 * height
-            volume[row, height:] = both[start] + both[end] - 2 * both[middle]
+            volume = both[start] + both[end] - 2 * both[(start + end) // 2]
         else:
-            thick = cells * height * cell
-            added = over[end] - over[start] - thick * just_above[start]
-            volume[row, height:] = added + thick * just_below[end] - under[end] + under[start]
-    return np.maximum(volume, 0.0)
-
-
-def _seconds(lattice: Lattice, times: LayerTimes) -> Float:
-    """Modelled time of every layer."""
-    seconds = np.zeros((len(lattice.heights), lattice.n + 1))
-    for row, height in enumerate(lattice.heights.tolist()):
-        middle = slice(height, 2 * lattice.n + 1 - height, 2)
-        seconds[row, height:] = times.seconds(middle, height * lattice.unit)
-    return seconds
-
-
-def counted(places: tuple[Int, Int], weight: Float, start: Int, end: Int) -> Float:
-    """(R, n + 1) total weight of the places, each from a lowest to a highest node, strictly within every layer."""
-    n = len(end) - 1
-    started, ended = (
-        np.cumsum(np.bincount(nodes, weights=weight, minlength=n + 1).astype(np.float64)) for nodes in places
-    )
-    within = np.append(0.0, ended[:-1])[end] - started[np.maximum(start, 0)]
-    return np.where(within > 1e-9, within, 0.0)  # sums leave their rounding behind
-
-
-def touches(places: Int, start: Int, end: Int) -> Bool:
-    """(R, n + 1) whether a layer begins or ends at one of the places."""
-    member = np.zeros(len(end), np.bool_)
-    member[places] = True
-    return np.asarray(member[end] | (member[np.maximum(start, 0)] & (start >= 0)))
+            thick = (end - start) * cell
+            volume = over[end] - over[start] - thick * just_above[start]
+            volume += thick * just_below[end] - under[end] + under[start]
+        yield np.maximum(volume, 0.0)

@@ -1,124 +1,247 @@
 """The cheapest way from the bed to the top of the part, one layer after the other.
 
-Nodes 0 to n are heights, an arc is a layer that ends at a node. `cost[r, k]` is the cost of the layer of `heights[r]`
-steps that ends at node k, infinite where there is none. Layers are at least `heights[0]` steps high, so as many
-neighbouring nodes do not depend on each other and are settled at once. Source: the shortest path in an acyclic graph
-(Bellman's recursion).
+Nodes 0 to n are heights; an arc is a layer from one node to another, and has a cost. Arcs are at least some units long,
+so as many neighbouring nodes do not depend on each other and are settled at once. Sources: the shortest path in an
+acyclic graph (Bellman's recursion); for a budget the Lagrangian dual of the constrained shortest path, whose best price
+is found by intersecting the two nearest plans, and whose gap tells which arcs a better plan may use at all (Handler and
+Zang, "A dual algorithm for the constrained shortest path problem", 1980).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
 import numpy as np
 
-from printer_slicer.model import Float, Int
+from printer_slicer.geometry import frozen_array
+from printer_slicer.model import Bool, Float, Int
 
-__all__ = ["cheapest", "cheapest_even", "cheapest_few"]
+__all__ = ["Graph", "Search", "cheapest", "cheapest_even", "cheapest_few", "cheapest_within"]
+
+Search = Callable[[Float], Int | None]
+"""Cost of every arc -> the arcs of the plan that is best by it, from the bed up; None where none reaches the top."""
+
+_PRICES: Final = 60  # tried at most; a dozen is usual
+_SAME: Final = 1e-12  # of a total: sums in another order differ by as much
 
 
-def cheapest(cost: Float, heights: Int) -> Int | None:
-    """The heights in steps of the layers of the cheapest plan, from the bed up; None where no plan reaches the top.
+@dataclass(frozen=True, slots=True, eq=False)
+class Graph:
+    """Arcs by where they end.
+
+    Attributes:
+        begin: (n + 2,) arcs begin[k] to begin[k + 1] end at node k.
+        start: (A,) the node at which each begins, under the one at which it ends.
+    """
+
+    begin: Int
+    start: Int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "begin", frozen_array(self.begin, np.int64, (-1,)))
+        object.__setattr__(self, "start", frozen_array(self.start, np.int64, (int(self.begin[-1]),)))
+
+    @property
+    def n(self) -> int:
+        """The top node."""
+        return len(self.begin) - 2
+
+    @property
+    def end(self) -> Int:
+        """(A,) the node at which each arc ends."""
+        return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
+
+    @property
+    def height(self) -> Int:
+        """(A,) length of each arc."""
+        return self.end - self.start
+
+
+def cheapest(graph: Graph, cost: Float) -> Int | None:
+    """The arcs of the cheapest plan, from the bed up; None where no plan reaches the top.
 
     Args:
-        cost: (R, n + 1) of every layer by its end.
-        heights: (R,) in steps, ascending, all over 0.
+        graph: the layers that there are.
+        cost: (A,) of each; infinite ones are not taken.
     """
-    n, margin, block = cost.shape[1] - 1, int(heights[-1]), int(heights[0])
-    best = np.full(n + 1 + margin, np.inf)  # what lies under the bed is never reached
-    best[margin] = 0.0
-    choice = np.zeros(n + 1, np.int64)
-    before = margin + np.arange(block) - heights[:, None]
-    for k in range(1, n + 1, block):
-        end = min(k + block, n + 1)
-        total = best[before[:, : end - k] + k] + cost[:, k:end]
-        pick = total.argmin(axis=0)
-        choice[k:end] = pick
-        best[margin + k : margin + end] = total[pick, np.arange(end - k)]
+    best = _settled(graph, cost)
     if not np.isfinite(best[-1]):
         return None
-    chain, k = [], n
+    chain, k = [], graph.n
     while k > 0:
-        chain.append(int(heights[choice[k]]))
-        k -= chain[-1]
+        a, b = graph.begin[k : k + 2].tolist()
+        chain.append(a + int((best[graph.start[a:b]] + cost[a:b]).argmin()))
+        k = int(graph.start[chain[-1]])
     return np.array(chain[::-1], np.int64)
 
 
-def cheapest_even(cost: Float, heights: Int, change: int, fine: float) -> Int | None:
-    """The same where neighbouring layers that differ by more than `change` steps cost `fine` more.
+def _settled(graph: Graph, cost: Float) -> Float:
+    """(n + 1,) the cost of the cheapest way to each node, infinite where there is none."""
+    best = np.full(graph.n + 1, np.inf)
+    best[0] = 0.0
+    if len(graph.start) == 0:
+        return best
+    reached = np.flatnonzero(np.diff(graph.begin))
+    first, block = graph.begin[reached], int(graph.height.min())
+    borders = np.searchsorted(reached, np.arange(1, graph.n + 1 + block, block))
+    for i, j in pairwise(borders.tolist()):
+        if i < j:
+            a, b = int(first[i]), int(graph.begin[reached[j - 1] + 1])
+            total = best[graph.start[a:b]] + cost[a:b]
+            best[reached[i:j]] = np.minimum.reduceat(total, first[i:j] - a)
+    return best
+
+
+def cheapest_even(graph: Graph, cost: Float, change: int, fine: float) -> Int | None:
+    """The same where neighbouring layers that differ by more than `change` cost `fine` more.
 
     Args:
-        cost: (R, n + 1) of every layer by its end.
-        heights: (R,) in steps, consecutive numbers.
-        change: steps.
+        graph: the layers that there are.
+        cost: (A,) of each.
+        change: in units of the nodes.
         fine: for each pair of neighbours that differ by more.
     """
-    n, margin, block, rows = cost.shape[1] - 1, int(heights[-1]), int(heights[0]), len(heights)
-    # reach[r, k]: cheapest way to node k from which a layer of heights[r] may go on; the bed allows any.
-    reach = np.full((rows, n + 1 + margin), np.inf)
-    reach[:, margin] = 0.0
-    came_by = np.full((rows, n + 1), -1, np.int64)
-    last = np.full(rows, np.inf)
-    before = margin + np.arange(block) - heights[:, None]
-    row = np.arange(rows)[:, None]
-    for k in range(1, n + 1, block):
-        end = min(k + block, n + 1)
-        total = reach[row, before[:, : end - k] + k] + cost[:, k:end]
-        if end == n + 1:
-            last = total[:, -1]
-        pick = _window_argmin(total, change)
-        value = np.take_along_axis(total, pick, axis=0)
-        any_pick = total.argmin(axis=0)
-        with_fine = total[any_pick, np.arange(end - k)] + fine
-        came_by[:, k:end] = np.where(value <= with_fine, pick, any_pick)
-        reach[:, margin + k : margin + end] = np.minimum(value, with_fine)
+    n, height = graph.n, graph.height
+    if len(height) == 0:
+        return None
+    low, rows = int(height.min()), int(np.ptp(height)) + 1
+    # reach[k, r]: cheapest way to node k from which a layer of height low + r may go on; the bed allows any.
+    reach = np.full((n + 1, rows), np.inf)
+    reach[0] = 0.0
+    came_by = np.full((n + 1, rows), -1, np.int32)
+    row, end, last = height - low, graph.end, reach[n]
+    for k in range(1, n + 1, low):
+        nodes = slice(k, min(k + low, n + 1))
+        arcs = slice(int(graph.begin[nodes.start]), int(graph.begin[nodes.stop]))
+        total = np.full((nodes.stop - k, rows), np.inf)
+        total[end[arcs] - k, row[arcs]] = reach[graph.start[arcs], row[arcs]] + cost[arcs]
+        last = total[-1]
+        pick, dearest = _window_argmin(total, change), total.argmin(axis=1)[:, None]
+        value = np.take_along_axis(total, pick, axis=1)
+        with_fine = np.take_along_axis(total, dearest, axis=1) + fine
+        came_by[nodes] = np.where(value <= with_fine, pick, dearest)
+        reach[nodes] = np.minimum(value, with_fine)
     if not np.isfinite(last.min()):
         return None
     chain, k, at = [], n, int(last.argmin())
     while k > 0:
-        chain.append(int(heights[at]))
-        k -= chain[-1]
-        at = int(came_by[at, k])
+        a, b = graph.begin[k : k + 2].tolist()
+        chain.append(a + int(np.flatnonzero(row[a:b] == at)[0]))
+        k -= low + at
+        at = int(came_by[k, at])
     return np.array(chain[::-1], np.int64)
 
 
 def _window_argmin(total: Float, change: int) -> Int:
-    """(R, m) for each row the row of the smallest entry among those at most `change` rows away, column by column."""
-    rows = len(total)
-    best, where = total.copy(), np.broadcast_to(np.arange(rows)[:, None], total.shape).copy()
+    """(m, R) for each entry the place of the smallest one in its row at most `change` away."""
+    rows = total.shape[1]
+    best, where = total.copy(), np.broadcast_to(np.arange(rows), total.shape).copy()
     for shift in range(1, min(change, rows - 1) + 1):
         for here, there in (
             (slice(shift, None), slice(None, -shift)),
             (slice(None, -shift), slice(shift, None)),
         ):
-            better = total[there] < best[here]
-            best[here] = np.where(better, total[there], best[here])
-            where[here] = np.where(better, np.arange(rows)[there, None], where[here])
+            better = total[:, there] < best[:, here]
+            best[:, here] = np.where(better, total[:, there], best[:, here])
+            where[:, here] = np.where(better, np.arange(rows)[there], where[:, here])
     return where
 
 
-def cheapest_few(cost: Float, heights: Int, most: int) -> Int | None:
+def cheapest_within(
+    search: Search, loss: Float, spent: Float, budget: float, thrifty: Int
+) -> tuple[Int, float]:
+    """The best plan of least loss at some price on what is spent, and that price, that keeps to a budget.
+
+    Where plans between two prices exist that no price finds, the next one under the budget is given.
+
+    Args:
+        search: finds the best plan.
+        loss: (A,) what shall be least.
+        spent: (A,) what is limited.
+        budget: the limit of its sum.
+        thrifty: the arcs of a plan that keeps to it.
+    """
+    found, price = search(loss), 0.0
+    for _ in range(_PRICES):
+        if found is None or spent[found].sum() <= budget:
+            return (thrifty if found is None else found), price
+        # Both plans cost the same at this price; one that costs less lies between them.
+        saved = float(spent[found].sum() - spent[thrifty].sum())
+        price = float(loss[thrifty].sum() - loss[found].sum()) / saved
+        charged = loss + price * spent
+        between, least = search(charged), float(charged[thrifty].sum())
+        if between is None or charged[between].sum() >= least - _SAME * abs(least):
+            break
+        if spent[between].sum() <= budget:
+            thrifty = between
+        else:
+            found = between
+    return thrifty, price
+
+
+def cheapest_few(graph: Graph, cost: Float, most: int) -> Int | None:
     """The cheapest plan of at most `most` layers; None where that many do not reach the top.
 
     Args:
-        cost: (R, n + 1) of every layer by its end.
-        heights: (R,) in steps, ascending, all over 0.
+        graph: the layers that there are.
+        cost: (A,) of each.
         most: layers.
     """
-    n, margin = cost.shape[1] - 1, int(heights[-1])
-    best = np.full(n + 1 + margin, np.inf)
-    best[margin] = 0.0
-    before = margin + np.arange(n + 1) - heights[:, None]
-    column = np.arange(n + 1)
-    choices, totals = [], []
-    for _ in range(min(most, n // int(heights[0]) + 1)):
-        total = best[before] + cost
-        pick = total.argmin(axis=0)
-        best[margin:] = total[pick, column]
-        choices.append(pick.astype(np.int16))
-        totals.append(float(best[-1]))
-    if not totals or not np.isfinite(min(totals)):
+    one = np.where(np.isfinite(cost), 1.0, np.inf)
+    fewest = cheapest(graph, one)
+    if fewest is None or len(fewest) > most:
         return None
-    chain, k = [], n
-    for pick in choices[int(np.argmin(totals)) :: -1]:
-        chain.append(int(heights[pick[k]]))
-        k -= chain[-1]
+    few, price = cheapest_within(
+        lambda charged: cheapest(graph, charged), cost, np.ones_like(cost), most, fewest
+    )
+    # With this price on every layer: what the best plan can cost at most, and what any plan costs at least.
+    charged = cost + price
+    up, down = _settled(graph, charged), _settled(*_upside_down(graph, charged))[::-1]
+    spare = float(cost[few].sum()) + price * most - up[-1]
+    rounding = _SAME * (abs(up[-1]) + abs(spare))
+    if spare <= rounding:
+        return few
+    kept = np.flatnonzero(up[graph.start] + charged + down[graph.end] <= up[-1] + spare + rounding)
+    found = _counted(_between(graph, kept), cost[kept], most)
+    return few if found is None else kept[found]
+
+
+def _upside_down(graph: Graph, cost: Float) -> tuple[Graph, Float]:
+    """The same arcs from the top of the part down."""
+    end = graph.n - graph.start
+    order = np.argsort(end, kind="stable")
+    begin = np.append(0, np.cumsum(np.bincount(end, minlength=graph.n + 1)))
+    return Graph(begin, (graph.n - graph.end)[order]), cost[order]
+
+
+def _between(graph: Graph, kept: Int) -> Graph:
+    """Some arcs, and only the nodes that they touch."""
+    start, end = graph.start[kept], graph.end[kept]
+    touched: Bool = np.zeros(graph.n + 1, np.bool_)
+    touched[[0, graph.n]] = touched[start] = touched[end] = True
+    number = np.cumsum(touched) - 1
+    count = np.bincount(number[end], minlength=int(number[-1]) + 1)
+    return Graph(np.append(0, np.cumsum(count)), number[start])
+
+
+def _counted(graph: Graph, cost: Float, most: int) -> Int | None:
+    """The cheapest plan of at most `most` layers, by one table for every number of them."""
+    reached = np.flatnonzero(np.diff(graph.begin))
+    tables = [np.full(graph.n + 1, np.inf)]
+    tables[0][0] = 0.0
+    for _ in range(most):
+        after = np.full(graph.n + 1, np.inf)
+        after[reached] = np.minimum.reduceat(tables[-1][graph.start] + cost, graph.begin[reached])
+        tables.append(after)
+    count = int(np.argmin([table[-1] for table in tables]))
+    if not np.isfinite(tables[count][-1]):
+        return None
+    chain, k = [], graph.n
+    for table in tables[:count][::-1]:
+        a, b = graph.begin[k : k + 2].tolist()
+        chain.append(a + int((table[graph.start[a:b]] + cost[a:b]).argmin()))
+        k = int(graph.start[chain[-1]])
     return np.array(chain[::-1], np.int64)

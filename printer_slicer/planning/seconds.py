@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry.planes import cross
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.geometry.planes import cross, lowest_of_chain
+from printer_slicer.model import Float, Int
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 
@@ -68,7 +68,7 @@ class LayerTimes:
         columns = (np.interp(z, at.z, values) for values in (at.length, at.loops, at.inside, at.solid))
         self._slices = _Slices(z, *columns)
 
-    def seconds(self, which: slice, height: float) -> Float:
+    def seconds(self, which: Int, height: float) -> Float:
         """(m,) s, for layers of `height` mm that are cut at the heights `z[which]`."""
         profile, at = self._profile, self._slices
         speeds, material, printer = profile.quality.speeds, profile.material, profile.printer
@@ -122,18 +122,9 @@ def _sections(triangles: Float, z: Float) -> tuple[Float, Float, Float]:
     plane = crossings.plane[crossings.tail]
     length = np.bincount(plane, weights=np.hypot(*(head - tail).T), minlength=len(z))
     twice = np.bincount(plane, weights=tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0], minlength=len(z))
-    firsts = _first_of_chain(crossings.tail, crossings.head, len(crossings.xy))
+    following = np.arange(len(crossings.xy))
+    following[crossings.tail] = crossings.head
+    # An open contour may count twice.
+    firsts = lowest_of_chain(following) == np.arange(len(following))
     loops = np.bincount(crossings.plane[firsts], minlength=len(z))
     return length.astype(np.float64), np.maximum(twice / 2, 0.0), loops.astype(np.float64)
-
-
-def _first_of_chain(tail: Int, head: Int, n_nodes: int) -> Bool:
-    """(N,) whether a node has the lowest number of its contour; an open contour may count twice."""
-    following = np.arange(n_nodes)
-    following[tail] = head
-    lowest = np.arange(n_nodes)
-    while True:
-        better = np.minimum(lowest, lowest[following])
-        if np.array_equal(better, lowest):
-            return np.asarray(lowest == np.arange(n_nodes))
-        lowest, following = better, following[following]

@@ -263,8 +263,7 @@ def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def _change(sources: dict[str, _Source], key: str, value: object) -> None:
     """Apply one change in place."""
     kind, path = _resolve(sources, key)
-    if path in _LISTS and isinstance(value, str):
-        value = list_from_text(path, value)
+    value = list_from_text(path, value) if path in _LISTS and isinstance(value, str) else _plain(value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -274,6 +273,13 @@ def _change(sources: dict[str, _Source], key: str, value: object) -> None:
         return  # the file has a plain value where a table belongs, which the conversion will refuse by name
     merged = _merge(source.values, change)
     sources[kind] = _Source(merged, source.places | {path: f"--set {key}={value}"}, source.file)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays of numpy as Python's own."""
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _keys(kind: str, values: Mapping[str, Any]) -> list[str]:
@@ -299,6 +305,13 @@ def _resolve(sources: Mapping[str, _Source], key: str) -> tuple[str, str]:
     if matches:
         choices = ", ".join(f"{kind}.{path}" for kind, path in matches)
         raise ProfileError(f"--set {key}: more than one section has this key", remedy=f"say which: {choices}")
+    leaf = key.rpartition(".")[2]
+    having = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
+    if having and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
+        raise ProfileError(
+            f"--set {key}: the chosen planner has no such setting",
+            remedy=f"it belongs to: {', '.join(f'--planner {kind}' for kind in having)}",
+        )
     everything = {f"{kind}.{path}" for kind, path in known} | {path for _, path in known}
     near = get_close_matches(key, sorted(everything), n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""

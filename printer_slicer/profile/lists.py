@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from printer_slicer.errors import ProfileError
@@ -27,12 +28,11 @@ def list_from_text(key: str, text: str) -> list[Any]:
         "planner.ranges": (";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
     }
     separator, read, example = readers[key]
-    try:
-        return [read(item) for item in text.split(separator) if item.strip()]
-    except ValueError:
-        raise ProfileError(
-            f"{key}: {text!r} cannot be read as a list", remedy=f"write it like this: {example}"
-        ) from None
+    items = [item for item in text.split(separator) if item.strip()]
+    with suppress(ValueError):
+        if items or not text.strip():
+            return [read(item) for item in items]
+    raise ProfileError(f"{key}: {text!r} cannot be read as a list", remedy=f"write it like this: {example}")
 
 
 def _range(text: str) -> dict[str, float]:

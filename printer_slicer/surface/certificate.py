@@ -17,9 +17,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.geometry import frozen_array
+from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Float, LayerPlan, Mesh
 from printer_slicer.surface.contacts import Contacts, find_contacts
-from printer_slicer.surface.runs import BESIDE, run_bounds, steepest
+from printer_slicer.surface.runs import run_bounds, steepest
 from printer_slicer.surface.shadow import Shadow, throw
 
 __all__ = ["Certificate", "Surface", "Worst", "certify", "layer_bounds", "read_surface"]
@@ -158,14 +159,17 @@ def _runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
     """(L,) mm, what the runs upward and those downward allow to be wrong in each layer."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
     if plan.containment == "mid":
-        return run_bounds(surface.contacts, cut, top), run_bounds(surface.turned, -cut[::-1], -bottom[::-1])[
-            ::-1
-        ]
+        return run_bounds(surface.contacts, cut, top), _downward(surface, cut, bottom)
     # Contained layers leave out what lies within rounding of their borders; at most that much is wrong for it.
     bottom, top = bottom + BESIDE, top - BESIDE
-    rising = run_bounds(surface.contacts, bottom, top)
-    falling = run_bounds(surface.turned, -top[::-1], -bottom[::-1])[::-1]
-    return rising + 2 * BESIDE, falling + 2 * BESIDE
+    return run_bounds(surface.contacts, bottom, top) + 2 * BESIDE, _downward(
+        surface, top, bottom
+    ) + 2 * BESIDE
+
+
+def _downward(surface: Surface, start: Float, end: Float) -> Float:
+    """(L,) mm, the bounds of the runs from `start` down to `end`."""
+    return run_bounds(surface.turned, -start[::-1], -end[::-1])[::-1]
 
 
 def certify(surface: Surface, plan: LayerPlan) -> Certificate:
@@ -195,11 +199,10 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
 def _volume(surface: Surface, plan: LayerPlan) -> Float:
     """(L,) the volume that each layer fills or leaves empty wrongly, at most."""
     bottom, top, cut = plan.bottom, plan.top, plan.cut
-    borders = np.concatenate([[0.0], top])
     over, under = (surface.up, surface.down) if plan.containment != "negative" else (surface.down, surface.up)
     if plan.containment == "mid":
         # All planes at once: bottoms and cuts take turns, and the last top comes after them.
-        planes = np.append(np.column_stack([bottom, cut]).ravel(), borders[-1])
+        planes = np.append(np.column_stack([bottom, cut]).ravel(), top[-1])
         aside = 2 * cut - bottom - top
         total = np.zeros(plan.n_layers)
         for shadow in (over, under):
@@ -217,7 +220,8 @@ def _volume(surface: Surface, plan: LayerPlan) -> Float:
 def _shadow_over(up: Shadow, top: float, height: float) -> float:
     """Volume of the part over the last layer, at most."""
     planes = np.array([top, height])
-    return float(np.diff(up.integral(planes))[0] * -1 + (height - top) * up.under(planes, including=True)[1])
+    below, everything = up.integral(planes)
+    return float((height - top) * up.under(planes, including=True)[1] - (everything - below))
 
 
 def _worst(surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float) -> Worst:

@@ -17,14 +17,17 @@ often, a feature is thinner than the layers and may be lost; no bound can be giv
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
 import numpy as np
 
+from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Float, Int
 from printer_slicer.surface.contacts import Contacts
 
-__all__ = ["BESIDE", "painted", "run_bounds", "run_tables", "steepest"]
+__all__ = ["painted", "run_bounds", "runs_by_length", "steepest"]
 
-BESIDE = 2e-5  # mm; contained layers leave out what lies this near to their borders
 # Coordinates this near to the border of a cell, mm, lie on it but for the rounding of 32-bit files.
 _SAME = 5e-6
 
@@ -75,49 +78,77 @@ def steepest(contacts: Contacts, start: float, end: float) -> int:
     return int(within[np.argmax(share)])
 
 
-def run_tables(
+def runs_by_length(
     contacts: Contacts,
     cell: float,
     n_cells: int,
-    length: Int,
+    length: Sequence[int],
     *,
     bottom: float = 0.0,
     contained: bool = False,
-) -> Float:
-    """(len(length), n_cells + 1) mm, the bounds of runs of `length` cells up from every border between cells.
+) -> Iterator[Float]:
+    """For each length in turn (n_cells + 1,) mm, the bounds of runs of so many cells up from each border between cells.
 
-    Within a cell the steepest rise counts from the bottom, so the table errs upward, by less than a cell. Runs that
-    leave the cells end with the last one.
+    What a cell adds depends on how steep it was before: convex, and known for the shallowest run through the cell and
+    for one as steep as all that is in it. In between the chord counts, so a bound errs upward, by much less than a
+    cell. Runs that leave the cells end with the last one.
 
     Args:
         contacts: of the surface, seen from above.
         cell: mm.
         n_cells: how many.
-        length: (n,) ascending, in cells.
+        length: in cells, ascending.
         bottom: z of the lowest border, mm.
         contained: whether runs leave out what lies beside the borders of cells.
     """
-    same = (BESIDE if contained else _SAME) / cell
-    first = np.floor((contacts.low - bottom) / cell + same).astype(np.int64)
-    last = np.ceil((contacts.high - bottom) / cell - same).astype(np.int64) - 1
+    beside = (BESIDE if contained else _SAME) / cell
+    low, high = (_on_borders((z - bottom) / cell, beside) for z in (contacts.low, contacts.high))
+    first, last = np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64) - 1
     if not contained:  # a flat in a border belongs to the run that begins there
         last = np.maximum(last, first)
     some = (last >= 0) & (first < n_cells) & (first <= last)
-    rise = painted(
-        np.maximum(first[some], 0), np.minimum(last[some], n_cells - 1), contacts.rise[some], n_cells
+    least, steepest_there, mean = _in_cells(low[some], last[some], contacts.rise[some], n_cells)
+    slope = (steepest_there - mean) / np.maximum(steepest_there - least, 1e-12)
+    base = mean - slope * least
+    total, highest = np.zeros(n_cells + 1), least.copy()
+    for begin, end in pairwise([0, *length]):
+        for ahead in range(begin, min(end, n_cells)):
+            left = n_cells - ahead
+            total[:left] += np.maximum(highest[:left], base[ahead:] + slope[ahead:] * highest[:left])
+            np.maximum(highest[:left], steepest_there[ahead:], out=highest[:left])
+        yield total * cell
+
+
+def _on_borders(z: Float, beside: float) -> Float:
+    """Heights in cells; those near to a border lie on it."""
+    border = np.rint(z)
+    return np.where(np.abs(z - border) <= beside, border, z)
+
+
+def _in_cells(low: Float, last: Int, rise: Float, n_cells: int) -> tuple[Float, Float, Float]:
+    """(n_cells,) each: the steepest rise at the bottom of a cell, the steepest in it, and the mean of the running one.
+
+    Args:
+        low: (n,) where contacts begin, in cells, ascending.
+        last: (n,) the last cell that each reaches into.
+        rise: (n,)
+        n_cells: how many.
+    """
+    from_bottom = np.ceil(low).astype(np.int64)
+    some = (from_bottom <= last) & (from_bottom < n_cells) & (last >= 0)
+    least = painted(
+        np.maximum(from_bottom[some], 0), np.minimum(last[some], n_cells - 1), rise[some], n_cells
     )
-    table = np.zeros((len(length), n_cells + 1))
-    total, highest = np.zeros(n_cells), np.zeros(n_cells)
-    row = 0
-    for ahead in range(int(length[-1])):
-        left = n_cells - ahead
-        if left > 0:
-            np.maximum(highest[:left], rise[ahead:], out=highest[:left])
-            total[:left] += highest[:left]
-        if length[row] == ahead + 1:
-            table[row, :n_cells] = total
-            row += 1
-    return table * cell
+    begins = np.flatnonzero((low > 0) & (from_bottom > low))
+    begins = begins[rise[begins] > least[from_bottom[begins] - 1]]
+    cell, rise = from_bottom[begins] - 1, rise[begins]
+    # Cells are two apart and rises at most one, so the running maximum starts anew with every cell.
+    running = np.maximum.accumulate(rise + 2.0 * cell) - 2.0 * cell
+    before = np.where(np.diff(cell, prepend=-1) > 0, least[cell], np.append(0.0, running)[:-1])
+    gain = (running - before) * (from_bottom[begins] - low[begins])
+    highest = least.copy()
+    np.maximum.at(highest, cell, rise)
+    return least, highest, least + np.bincount(cell, weights=gain, minlength=n_cells)
 
 
 def painted(first: Int, last: Int, value: Float, n: int) -> Float:

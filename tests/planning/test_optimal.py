@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from printer_slicer.errors import PlanError
 from printer_slicer.model import Bool, LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.arcs import Arcs, Lattice
+from printer_slicer.planning.arcs import Arcs
+from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
@@ -67,9 +68,13 @@ def flats_missed(mesh: Mesh, plan: LayerPlan, within: float) -> list[float]:
 def modelled_seconds(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> float:
     """What the planner's model takes a plan to last."""
     lattice = Lattice.of(Steps(mesh, wanted))
-    units = np.rint(plan.height / lattice.unit).astype(np.int64)
-    table = Arcs.over(read_surface(mesh), lattice, wanted).seconds
-    return float(table[units - lattice.heights[0], np.cumsum(units)].sum())
+    ends = np.rint(np.append(0.0, plan.top) / lattice.unit).astype(np.int64)
+    arcs = Arcs.over(read_surface(mesh), lattice, Steps(mesh, wanted), wanted, everywhere=True)
+    mine = np.isin(
+        arcs.graph.start * (lattice.n + 1) + arcs.graph.end, ends[:-1] * (lattice.n + 1) + ends[1:]
+    )
+    assert mine.sum() == plan.n_layers
+    return float(arcs.seconds[mine].sum())
 
 
 def spent(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> Mapping[str, float]:

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from printer_slicer.model import Float, Int, Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.arcs import Arcs, Lattice
-from printer_slicer.planning.path import cheapest, cheapest_even, cheapest_few
+from printer_slicer.planning.arcs import Arcs
+from printer_slicer.planning.lattice import Lattice
+from printer_slicer.planning.path import Graph, cheapest, cheapest_even, cheapest_few, cheapest_within
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
@@ -36,6 +37,18 @@ class Table(NamedTuple):
     @property
     def n(self) -> int:
         return int(self.cost.shape[1]) - 1
+
+    def arcs(self) -> tuple[Graph, Float]:
+        """The layers that lie over the bed, as arcs, and their costs."""
+        end, row = np.nonzero(np.arange(self.n + 1)[:, None] >= self.heights)
+        begin = np.append(0, np.cumsum(np.bincount(end, minlength=self.n + 1)))
+        return Graph(begin, end - self.heights[row]), self.cost[row, end]
+
+    def found(self, search: Callable[..., Int | None], *more: Any) -> Int | None:
+        """The heights of the layers that a search finds."""
+        graph, cost = self.arcs()
+        layers = search(graph, cost, *more)
+        return None if layers is None else graph.height[layers]
 
 
 def all_plans(n: int, heights: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -92,7 +105,7 @@ def is_a_plan(plan: Int, table: Table) -> bool:
 @settings(max_examples=120, deadline=None, derandomize=True)
 @given(tables(gaps=True))
 def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> None:
-    plan, best = cheapest(table.cost, table.heights), least(table)
+    plan, best = table.found(cheapest), least(table)
 
     assert (plan is None) == np.isinf(best)
     if plan is not None:
@@ -105,7 +118,7 @@ def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> N
 def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
     table: Table, change: int, fine: float
 ) -> None:
-    plan = cheapest_even(table.cost, table.heights, change, fine)
+    plan = table.found(cheapest_even, change, fine)
     best = least(table, change, fine)
 
     assert (plan is None) == np.isinf(best)
@@ -117,7 +130,7 @@ def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
 @settings(max_examples=120, deadline=None, derandomize=True)
 @given(tables(gaps=True), st.integers(1, 15))
 def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table: Table, most: int) -> None:
-    plan, best = cheapest_few(table.cost, table.heights, most), least(table, most=most)
+    plan, best = table.found(cheapest_few, most), least(table, most=most)
 
     assert (plan is None) == np.isinf(best)
     if plan is not None:
@@ -126,14 +139,43 @@ def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table:
         assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
 
 
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(tables(gaps=True), st.integers(0, 10**6), st.floats(0, 1))
+def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
+    table: Table, seed: int, share: float
+) -> None:
+    """And at that price a plan beyond the budget costs no less: a lower price would not keep it."""
+    rng = np.random.default_rng(seed)
+    use = Table(rng.integers(1, 9, table.cost.shape).astype(np.float64), table.heights)
+    plans = [
+        plan for plan in all_plans(table.n, tuple(table.heights.tolist())) if price(plan, table) < np.inf
+    ]
+    if not plans:
+        return
+    uses = [price(plan, use) for plan in plans]
+    budget = min(uses) + share * (max(uses) - min(uses))
+    graph, loss = table.arcs()
+    spent = use.arcs()[1]
+    thrifty = cheapest(graph, np.where(np.isfinite(loss), spent, np.inf))
+    assert thrifty is not None
+    layers, worth = cheapest_within(lambda cost: cheapest(graph, cost), loss, spent, budget, thrifty)
+
+    costs = [price(plan, table) + worth * used for plan, used in zip(plans, uses, strict=True)]
+    assert spent[layers].sum() <= budget
+    assert loss[layers].sum() + worth * spent[layers].sum() == pytest.approx(min(costs), rel=ROUNDING)
+    if worth:
+        beyond = [cost for cost, used in zip(costs, uses, strict=True) if used > budget]
+        assert min(beyond) == pytest.approx(min(costs), rel=1e-6)
+
+
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(tables())
 def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Table) -> None:
     found = (
-        cheapest(table.cost, table.heights),
-        cheapest_even(table.cost, table.heights, 0, 0.0),
-        cheapest_even(table.cost, table.heights, len(table.heights), 1e9),
-        cheapest_few(table.cost, table.heights, table.n),
+        table.found(cheapest),
+        table.found(cheapest_even, 0, 0.0),
+        table.found(cheapest_even, len(table.heights), 1e9),
+        table.found(cheapest_few, table.n),
     )
     prices = [np.inf if plan is None else price(plan, table) for plan in found]
 
@@ -143,9 +185,9 @@ def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Tab
 def test_ties_are_broken_the_same_way_every_time() -> None:
     cost, heights = np.zeros((3, 31)), np.arange(2, 5)
     searches: list[Callable[[], Int | None]] = [
-        lambda: cheapest(cost, heights),
-        lambda: cheapest_even(cost, heights, 1, 5.0),
-        lambda: cheapest_few(cost, heights, 12),
+        lambda: Table(cost, heights).found(cheapest),
+        lambda: Table(cost, heights).found(cheapest_even, 1, 5.0),
+        lambda: Table(cost, heights).found(cheapest_few, 12),
     ]
     for search in searches:
         first, second = search(), search()
@@ -155,7 +197,7 @@ def test_ties_are_broken_the_same_way_every_time() -> None:
 
 
 def test_of_two_plans_that_cost_the_same_any_number_of_layers_up_to_the_most_will_do() -> None:
-    plan = cheapest_few(np.zeros((2, 13)), np.arange(2, 4), 5)
+    plan = Table(np.zeros((2, 13)), np.arange(2, 4)).found(cheapest_few, 5)
 
     assert plan is not None
     assert len(plan) <= 5
@@ -167,19 +209,19 @@ def test_a_height_that_no_layers_add_up_to_is_not_reached(n: int) -> None:
     """Layers of 3 only; 1, 4 and 5 are no multiples of it."""
     cost, heights = np.ones((1, n + 1)), np.array([3])
 
-    assert cheapest(cost, heights) is None
-    assert cheapest_even(cost, heights, 1, 1.0) is None
-    assert cheapest_few(cost, heights, 9) is None
+    assert Table(cost, heights).found(cheapest) is None
+    assert Table(cost, heights).found(cheapest_even, 1, 1.0) is None
+    assert Table(cost, heights).found(cheapest_few, 9) is None
 
 
 def test_too_few_layers_do_not_reach_the_top() -> None:
     cost, heights = np.ones((2, 21)), np.array([2, 3])
 
-    assert cheapest_few(cost, heights, 6) is None
-    plan = cheapest_few(cost, heights, 7)
+    assert Table(cost, heights).found(cheapest_few, 6) is None
+    plan = Table(cost, heights).found(cheapest_few, 7)
     assert plan is not None
     assert len(plan) == 7
-    assert cheapest_few(cost, heights, 0) is None
+    assert Table(cost, heights).found(cheapest_few, 0) is None
 
 
 def test_an_uneven_pair_is_taken_only_where_it_is_worth_its_fine() -> None:
@@ -188,7 +230,7 @@ def test_an_uneven_pair_is_taken_only_where_it_is_worth_its_fine() -> None:
     cost[2, 3] = cost[0, 4] = cost[2, 7] = 1.0
 
     for fine, expected in ((1.0, [3, 1, 3]), (1e3, None)):
-        plan = cheapest_even(cost, np.arange(1, 4), 1, fine)
+        plan = Table(cost, np.arange(1, 4)).found(cheapest_even, 1, fine)
         assert plan is not None
         if expected:
             assert plan.tolist() == expected
@@ -201,7 +243,7 @@ def test_costs_of_any_size_keep_their_differences() -> None:
     rng = np.random.default_rng(4)
     fair = rng.random((3, 61))
     heights = np.arange(4, 7)
-    plain, fined = cheapest(fair, heights), cheapest(fair + 1e10, heights)
+    plain, fined = (Table(costs, heights).found(cheapest) for costs in (fair, fair + 1e10))
 
     assert plain is not None
     assert fined is not None
@@ -235,7 +277,9 @@ def every_layer(mesh: Mesh, wanted: Profile) -> Layers:
     """(first step, last step) -> what a layer between them does; bounds and volumes are the certificate's own."""
     steps, surface = Steps(mesh, wanted), read_surface(mesh)
     lattice = Lattice.of(steps)
-    seconds = Arcs.over(surface, lattice, wanted).seconds
+    arcs = Arcs.over(surface, lattice, steps, wanted, everywhere=True)
+    begin, end = arcs.graph.start * lattice.steps, arcs.graph.end * lattice.steps
+    seconds = dict(zip(zip(begin.tolist(), end.tolist(), strict=True), arcs.seconds.tolist(), strict=True))
     found: dict[tuple[int, int], Layer] = {}
     for height in range(steps.lowest, steps.highest + 1):
         for phase in range(min(height, steps.part - height + 1)):
@@ -244,10 +288,9 @@ def every_layer(mesh: Mesh, wanted: Profile) -> Layers:
             tops = tops[tops > 0]
             certificate = certify(surface, steps.plan(np.diff(tops, prepend=0), "all"))
             for i, (low, high) in enumerate(zip([0, *tops[:-1].tolist()], tops.tolist(), strict=True)):
-                if high - low == height:
-                    time = seconds[height // lattice.steps - lattice.heights[0], high // lattice.steps]
+                if (low, high) in seconds and high - low == height:
                     found[low, high] = Layer(
-                        float(certificate.bound[i]), float(certificate.volume[i]), float(time)
+                        float(certificate.bound[i]), float(certificate.volume[i]), seconds[low, high]
                     )
     return found
 
@@ -274,7 +317,7 @@ class Rules:
         )
         beyond = sum(not min(self.allowed) <= high - low <= max(self.allowed) for low, high in pairwise(ends))
         if quality.first_layer_height:
-            unlisted += (plan[0] != self.steps.first) * 1000 - (odd[0] and ends[1] not in self.events)
+            unlisted -= odd[0] and ends[1] not in self.events
             beyond -= not min(self.allowed) <= plan[0] <= max(self.allowed)
         excess = sum(max(layer.bound - quality.tolerance - 1e-9, 0.0) for layer in layers)
         change = quality.planner.max_step / self.steps.size
@@ -334,7 +377,8 @@ def test_no_plan_at_all_is_better(name: str, extra: str) -> None:
     changes = COARSE | {"tolerance": 0.08} | EXTRAS[extra]
     rules = Rules(mesh, optimal(**changes))
     heights = tuple(range(rules.steps.lowest, rules.steps.highest + 1))
-    everything = list(all_plans(rules.steps.part, heights))
+    first = rules.steps.first
+    everything = [plan for plan in all_plans(rules.steps.part, heights) if first in (0, plan[0])]
     for objective in OBJECTIVES:
         rules.wanted = optimal(**changes, planner__objective=objective)
         plan = plan_layers(mesh, rules.wanted)

@@ -64,7 +64,6 @@ def test_heights_are_numbers_between_commas(text: str, expected: list[float]) ->
             [{"low": 0, "high": 1, "layer_height": 0.1}, {"low": 2, "high": 3, "tolerance": 0.02}],
         ),
         ("", []),
-        (";", []),
     ],
 )
 def test_ranges_are_two_heights_and_rules_between_semicolons(text: str, expected: list[Any]) -> None:
@@ -78,6 +77,8 @@ def test_ranges_are_two_heights_and_rules_between_semicolons(text: str, expected
         (HEIGHTS, "0.1; 0.2"),
         (HEIGHTS, "0.1 0.2"),
         (HEIGHTS, "0,1 mm"),
+        (HEIGHTS, ","),
+        (RANGES, " ; "),
         (RANGES, "1"),
         (RANGES, "1:3"),
         (RANGES, "1:3:"),
@@ -96,6 +97,25 @@ def test_text_that_is_no_list_is_refused_by_key_with_an_example(key: str, text: 
     assert key in str(caught.value)
     assert text in str(caught.value)
     assert list_from_text(key, caught.value.remedy.partition(": ")[2])
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    changes = {
+        "tolerance": np.float32(0.25),
+        "perimeters": np.int64(3),
+        "layer_heights": np.array([0.1, 0.25]),
+    }
+    quality = load_profile(None, None, None, changes).quality
+
+    assert (quality.tolerance, quality.perimeters, quality.layer_heights) == (0.25, 3, (0.1, 0.25))
+
+
+@pytest.mark.parametrize("key", ["max_step", "planner.max_step", "quality.planner.max_step"])
+def test_a_setting_of_another_planner_is_answered_with_the_planner(key: str) -> None:
+    with pytest.raises(ProfileError, match="the chosen planner has no such setting") as refused:
+        load_profile(None, None, None, {"quality.planner.kind": "cusp", key: 0.02})
+
+    assert "--planner optimal" in str(refused.value)
 
 
 @pytest.mark.parametrize("text", ["nan", "0.1, inf", "-0.1", "0", "5"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.model import Float, Int, Mesh
 from printer_slicer.surface.contacts import Contacts, find_contacts
-from printer_slicer.surface.runs import painted, run_bounds, run_tables, steepest
+from printer_slicer.surface.runs import painted, run_bounds, runs_by_length, steepest
 from tests.parts import box, cone, pyramid, sheared_prism, sphere, step_pyramid
 
 PARTS: Final[Mapping[str, Mesh]] = {
@@ -154,7 +154,7 @@ def test_tables_lie_over_the_bounds_and_by_less_than_a_cell(seed: int, cell: flo
     contacts = some_contacts(seed)
     n_cells = round(2.3 / cell)
     length = np.array([3, 4, 5, 24])
-    table = run_tables(contacts, cell, n_cells, length, bottom=bottom)
+    table = np.stack(list(runs_by_length(contacts, cell, n_cells, length.tolist(), bottom=bottom)))
     place = np.random.default_rng(seed).integers(0, n_cells - 24, 20)
     for row, cells in enumerate(length.tolist()):
         exact = [
@@ -166,15 +166,32 @@ def test_tables_lie_over_the_bounds_and_by_less_than_a_cell(seed: int, cell: flo
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.sampled_from([0.005, 0.02]))
+def test_tables_are_exact_where_no_two_contacts_begin_in_a_cell(seed: int, cell: float) -> None:
+    rng = np.random.default_rng(seed)
+    low = (np.flatnonzero(rng.random(60) < 0.15) + rng.uniform(0.1, 0.9)) * cell
+    high = low + rng.choice([0.0, 0.3, 4.0, 20.0], len(low)) * cell
+    contacts = contacts_of(low, high, rng.uniform(0.05, 1, len(low)))
+    length = [3, 8, 24]
+    table = list(runs_by_length(contacts, cell, 80, length))
+
+    for row, cells in zip(table, length, strict=True):
+        exact = [slow_bound(contacts, cell * at, cell * (at + cells)) for at in range(80 - cells)]
+        assert row[: 80 - cells] == pytest.approx(exact, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.sampled_from([1e-7, 1e-6, 4e-6]))
 def test_the_rounding_of_files_changes_neither_tables_nor_what_they_promise(seed: int, noise: float) -> None:
     """Contacts that should lie on borders of cells lie a little beside them."""
-    cell, n_cells, length = 0.005, 400, np.array([16, 24])
+    cell, n_cells = 0.005, 400
     exact = some_contacts(seed, lattice=0.01)
     rng = np.random.default_rng(seed)
     off = np.array([rng.uniform(-noise, noise) for _ in exact.low])
     rounded = contacts_of(exact.low + off, exact.high + off, exact.rise)
-    expected, table = (run_tables(one, cell, n_cells, length) for one in (exact, rounded))
+    expected, table = (
+        np.stack(list(runs_by_length(one, cell, n_cells, [16, 24]))) for one in (exact, rounded)
+    )
 
     assert table == pytest.approx(expected, abs=1e-9)
 
@@ -188,7 +205,7 @@ def test_a_contact_a_hair_beside_a_border_takes_no_more_than_rounding_from_a_bou
     begin = (20 + share) * cell
     contacts = contacts_of(np.array([begin]), np.array([begin]), np.array([1.0]))
     length = np.array([4, 8])
-    table = run_tables(contacts, cell, 40, length)
+    table = np.stack(list(runs_by_length(contacts, cell, 40, length.tolist())))
     for row, cells in enumerate(length.tolist()):
         for at in range(10, 21):
             exact = slow_bound(contacts, at * cell, (at + cells) * cell)
@@ -197,7 +214,7 @@ def test_a_contact_a_hair_beside_a_border_takes_no_more_than_rounding_from_a_bou
 
 def test_runs_that_leave_the_cells_end_with_the_last_one() -> None:
     contacts = contacts_of(np.array([0.0]), np.array([1.0]), np.array([0.5]))
-    table = run_tables(contacts, 0.1, 10, np.array([2, 5]))
+    table = list(runs_by_length(contacts, 0.1, 10, [2, 5]))
 
     assert table[1] == pytest.approx(0.5 * 0.1 * np.array([5, 5, 5, 5, 5, 5, 4, 3, 2, 1, 0]))
     assert table[0] == pytest.approx(0.5 * 0.1 * np.array([2] * 9 + [1, 0]))

@@ -1,0 +1,134 @@
+"""What belongs together: equal keys, linked items, chains; whole arrays, no order of the items matters but for ties."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from printer_slicer.geometry.areas import Float, Int
+
+__all__ = ["Index", "close_groups", "cycles", "linked", "lowest_of_chain", "welded"]
+
+Index = NDArray[np.int32]
+
+_SPREAD = 0x9E3779B97F4A7C15
+_STEP = 0x2545F4914F6CDD1D
+_AT_ONCE = 1 << 20
+
+
+def welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
+    """Numbers for keys, the same for equal ones.
+
+    A table with about one place per key is written by all keys at once; who finds another key in its place tries again
+    with another table. That takes a quarter of the time of sorting, and about 16 bytes per key.
+
+    Args:
+        key: (n,) 64 bits.
+
+    Returns:
+        (n,) the number of each key, from 0, and (m,) one item of each number.
+    """
+    n = len(key)
+    bits = max(n.bit_length(), 4)
+    owner = np.zeros(n, np.int32)
+    table = np.zeros(1 << bits, np.int32)
+    left, rest, attempt = np.arange(n, dtype=np.int32), key, 0
+    while len(left):
+        factor, shift = np.uint64((_SPREAD + 2 * attempt * _STEP) % 2**64), np.uint64(64 - bits)
+        pieces = [slice(at, at + _AT_ONCE) for at in range(0, len(left), _AT_ONCE)]
+        for piece in pieces:
+            table[((rest[piece] * factor) >> shift).view(np.int64)] = left[piece]
+        lost = []
+        for piece in pieces:
+            winner = table[((rest[piece] * factor) >> shift).view(np.int64)]
+            owner[left[piece]] = winner
+            lost.append(np.flatnonzero(key[winner] != rest[piece]) + piece.start)
+        again = np.concatenate(lost)
+        left, rest, attempt = left[again], rest[again], attempt + 1
+    is_first = owner == np.arange(n, dtype=np.int32)
+    number = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
+    return number[owner], np.flatnonzero(is_first).astype(np.int32)
+
+
+def linked(members: Index | Int, n: int) -> Int:
+    """(n,) the group of each of `n` items, from 0: two items are in one group when links lead from one to the other.
+
+    Args:
+        members: (k, M) items that each of M links holds together.
+        n: number of items.
+
+    Each round every item that meets a lower one hooks to it, and hooked items move to the end of their chain; what is
+    left of the links joins fewer and fewer items.
+    """
+    label = np.arange(n, dtype=np.int32)
+    itself, columns = label.copy(), [np.asarray(column, np.int32) for column in members]
+    while columns and len(columns[0]):
+        lowest = columns[0]
+        for column in columns[1:]:
+            lowest = np.minimum(lowest, column)
+        parent = itself.copy()
+        for column in columns:
+            higher = np.flatnonzero(column > lowest)
+            parent[column[higher]] = lowest[higher]
+        parent = _ends(parent)
+        label = parent[label]
+        columns = [parent[column] for column in columns]
+        apart = np.flatnonzero(np.any([column != columns[0] for column in columns[1:]], axis=0))
+        columns = [column[apart] for column in columns]
+    number = np.cumsum(label == itself) - 1
+    return np.asarray(number[label], np.int64)
+
+
+def _ends(parent: Index) -> Index:
+    """(n,) where chains of parents end; parents are never higher than their children."""
+    while True:
+        further = parent[parent]
+        if np.array_equal(further, parent):
+            return parent
+        parent = further
+
+
+def close_groups(points: Float, reach: float) -> Int:
+    """(n,) groups, from 0, of points (n, d): those within `reach` of each other along every axis are together.
+
+    Cells of twice the reach, shifted by half a cell along each axis or not, hold every such pair at least once.
+    """
+    n, dimensions = points.shape
+    pairs = []
+    for shift in np.ndindex(*(2,) * dimensions):
+        cell = np.floor(points / (2 * reach) + np.array(shift) / 2)
+        order = np.lexsort(cell.T)
+        same = (cell[order[1:]] == cell[order[:-1]]).all(axis=1)
+        pairs.append(np.stack([order[1:][same], order[:-1][same]]))
+    return linked(np.concatenate(pairs, axis=1), n)
+
+
+def lowest_of_chain(following: Int) -> Int:
+    """(N,) the lowest index that each item meets when it goes on to `following` again and again, itself included.
+
+    Pointer jumping: after round k every item knows the lowest of 2^k followers, so the number of rounds is the
+    logarithm of the longest chain.
+    """
+    lowest, jump = np.arange(len(following)), following
+    while True:
+        better = np.minimum(lowest, lowest[jump])
+        if np.array_equal(better, lowest):
+            return np.asarray(lowest)
+        lowest, jump = better, jump[jump]
+
+
+def cycles(following: Int) -> tuple[Int, Int]:
+    """For a permutation: the lowest index of each item's cycle, and the steps from there to the item."""
+    n = len(following)
+    lowest = lowest_of_chain(following)
+    # Steps to the cycle's first item, by the same doubling along the chain that ends there.
+    is_first = lowest == np.arange(n)
+    jump = np.where(is_first[following], np.arange(n), following)
+    steps = (jump != np.arange(n)).astype(np.int64)
+    while True:
+        ahead = steps[jump]
+        if not ahead.any():
+            break
+        steps, jump = steps + ahead, jump[jump]
+    length = np.bincount(lowest, minlength=n)
+    return lowest, np.where(is_first, 0, length[lowest] - 1 - steps)

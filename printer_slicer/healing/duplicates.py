@@ -1,0 +1,182 @@
+"""Corners that are one but for rounding, facets that are there more than once, sheets that bound nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.joints import close_groups, linked
+from printer_slicer.healing.facets import Facets
+from printer_slicer.healing.shells import winding_at
+from printer_slicer.model import Bool, Float, Int, Repair
+
+__all__ = ["drop_duplicates", "drop_sheets", "join_corners"]
+
+_SAME_PLACE = 0.001  # mm
+_SMALL = 1e-4  # of the size of the part
+_NEAR_PLACE = 0.25  # mm
+_SHORTER = 0.1  # of the shortest edge
+_SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings to 32 bits
+
+
+def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
+    """With near corners at open edges joined: every group of them moves to the place of its first along x, y, z.
+
+    First those nearer than a micrometre (a ten thousandth of a small part, or what 32-bit numbers tell apart);
+    where edges stay open, those nearer than a quarter of a mm and a tenth of the shortest edge of the facets there, so
+    that no facet collapses.
+    """
+    size = float(np.ptp(facets.points, axis=0).max(initial=0.0))
+    far = float(np.abs(facets.points).max(initial=0.0))
+    facets, done = _joined(facets, max(min(_SAME_PLACE, _SMALL * size), _SINGLE_STEPS * far))
+    at_open = (facets.count[facets.edges] == 1).any(axis=1)
+    if not at_open.any():
+        return facets, done
+    open_ones = facets.triangles[at_open]
+    shortest = float(np.linalg.norm(open_ones - open_ones[:, [1, 2, 0]], axis=2).min())
+    facets, more = _joined(facets, min(_NEAR_PLACE, _SHORTER * shortest))
+    return facets, done + more
+
+
+def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
+    """With corners at open edges joined that are within `reach` mm of each other along every axis."""
+    at_open = facets.count[facets.edges] % 2 == 1
+    loose = np.union1d(facets.corners[at_open], facets.corners[:, [1, 2, 0]][at_open])
+    loose = loose[np.lexsort(facets.points[loose].T[::-1])]
+    if not len(loose):
+        return facets, []
+    group = close_groups(facets.points[loose], reach)
+    firsts = np.unique(group, return_index=True)[1]
+    if len(firsts) == len(loose):
+        return facets, []
+    number = np.arange(len(facets.points))
+    number[loose] = loose[firsts[group]]
+    moved = np.flatnonzero(number != np.arange(len(number)))
+    by = np.linalg.norm(facets.points[number[moved]] - facets.points[moved], axis=1)
+    joined = Facets.of(facets.points, number[facets.corners])
+    return joined, [Repair("corners joined", facets.points[moved], widest=float(by.max()))]
+
+
+def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:
+    """Without the copies of facets that are there more than once, whichever way the copies face.
+
+    Copies that hang together are judged together. One stays where the surface around them ends at them, and where
+    they are a whole shell of their own. Where the surface around them is whole without them, those that face opposite
+    ways are a wall within the solid or a sheet, and all go; those that face the same way are a side that two solids
+    have in common, and all stay. A shell that is there twice, inward and outward, goes where it lies within the solid.
+    """
+    group, first = _equal_facets(facets)
+    size = np.bincount(group)
+    several = size > 1
+    if not several.any():
+        return facets, []
+    hand = _handedness(facets.corners)
+    facing = np.asarray(np.bincount(group, hand), np.float64)
+    single = Facets.of(facets.points, facets.corners[first[several]])
+    wanted = np.full(len(size), -1)
+    wanted[several] = _copies_wanted(single, facets.kept(~several[group]), facing[several])
+    # The copy that stays faces the way most of them do.
+    rank = np.lexsort((-hand * np.sign(facing)[group], group))
+    best = rank[np.searchsorted(group[rank], np.arange(len(size)))]
+    keep = wanted[group] < 0
+    keep[best[wanted == 1]] = True
+    if keep.all():
+        return facets, []
+    return facets.kept(keep), [Repair("duplicate facets dropped", facets.middles[~keep])]
+
+
+def _equal_facets(facets: Facets) -> tuple[Int, Int]:
+    """(F,) a number for each set of three corners, and one facet of each number."""
+    ordered = np.sort(facets.corners, axis=1)
+    pair = np.unique(ordered[:, 0] * np.int64(len(facets.points)) + ordered[:, 1], return_inverse=True)[1]
+    _, first, group = np.unique(
+        pair * np.int64(len(facets.points)) + ordered[:, 2], return_index=True, return_inverse=True
+    )
+    return group, first
+
+
+def _handedness(corners: Int) -> Int:
+    """(F,) 1 where the numbers of the corners ascend around the facet from the lowest, else -1."""
+    a, b, c = corners.T
+    ascents = (a < b).astype(int) + (b < c) + (c < a)
+    return np.where(ascents == 2, 1, -1)
+
+
+def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
+    """(n,) how many copies of each facet are to stay: 0, 1, or -1 for all.
+
+    Args:
+        single: one of each facet that is there more than once.
+        rest: the facets that are there once.
+        facing: (n,) copies that face one way less those that face the other.
+    """
+    patch = single.patches()
+    n_patches = int(patch.max(initial=-1)) + 1
+    around = _counts_at(rest, single.key)[single.edges]
+    border = single.count[single.edges] == 1
+    ends = np.bincount(patch, (border & (around % 2 == 1)).sum(axis=1), n_patches)
+    whole = np.bincount(patch, (border & (around > 0) & (around % 2 == 0)).sum(axis=1), n_patches)
+    opposed = np.bincount(patch, facing == 0, n_patches) * 2 > np.bincount(patch, minlength=n_patches)
+    is_shell = np.bincount(patch, border.sum(axis=1), n_patches) == 0
+    hidden = np.zeros(n_patches, np.bool_)
+    for number in np.flatnonzero(is_shell & opposed).tolist():
+        place = single.middles[np.flatnonzero(patch == number)[0]]
+        hidden[number] = winding_at(rest.triangles, place, np.ones(len(rest.corners), np.int64)) != 0
+    alone = (ends + whole == 0) & ~opposed
+    one = np.where(is_shell, ~(opposed & hidden), ((ends > 0) & (ends >= whole)) | alone)
+    wanted = np.where(one, 1, np.where(opposed, 0, -1))
+    return np.asarray(wanted[patch])
+
+
+def _counts_at(facets: Facets, key: Int) -> Int:
+    """(n,) facets at the edges with these keys."""
+    order = np.argsort(facets.key)
+    place = np.minimum(np.searchsorted(facets.key[order], key), max(len(order) - 1, 0))
+    if not len(order):
+        return np.zeros(len(key), np.int64)
+    return np.where(facets.key[order][place] == key, facets.count[order][place], 0)
+
+
+def drop_sheets(facets: Facets) -> tuple[Facets, list[Repair]]:
+    """Without patches that bound nothing: walls of one facet within or beside a surface that is whole without them.
+
+    A patch ends at edges that only it has, or that more than two facets share. Where every other facet beside it has a
+    partner without it, and there are such facets, it is dropped, the smallest patches first.
+    """
+    dropped: list[Float] = []
+    while True:
+        patch = facets.patches()
+        n_patches = int(patch.max(initial=-1)) + 1
+        if n_patches < 2:
+            break
+        chosen = _sheets(facets, patch, n_patches)
+        if not chosen.any():
+            break
+        dropped.append(facets.middles[chosen])
+        facets = facets.kept(~chosen)
+    return facets, [Repair("sheets without thickness dropped", np.concatenate(dropped))] if dropped else []
+
+
+def _sheets(facets: Facets, patch: Int, n_patches: int) -> Bool:
+    """(F,) facets of patches without which the surface beside them is whole; no two of them share an edge."""
+    edge, owner = facets.edges.ravel(), np.repeat(patch, 3)
+    # The patch's own facets at each of its edges.
+    pair, own = np.unique(owner * np.int64(len(facets.count)) + edge, return_counts=True)
+    pair_patch, pair_edge = pair // len(facets.count), pair % len(facets.count)
+    others = facets.count[pair_edge] - own
+    border = own % 2 == 1
+    beside = np.bincount(pair_patch[border & (others > 0)], minlength=n_patches)
+    broken = np.bincount(pair_patch[border & (others % 2 == 1)], minlength=n_patches)
+    candidate = (beside > 0) & (broken == 0)
+    if not candidate.any():
+        return np.zeros(len(patch), np.bool_)
+    area = np.bincount(patch, np.linalg.norm(facets.normals, axis=1), n_patches)
+    # Patches that meet at an edge exclude each other: the smallest of those that hang together goes.
+    at_crowded = border & (others > 0) & candidate[pair_patch]
+    order = np.argsort(pair_edge[at_crowded], kind="stable")
+    e, p = pair_edge[at_crowded][order], pair_patch[at_crowded][order]
+    together = linked(np.stack([p[1:], p[:-1]])[:, e[1:] == e[:-1]], n_patches)
+    ranked = np.lexsort((np.arange(n_patches), area, ~candidate, together))
+    smallest = ranked[np.unique(together[ranked], return_index=True)[1]]
+    go = np.zeros(n_patches, np.bool_)
+    go[smallest] = candidate[smallest]
+    return np.asarray(go[patch])

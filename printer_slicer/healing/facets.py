@@ -1,0 +1,94 @@
+"""Facets by the numbers of their corners, and what the edges between them tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry.joints import linked, welded
+from printer_slicer.geometry.planes import corner_keys
+from printer_slicer.model import Bool, Float, Int
+
+__all__ = ["Facets"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facets:
+    """A surface as numbered corners and numbered edges.
+
+    Attributes:
+        points: (V, 3) mm.
+        corners: (F, 3) number of the point at each corner; the three differ.
+        edges: (F, 3) number of the edge from each corner to the next.
+        turns: (F, 3) 1 where the facet goes along that edge from the lower number to the higher, else -1.
+        count: (E,) facets at each edge.
+        net: (E,) sum of their turns: 0 where every facet has one beside it that looks to the same side.
+        key: (E,) the numbers of both ends in one.
+    """
+
+    points: Float
+    corners: Int
+    edges: Int
+    turns: Int
+    count: Int
+    net: Int
+    key: Int
+
+    @classmethod
+    def of(cls, points: Float, corners: Int) -> Facets:
+        """From points (V, 3) and the numbers (F, 3) of corners; facets with two equal corners are left out."""
+        a, b, c = corners.T
+        corners = corners[(a != b) & (b != c) & (c != a)]
+        after = corners[:, [1, 2, 0]]
+        low, high = np.minimum(corners, after), np.maximum(corners, after)
+        key = low * np.int64(len(points)) + high
+        number, firsts = welded(key.ravel().view(np.uint64))
+        edges, n_edges = number.reshape(-1, 3).astype(np.int64), len(firsts)
+        turns = np.where(corners < after, 1, -1)
+        count = np.bincount(edges.ravel(), minlength=n_edges)
+        net = np.bincount(edges.ravel(), turns.ravel(), minlength=n_edges).astype(np.int64)
+        return cls(points, corners, edges, turns, count, net, key.ravel()[firsts])
+
+    @classmethod
+    def read(cls, triangles: Float) -> Facets:
+        """From loose triangles (F, 3, 3): equal coordinates make equal corners."""
+        flat = triangles.reshape(-1, 3)
+        number, firsts = welded(corner_keys(flat))
+        return cls.of(flat[firsts], number.reshape(-1, 3).astype(np.int64))
+
+    @property
+    def triangles(self) -> Float:
+        """(F, 3, 3) mm."""
+        return np.asarray(self.points[self.corners])
+
+    @property
+    def middles(self) -> Float:
+        """(F, 3) mm, the middle of each facet."""
+        return np.asarray(self.triangles.mean(axis=1))
+
+    @property
+    def normals(self) -> Float:
+        """(F, 3) mm², twice the area of each facet, along its normal."""
+        a, b, c = self.triangles.transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+
+    def kept(self, keep: Bool) -> Facets:
+        """Only the facets for which `keep` (F,) is true."""
+        return Facets.of(self.points, self.corners[keep])
+
+    def turned(self, turn: Bool) -> Facets:
+        """With the facets for which `turn` (F,) is true facing the other way."""
+        return Facets.of(self.points, np.where(turn[:, None], self.corners[:, ::-1], self.corners))
+
+    def pairs(self) -> tuple[Int, Bool]:
+        """Facets that share an edge with one other only: (2, P) facets, and (P,) whether both face the same side."""
+        half = np.flatnonzero(self.count[self.edges.ravel()] == 2)
+        order = half[np.argsort(self.edges.ravel()[half], kind="stable")]
+        first, second = order[::2], order[1::2]
+        turns = self.turns.ravel()
+        return np.stack([first // 3, second // 3]), np.asarray(turns[first] != turns[second])
+
+    def patches(self) -> Int:
+        """(F,) the patch of each facet, from 0: facets that hang together by edges that two facets share."""
+        return linked(self.pairs()[0], len(self.corners))

@@ -1,0 +1,168 @@
+"""The rules that a plan could not keep, where, by how much, and what stood in the way: one list for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from printer_slicer.model import Bool, Mesh
+from printer_slicer.planning.steps import tolerances
+from printer_slicer.profile import HeightRange, OptimalPlanner, Profile
+from printer_slicer.surface import Certificate, find_flats
+
+__all__ = ["Unkept", "unkept_rules"]
+
+_ROUNDING: Final = 1e-6  # mm
+_FINE: Final = 0.0025  # mm; planners need not tell heights apart more finely
+_BLIND: Final = ("uniform", "area")  # planners that promise neither a tolerance nor flats
+
+
+@dataclass(frozen=True, slots=True)
+class Unkept:
+    """A rule that a plan does not keep.
+
+    Attributes:
+        rule: "tolerance", "flat", "max_step", "range height", "range end" or "range".
+        low, high: mm, the stretch of z; equal for a plane.
+        amount: mm: the certified error, how far a flat or an end is off, how far neighbours or heights differ.
+        cause: what stands in the way, as the rest of a sentence.
+    """
+
+    rule: Literal["tolerance", "flat", "max_step", "range height", "range end", "range"]
+    low: float
+    high: float
+    amount: float
+    cause: str
+
+
+def unkept_rules(mesh: Mesh, certificate: Certificate, profile: Profile) -> list[Unkept]:
+    """Every rule of the profile that a plan does not keep, by rule and then from the bed up.
+
+    Args:
+        mesh: the part as it was placed.
+        certificate: of the plan.
+        profile: what it was planned with.
+    """
+    plan = _Plan(mesh, certificate, profile)
+    blind = certificate.plan.planner in _BLIND
+    rules = (
+        [plan.uneven(), plan.ranges()]
+        if blind
+        else [plan.bounds(), plan.flats(), plan.uneven(), plan.ranges()]
+    )
+    return [unkept for found in rules for unkept in found]
+
+
+class _Plan:
+    """A plan beside what was asked of it."""
+
+    def __init__(self, mesh: Mesh, certificate: Certificate, profile: Profile) -> None:
+        planner = profile.quality.planner
+        self._settings = planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+        self._mesh, self._certificate, self._profile = mesh, certificate, profile
+        self._plan, self._first = certificate.plan, profile.quality.first_layer_height
+        share = 0.5 if self._plan.containment == "mid" else 1.0
+        self._share, self._near = share, share * max(profile.printer.z_step, _FINE) + _ROUNDING
+
+    def bounds(self) -> Iterator[Unkept]:
+        """Layers whose certified error is over the tolerance."""
+        plan, bound = self._plan, self._certificate.bound
+        over = bound > tolerances(self._profile, plan.bottom, plan.top) + _ROUNDING
+        causes = [self._why_thick(i) if over[i] else "" for i in range(plan.n_layers)]
+        for first, end in _runs(over, causes):
+            low, high = float(plan.bottom[first]), float(plan.top[end - 1])
+            yield Unkept("tolerance", low, high, float(bound[first:end].max()), causes[first])
+        missing = self._certificate.missing
+        if missing > self._profile.quality.tolerance + _ROUNDING:
+            top = float(plan.top[-1])
+            yield Unkept("tolerance", top, top + missing, missing, "no layer that can be printed fits there")
+
+    def flats(self) -> Iterator[Unkept]:
+        """Flats that no layer ends on."""
+        ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
+        off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
+        missed = off > max(self._settings.snap_tolerance + _ROUNDING, self._near)
+        met = np.concatenate([[0.0, self._mesh.height], flats[~missed]])
+        for z, far in zip(flats[missed].tolist(), off[missed].tolist(), strict=True):
+            other = float(met[np.abs(met - z).argmin()])
+            thinnest = self._profile.printer.min_layer
+            near = abs(other - z) < thinnest - self._near
+            between = f"it is nearer to z {other:g} than the thinnest layer of the printer, {thinnest:g} mm"
+            yield Unkept("flat", z, z, far, between if near else self._why_there(z, z))
+
+    def uneven(self) -> Iterator[Unkept]:
+        """Neighbours that differ by more than the greatest step."""
+        most, height = self._settings.max_step, self._plan.height
+        change = np.abs(np.diff(height))
+        for i in np.flatnonzero(change > most + _ROUNDING).tolist() if most else ():
+            z = float(self._plan.top[i])
+            yield Unkept(
+                "max_step", z, z, float(change[i]), "flats, tolerance and allowed heights come first"
+            )
+
+    def ranges(self) -> Iterator[Unkept]:
+        """Stretches of z whose own height or ends were not kept, or that the part does not reach."""
+        plan, top = self._plan, self._mesh.height
+        for stretch in self._settings.ranges:
+            if stretch.low >= top:
+                yield Unkept("range", stretch.low, stretch.high, 0.0, f"the part is {top:g} mm high")
+                continue
+            for z in (stretch.low, stretch.high):
+                off = float(np.abs(np.append(0.0, plan.top) - z).min())
+                if 0 < z < top and off > self._near:
+                    yield Unkept("range end", z, z, off, "the heights allowed do not meet it")
+            other = np.abs(plan.height - stretch.layer_height) > _ROUNDING
+            other &= self._inside(stretch) & (stretch.layer_height > 0)
+            for first, end in _runs(other, [""] * plan.n_layers):
+                low, high = float(plan.bottom[first]), float(plan.top[end - 1])
+                far = float(np.abs(plan.height[first:end] - stretch.layer_height).max())
+                cause = f"layers of {stretch.layer_height:g} mm do not meet all flats and ends of ranges"
+                yield Unkept("range height", low, high, far, cause)
+
+    def _inside(self, stretch: HeightRange) -> Bool:
+        """(L,) layers that reach into a range."""
+        plan = self._plan
+        return np.asarray((plan.top > stretch.low + self._near) & (plan.bottom < stretch.high - self._near))
+
+    def _why_thick(self, layer: int) -> str:
+        """What keeps a layer from being thin enough."""
+        plan, thinnest = self._plan, self._profile.thinnest
+        asked = self._why_there(float(plan.bottom[layer]), float(plan.top[layer]), otherwise="")
+        if asked:
+            return asked
+        if plan.height[layer] <= thinnest + _ROUNDING:
+            best = self._share * thinnest
+            return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {best:g} mm"
+        if plan.planner != "optimal":
+            return f"planner {plan.planner!r} measures the error of a layer in another way"
+        return "the heights allowed do not divide the part more finely here"
+
+    def _why_there(
+        self,
+        low: float,
+        high: float,
+        otherwise: str = "the heights allowed do not meet it within the tolerance",
+    ) -> str:
+        """What was asked for that decides over a stretch of z."""
+        if self._first and low < self._first - _ROUNDING and high <= self._first + _ROUNDING:
+            return f"the first layer is set to {self._first:g} mm"
+        for stretch in self._settings.ranges:
+            if stretch.layer_height and low < stretch.high - _ROUNDING and high > stretch.low + _ROUNDING:
+                asked = f"{stretch.layer_height:g} mm"
+                return f"the range from {stretch.low:g} to {stretch.high:g} asks for layers of {asked}"
+        if self._settings.max_layers:
+            return f"no more than {self._settings.max_layers} layers are allowed"
+        return otherwise
+
+
+def _runs(which: Bool, causes: list[str]) -> Iterator[tuple[int, int]]:
+    """(first, end) of each stretch of neighbouring layers of one cause."""
+    first = 0
+    for i in range(1, len(which) + 1):
+        if i == len(which) or which[i] != which[first] or causes[i] != causes[first]:
+            if which[first]:
+                yield first, i
+            first = i

@@ -1,0 +1,88 @@
+"""Equal keys, links, near points, chains: against numpy and scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from printer_slicer.geometry import Int
+from printer_slicer.geometry.joints import close_groups, cycles, linked, welded
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def same_partition(one: Int, other: Int) -> bool:
+    """Whether two numberings put the same items together."""
+    pairs = len(np.unique(np.stack([one, other]), axis=1).T)
+    return len(np.unique(one)) == len(np.unique(other)) == pairs
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds, n=st.integers(1, 3000), kinds=st.integers(1, 5000), shift=st.integers(0, 60))
+def test_equal_keys_get_one_number(seed: int, n: int, kinds: int, shift: int) -> None:
+    """Also keys that differ only in their lowest or highest bits."""
+    key = np.random.default_rng(seed).integers(0, kinds, n).astype(np.uint64) << np.uint64(shift)
+
+    number, firsts = welded(key)
+
+    assert same_partition(number, np.unique(key, return_inverse=True)[1])
+    assert number[firsts].tolist() == list(range(len(firsts)))
+
+
+def test_no_keys_have_no_numbers() -> None:
+    number, firsts = welded(np.zeros(0, np.uint64))
+
+    assert number.size == firsts.size == 0
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds, n=st.integers(1, 400), links=st.integers(0, 600), k=st.integers(2, 3))
+def test_linked_items_are_the_connected_components_of_a_graph(seed: int, n: int, links: int, k: int) -> None:
+    members = np.random.default_rng(seed).integers(0, n, (k, links))
+    graph = coo_array(
+        (np.ones(links * (k - 1)), (np.tile(members[0], k - 1), members[1:].ravel())), shape=(n, n)
+    )
+
+    group = linked(members, n)
+
+    assert same_partition(group, connected_components(graph, directed=False)[1])
+    assert sorted(set(group.tolist())) == list(range(len(set(group.tolist()))))
+
+
+def test_a_long_chain_is_one_group() -> None:
+    chain = np.random.default_rng(2).permutation(100_000)
+
+    assert linked(np.stack([chain[1:], chain[:-1]]), len(chain)).max() == 0
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=seeds, n=st.integers(2, 60), reach=st.floats(1e-3, 0.5))
+def test_points_within_reach_are_together_and_far_ones_are_not(seed: int, n: int, reach: float) -> None:
+    points = np.random.default_rng(seed).uniform(-2, 2, (n, 3))
+    apart = np.abs(points[:, None] - points[None]).max(axis=2)
+
+    group = close_groups(points, reach)
+
+    together = group[:, None] == group[None]
+    assert together[apart <= reach].all()
+    # A cell is twice the reach wide, so a step from point to point within a group is no longer.
+    loosely = connected_components(coo_array(apart <= 2 * reach), directed=False)[1]
+    assert (loosely[:, None] == loosely[None])[together].all()
+
+
+@given(seed=seeds, n=st.integers(1, 200))
+def test_cycles_number_the_steps_from_the_lowest_item(seed: int, n: int) -> None:
+    following = np.random.default_rng(seed).permutation(n)
+
+    lowest, steps = cycles(following)
+
+    at = lowest.copy()
+    for step in range(n):
+        assert (at[steps == step] == np.flatnonzero(steps == step)).all()
+        at = following[at]
+    assert (lowest <= np.arange(n)).all()
+    assert pytest.approx(steps[lowest]) == 0
