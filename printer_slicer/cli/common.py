@@ -162,7 +162,7 @@ class _LateBar:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._stage, self._done = "", -1
+        self._stage, self._done, self._over = "", -1, False
         self._show: Callable[[], object] | None = None
         self._stop: Callable[[], object] | None = None
         self._timer = Timer(PATIENCE, self._open)
@@ -181,6 +181,7 @@ class _LateBar:
         """The work is done."""
         self._timer.cancel()
         with self._lock:
+            self._over = True  # for a timer that had gone off already: its bar would take stdout and never give it back
             if self._stop:
                 self._stop()
 
@@ -191,6 +192,8 @@ class _LateBar:
         columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         with self._lock:
+            if self._over:
+                return
             task = bar.add_task(self._stage, total=_STAGES, completed=max(self._done, 0))
             bar.start()
             self._stop = bar.stop
