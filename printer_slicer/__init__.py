@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from printer_slicer.errors import PrinterSlicerError
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.healing import repair
-    from printer_slicer.jobs import Job, job_from
-    from printer_slicer.mesh_io import export_stl, load_mesh
+    from printer_slicer.jobs import Job, job_from, job_of
+    from printer_slicer.mesh_io import LIMITS, Limits, Model, export_stl, load_mesh, load_model
     from printer_slicer.model import LayerPlan, Mesh, Program, Repairs, Sections
     from printer_slicer.pipeline import Stages, gcode_of, plan_part, slice_part, slice_stages
-    from printer_slicer.placing import place
+    from printer_slicer.placing import Placement, joined, place, transformed
     from printer_slicer.planning import plan_layers
     from printer_slicer.printing import print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
@@ -33,11 +33,15 @@ if TYPE_CHECKING:
     from printer_slicer.verdict import Verdict, dry_run
 
 _HOMES = {
+    "LIMITS": "mesh_io",
     "Certificate": "surface",
     "Deviation": "deviation",
     "Job": "jobs",
     "LayerPlan": "model",
+    "Limits": "mesh_io",
     "Mesh": "model",
+    "Model": "mesh_io",
+    "Placement": "placing",
     "PrinterSlicerError": "errors",
     "Profile": "profile",
     "Program": "model",
@@ -54,8 +58,11 @@ _HOMES = {
     "export_stl": "mesh_io",
     "gcode_of": "pipeline",
     "job_from": "jobs",
+    "job_of": "jobs",
+    "joined": "placing",
     "layer_picture": "drawing",
     "load_mesh": "mesh_io",
+    "load_model": "mesh_io",
     "load_profile": "profile",
     "measure_deviation": "deviation",
     "move_seconds": "extrusion",
@@ -69,14 +76,19 @@ _HOMES = {
     "repair": "healing",
     "slice_part": "pipeline",
     "slice_stages": "pipeline",
+    "transformed": "placing",
 }
 
 __all__ = [
+    "LIMITS",
     "Certificate",
     "Deviation",
     "Job",
     "LayerPlan",
+    "Limits",
     "Mesh",
+    "Model",
+    "Placement",
     "PrinterSlicerError",
     "Profile",
     "Program",
@@ -93,8 +105,11 @@ __all__ = [
     "export_stl",
     "gcode_of",
     "job_from",
+    "job_of",
+    "joined",
     "layer_picture",
     "load_mesh",
+    "load_model",
     "load_profile",
     "measure_deviation",
     "move_seconds",
@@ -108,6 +123,7 @@ __all__ = [
     "repair",
     "slice_part",
     "slice_stages",
+    "transformed",
 ]
 
 

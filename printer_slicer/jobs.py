@@ -13,13 +13,14 @@ import numpy as np
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import read_moves
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import LayerPlan, Program, Repairs
+from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import Report, gcode_of, quiet, slice_stages
+from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.profile import Profile
 from printer_slicer.stream.framing import check_commands, strip
 
-__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from"]
+__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of"]
 
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
 _CONTROL = re.compile(rb"[\x00-\x1f]")
@@ -89,11 +90,35 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
         report("reading")
         return _job(path.name, _read(path), profile, None)
     report("loading")
-    stages = slice_stages(load_mesh(path), profile, report=report, strict=strict)
+    return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
+
+
+def job_of(
+    mesh: Mesh,
+    profile: Profile,
+    *,
+    name: str = "",
+    placement: Placement = IN_THE_MIDDLE,
+    report: Report = quiet,
+    strict: bool = False,
+) -> Job:
+    """The job that prints a part, sliced now.
+
+    Args:
+        mesh: the part.
+        profile: what it is sliced with.
+        name: what to call the job; empty: as the part.
+        placement: where the part is put.
+        report: is told the name of each stage as it begins.
+        strict: whether a mesh that needs repair is refused.
+
+    Raises:
+        PrinterSlicerError: it cannot be sliced.
+    """
+    stages = slice_stages(mesh, profile, placement=placement, report=report, strict=strict)
     report("writing")
-    return replace(
-        _job(path.name, gcode_of(stages.program, profile), profile, stages.program), repairs=stages.repairs
-    )
+    job = _job(name or mesh.name, gcode_of(stages.program, profile), profile, stages.program)
+    return replace(job, repairs=stages.repairs)
 
 
 def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> Job:

@@ -16,7 +16,7 @@ from printer_slicer.infill import infill_paths
 from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
-from printer_slicer.placing import place
+from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import OptimalPlanner, Profile, profile_with
 from printer_slicer.regions import classify
@@ -52,15 +52,17 @@ def slice_stages(
     profile: Profile,
     *,
     plan: LayerPlan | None = None,
+    placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
 ) -> Stages:
     """Slice a part and keep the value of each stage.
 
     Args:
-        mesh: the part, anywhere; it is repaired and put on the middle of the bed.
+        mesh: the part, anywhere; it is repaired and placed.
         profile: printer, material and quality.
         plan: the layers, if not the profile's planner shall choose them.
+        placement: where the part is put; by default on the middle of the bed.
         report: is told the name of each stage as it begins.
         strict: whether a mesh that needs repair is refused.
 
@@ -72,7 +74,7 @@ def slice_stages(
     if strict:
         refuse_repaired(mesh.name, repairs)
     report("placing")
-    part = place(mended, profile.printer)
+    part = place(mended, profile.printer, placement)
     report("planning")
     stages = _down_from(part, plan or plan_part(part, profile), profile, report)
     shift = mended.bounds[0] - part.bounds[0]
@@ -146,11 +148,12 @@ def slice_part(
     profile: Profile,
     *,
     plan: LayerPlan | None = None,
+    placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
 ) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
-    return slice_stages(mesh, profile, plan=plan, report=report, strict=strict).program
+    return slice_stages(mesh, profile, plan=plan, placement=placement, report=report, strict=strict).program
 
 
 def gcode_of(

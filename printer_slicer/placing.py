@@ -1,32 +1,172 @@
-"""Mesh + Printer -> Mesh: on the bed, in its middle."""
+"""Where parts stand: scaled and turned, joined to one plate, put on the bed.
+
+Everything works block by block: of a large mesh there is never more than the one given and the one made.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import cos, isfinite, radians, sin
+from typing import Final
+
 import numpy as np
 
-from printer_slicer.errors import PartError
-from printer_slicer.model import Mesh
+from printer_slicer.errors import PartError, UsageError
+from printer_slicer.mesh_io import UNITS, unit_advice
+from printer_slicer.model import Float, Mesh
 from printer_slicer.profile import Printer
 
-__all__ = ["place"]
+__all__ = ["IN_THE_MIDDLE", "Placement", "joined", "place", "transformed"]
+
+_BLOCK: Final = 1 << 13  # facets
+_SLACK: Final = 1e-6  # mm
+_QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+"""Cosine and sine of angles that must leave flats flat."""
 
 
-def place(mesh: Mesh, printer: Printer) -> Mesh:
-    """The part standing on z = 0 in the middle of the bed.
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a part is put.
+
+    Attributes:
+        center: x and y on the bed, mm, where the middle of its envelope goes; None: the middle of the bed.
+        as_placed: x and y of the file are x and y on the bed; `center` has no meaning then.
+        drop: it is put down, or lifted, until it stands on z = 0; otherwise z of the file is z of the printer.
+        unit: what the numbers of the file were taken to mean, for advice on parts that do not fit; empty: not known.
+    """
+
+    center: tuple[float, float] | None = None
+    as_placed: bool = False
+    drop: bool = True
+    unit: str = "mm"
+
+
+IN_THE_MIDDLE: Final = Placement()
+"""On the bed, in its middle."""
+
+
+def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) -> Mesh:
+    """The part on the bed, by default standing in its middle.
 
     Raises:
-        PartError: the part is larger than the bed or higher than the printer.
+        PartError: the part is larger than the bed, higher than the printer, beside the bed or under it.
     """
-    room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     low, high = mesh.bounds
-    size = high - low
-    if (size > room + 1e-6).any():
+    _check_size(mesh.name, high - low, printer, placement)
+    by = np.zeros(3)
+    if not placement.as_placed:
+        middle = np.mean(printer.corners, axis=0) if placement.center is None else placement.center
+        by[:2] = np.asarray(middle) - (low + high)[:2] / 2
+    if placement.drop:
+        by[2] = -low[2]
+    _check_place(mesh.name, low + by, high + by, printer)
+    placed = np.zeros_like(mesh.triangles)
+    for block in _blocks(mesh.n_facets):
+        # To a nanometre: where the part was drawn must not decide ties between points that are the same but for
+        # rounding.
+        np.add(mesh.triangles[block], by, out=placed[block])
+        np.round(placed[block], 6, out=placed[block])
+    return Mesh(placed, mesh.name)
+
+
+def _check_size(name: str, size: Float, printer: Printer, placement: Placement) -> None:
+    """Refuse what fits nowhere on the bed."""
+    room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
+    if not (size > room + _SLACK).any():
+        return
+    percent = 100 * float((room / np.maximum(size, _SLACK)).min())
+    step = 10.0 ** (np.floor(np.log10(percent)) - 1)  # two digits are enough, and never too large
+    fits = f"--scale {np.floor(percent / step) * step:.2g}% would just fit"
+    advice = unit_advice(size, placement.unit, room) if placement.unit in UNITS else ""
+    raise PartError(
+        f"{name}: {size[0]:.5g} x {size[1]:.5g} x {size[2]:.5g} mm does not fit {printer.name!r}, "
+        f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
+        remedy=f"choose a larger printer, or scale the part: {fits}; {advice or 'is it in mm?'}",
+    )
+
+
+def _check_place(name: str, low: Float, high: Float, printer: Printer) -> None:
+    """Refuse a part that is beside the bed or under it."""
+    corners = np.array(printer.corners, dtype=np.float64)
+    for axis, letter in enumerate("xy"):
+        if low[axis] < corners[0, axis] - _SLACK or high[axis] > corners[1, axis] + _SLACK:
+            raise PartError(
+                f"{name}: reaches from {letter} {low[axis]:.5g} to {high[axis]:.5g} mm, but the bed of "
+                f"{printer.name!r} from {corners[0, axis]:g} to {corners[1, axis]:g} mm",
+                remedy="leave out --as-placed and --center for the middle of the bed, or name another place",
+            )
+    if low[2] < -_SLACK:
         raise PartError(
-            f"{mesh.name}: {size[0]:.5g} x {size[1]:.5g} x {size[2]:.5g} mm does not fit {printer.name!r}, "
-            f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
-            remedy="choose a larger printer, or scale the part; is it in mm?",
+            f"{name}: reaches {-low[2]:.5g} mm under the bed",
+            remedy="leave out --no-drop to stand it on the bed, or cut it where it shall begin",
         )
-    middle = np.mean(printer.corners, axis=0)
-    by = np.array([*(middle - (low + high)[:2] / 2), -low[2]])
-    # To a nanometre: where the part was drawn must not decide ties between points that are the same but for rounding.
-    return Mesh(np.round(mesh.triangles + by, 6), mesh.name)
+    if high[2] > printer.bed_z + _SLACK:
+        raise PartError(
+            f"{name}: reaches up to z {high[2]:.5g} mm, but {printer.name!r} prints up to {printer.bed_z:g} mm",
+            remedy="leave out --no-drop to stand it on the bed",
+        )
+
+
+def transformed(
+    mesh: Mesh,
+    *,
+    scale: float | tuple[float, float, float] = 1.0,
+    rotate: tuple[float, float, float] = (0, 0, 0),
+) -> Mesh:
+    """The part scaled, then turned about x, then about y, then about z; all about the origin of its file.
+
+    Args:
+        mesh: the part.
+        scale: factor, or one for x, y and z each; over 0.
+        rotate: degrees about the fixed axes x, y, z; counter-clockwise seen against the axis. Quarter turns are exact.
+
+    Raises:
+        UsageError: a factor that is not over 0, or a number that is none.
+    """
+    factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), 3)
+    if not (np.isfinite(factors).all() and (factors > 0).all()):
+        raise UsageError(f"scale {scale}: not over 0", remedy="mirror a part in the program that made it")
+    if not all(map(isfinite, rotate)):
+        raise UsageError(f"rotate {rotate}: not an angle", remedy="degrees about x, y and z")
+    matrix = np.diag(factors)
+    for axis, angle in enumerate(rotate):
+        # The first product of matrices costs 18 MiB, which most parts can do without.
+        matrix = _turn(axis, angle) @ matrix if angle % 360.0 else matrix
+    if np.array_equal(matrix, np.eye(3)):
+        return mesh
+    made = np.zeros_like(mesh.triangles)
+    plain = np.array_equal(matrix, np.diag(np.diag(matrix)))
+    for block in _blocks(mesh.n_facets):
+        part = mesh.triangles[block]
+        made[block] = part * np.diag(matrix) if plain else part @ matrix.T
+    return Mesh(made, mesh.name)
+
+
+def _turn(axis: int, angle: float) -> Float:
+    """(3, 3) for columns: turn about an axis by degrees."""
+    c, s = _QUARTERS.get(angle % 360.0, (cos(radians(angle)), sin(radians(angle))))
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[one, one] = turn[two, two] = c
+    turn[one, two], turn[two, one] = -s, s
+    return turn
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Several parts as one, where they are.
+
+    Raises:
+        UsageError: there are none.
+    """
+    if not meshes:
+        raise UsageError("no part to join", remedy="name at least one")
+    if len(meshes) == 1:
+        return meshes[0]
+    name = f"{meshes[0].name} and {len(meshes) - 1} more"
+    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name)
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    for start in range(0, count, _BLOCK):
+        yield slice(start, start + _BLOCK)

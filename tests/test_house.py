@@ -338,9 +338,8 @@ def test_the_commands_of_the_documents_can_be_typed(place: str, text: str) -> No
             if error.code:  # 0: it asked for help or the version
                 pytest.fail(f"{place}: printer-slicer {shlex.join(arguments)}")
             continue
-        model = getattr(parsed, "model", None)
-        if model is not None and model.parts[0] == "sample_parts":
-            assert (ROOT / model).is_file(), f"{place}: {model}"
+        for model in getattr(parsed, "models", []):
+            assert model.parts[0] != "sample_parts" or (ROOT / model).is_file(), f"{place}: {model}"
 
 
 def links() -> list[tuple[Path, str]]:

@@ -17,14 +17,12 @@ from typing import TYPE_CHECKING
 from printer_slicer.errors import OutputError, UsageError
 
 if TYPE_CHECKING:
-    from printer_slicer.model import Mesh, Repairs
     from printer_slicer.profile import Profile
 
 __all__ = [
     "PATIENCE",
     "Stages",
     "check_writable",
-    "load_repaired",
     "profile_from",
     "refuse_mixing",
     "refuse_same",
@@ -120,24 +118,6 @@ def refuse_same(output: Path, model: Path) -> None:
         raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
 
 
-def load_repaired(arguments: argparse.Namespace, report: Stages) -> tuple[Mesh, Repairs]:
-    """The model that is named, put right, and what was put right in it.
-
-    Raises:
-        PrinterSlicerError: it cannot be read or repaired, or --strict refuses it.
-    """
-    from printer_slicer.healing import refuse_repaired, repair
-    from printer_slicer.mesh_io import load_mesh
-
-    report("loading")
-    mesh = load_mesh(arguments.model)
-    report("repairing")
-    mended, repairs = repair(mesh)
-    if arguments.strict:
-        refuse_repaired(mesh.name, repairs)
-    return mended, repairs
-
-
 def say(arguments: argparse.Namespace, text: str) -> None:
     """A line for people; not with --quiet or --json."""
     if not (arguments.quiet or arguments.json):
@@ -182,7 +162,7 @@ class _LateBar:
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._stage, self._done = "", -1
+        self._stage, self._done, self._over = "", -1, False
         self._show: Callable[[], object] | None = None
         self._stop: Callable[[], object] | None = None
         self._timer = Timer(PATIENCE, self._open)
@@ -190,9 +170,10 @@ class _LateBar:
         self._timer.start()
 
     def report(self, stage: str) -> None:
-        """A stage begins."""
+        """A stage begins, or goes on: then its first word is the same."""
         with self._lock:
-            self._stage, self._done = stage, self._done + 1
+            goes_on = self._done >= 0 and stage.split(maxsplit=1)[0] == self._stage.split()[0]
+            self._stage, self._done = stage, self._done + (not goes_on)
             if self._show:
                 self._show()
 
@@ -200,6 +181,7 @@ class _LateBar:
         """The work is done."""
         self._timer.cancel()
         with self._lock:
+            self._over = True  # for a timer that had gone off already: its bar would take stdout and never give it back
             if self._stop:
                 self._stop()
 
@@ -210,6 +192,8 @@ class _LateBar:
         columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         with self._lock:
+            if self._over:
+                return
             task = bar.add_task(self._stage, total=_STAGES, completed=max(self._done, 0))
             bar.start()
             self._stop = bar.stop

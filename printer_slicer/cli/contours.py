@@ -15,7 +15,6 @@ import numpy as np
 
 from printer_slicer.cli.common import (
     check_writable,
-    load_repaired,
     profile_from,
     refuse_same,
     say,
@@ -23,6 +22,7 @@ from printer_slicer.cli.common import (
     write_file,
 )
 from printer_slicer.cli.facts import repair_facts, repair_sentences, runs_text
+from printer_slicer.cli.models import repaired_plate
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.exports import (
     CLI_UNITS,
@@ -77,15 +77,16 @@ def contours_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     _refuse_broken_promise(arguments, profile)
     with stages(arguments) as report:
-        mesh, repairs = load_repaired(arguments, report)
-        refuse_same(target.path, arguments.model)
+        plate, repairs = repaired_plate(arguments, profile.printer, report)
+        for path in arguments.models:
+            refuse_same(target.path, path)
         report("placing")
-        part = place(mesh, profile.printer)
+        part = place(plate.mesh, profile.printer, plate.placement)
         report("planning")
         plan = plan_part(part, profile)
         report("slicing")
         raw = cut(part, plan, profile.quality.resolution)
-        repairs = Repairs((*repairs.done, *section_repairs(raw, mesh.bounds[0] - part.bounds[0])))
+        repairs = Repairs((*repairs.done, *section_repairs(raw, plate.mesh.bounds[0] - part.bounds[0])))
         if arguments.strict:
             refuse_repaired(part.name, repairs)
         sections = _shaped(raw, arguments, profile, report)
@@ -93,7 +94,7 @@ def contours_command(arguments: argparse.Namespace) -> int:
         sizes = _write(sections, target, binary=arguments.binary)
     facts = _facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
     if arguments.json:
-        print(json.dumps(facts))
+        print(json.dumps(facts | plate.facts()))
     else:
         say(arguments, "\n  ".join([*_sentences(facts), *repair_sentences(facts["repairs"])]))
     return 0

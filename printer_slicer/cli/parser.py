@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Final
+
+from printer_slicer.cli.model_flags import add_models, attached
 
 __all__ = ["build_parser"]
 
@@ -27,7 +30,7 @@ exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print fa
 
 def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line; `run` in its result is the function to call."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="printer-slicer",
         description="Slice a part with adaptive layer heights, export G-code, print it over USB, or dry-run it.",
         epilog=_EXAMPLES,
@@ -35,7 +38,7 @@ def build_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=argparse.ArgumentParser)
     _slice(commands)
     _plan(commands)
     _contours(commands)
@@ -45,6 +48,14 @@ def build_parser() -> argparse.ArgumentParser:
     _ports(commands)
     _profiles(commands)
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """Takes `--rotate -90,0,0` as it is meant."""
+
+    def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
+        """As the class it comes from, which takes every word with a minus sign for a flag."""
+        return super().parse_known_args(attached(sys.argv[1:] if args is None else args), namespace)
 
 
 class _Version(argparse.Action):
@@ -197,11 +208,13 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "make G-code from a part",
         "  printer-slicer slice part.stl -o part.gcode --printer corexy_klipper --material petg\n"
         "  printer-slicer slice part.stl --set infill_density=0.3 --set speeds.travel=200\n"
-        "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12",
+        "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12\n"
+        "  printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%\n"
+        "  printer-slicer slice lid.stl box.3mf -o plate.gcode     one plate, as the files place them",
     )
-    parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
+    add_models(parser)
     parser.add_argument(
-        "-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the model; - for stdout"
+        "-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the first model; - for stdout"
     )
     parser.add_argument(
         "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
@@ -221,7 +234,7 @@ def _plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         "  printer-slicer plan part.stl --compare --heights 0.1:0.3:0.02\n"
         "  printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03",
     )
-    parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
+    add_models(parser)
     parser.add_argument(
         "--compare", action="store_true", help="all planners, at the same tolerance and heights"
     )
@@ -243,7 +256,7 @@ def _contours(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         "  printer-slicer contours part.stl -o part.cli --binary  Common Layer Interface 2.0\n"
         "  printer-slicer contours part.stl -o part.slc --smooth 0.02 --resample 0.5",
     )
-    parser.add_argument("model", metavar="MODEL", type=Path, help="STL, 3MF, OBJ, PLY, ... in mm")
+    add_models(parser)
     # Not a Path: that would lose the / at the end of a folder.
     parser.add_argument(
         "-o",
@@ -276,9 +289,7 @@ def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "print on a simulated printer, in seconds, and say what would happen",
         "  printer-slicer dry-run part.stl\n  printer-slicer dry-run part.gcode --printer marlin_220 --json",
     )
-    parser.add_argument(
-        "model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer"
-    )
+    add_models(parser, gcode=True)
     _common(parser)
     parser.set_defaults(run=_later("printing", "dry_run_command"))
 
@@ -292,9 +303,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "  printer-slicer print part.gcode --port socket://192.168.1.7:8888 --json\n"
         "  printer-slicer print part.stl --port sim:          simulated printer, virtual clock",
     )
-    parser.add_argument(
-        "model", metavar="MODEL|FILE.gcode", type=Path, help="a part, or G-code of any slicer"
-    )
+    add_models(parser, gcode=True)
     parser.add_argument(
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
@@ -322,9 +331,7 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
     )
-    parser.add_argument(
-        "--expect", metavar="MODEL|FILE.gcode", type=Path, help="judge at the end whether this was printed"
-    )
+    add_models(parser, gcode=True, flag="--expect")
     _common(parser)
     parser.set_defaults(run=_later("printing", "sim_command"))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from printer_slicer.cli.common import load_repaired, profile_from, refuse_mixing, stages, write_file
+from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
 from printer_slicer.cli.facts import (
     budget_sentences,
     certificate_facts,
@@ -20,6 +20,7 @@ from printer_slicer.cli.facts import (
     runs_text,
     time_budget,
 )
+from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
 from printer_slicer.healing import refuse_repaired
@@ -58,8 +59,9 @@ def plan_command(arguments: argparse.Namespace) -> int:
     refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
-        mesh, repairs = load_repaired(arguments, report)
-        part = place(mesh, profile.printer)
+        plate, repairs = repaired_plate(arguments, profile.printer, report)
+        mesh, name = plate.mesh, plate_name(arguments.models)
+        part = place(mesh, profile.printer, plate.placement)
         report("planning")
         chosen = plan_part(part, profile)
         certificate = certify(read_surface(part), chosen)
@@ -78,9 +80,9 @@ def plan_command(arguments: argparse.Namespace) -> int:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
         told = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
-        print(json.dumps(told | {"repairs": repair_facts(repairs)}))
+        print(json.dumps(told | {"repairs": repair_facts(repairs)} | plate.facts()))
     elif not arguments.quiet:
-        print(_as_text(arguments.model.name, table, rows))
+        print(_as_text(name, table, rows))
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )
@@ -113,7 +115,7 @@ def _draw(
     picture = draw_plan(
         sections,
         certificate,
-        arguments.model.name,
+        plate_name(arguments.models),
         tolerance=profile.quality.tolerance if bounded else None,
         flats=find_flats(part)[0],
     )

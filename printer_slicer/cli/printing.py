@@ -14,12 +14,15 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.common import PATIENCE, check_writable, profile_from, say, stages, visible, write_file
+from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
-from printer_slicer.jobs import Job, is_gcode, job_from
+from printer_slicer.jobs import Job, is_gcode, job_from, job_of
+from printer_slicer.pipeline import quiet
 from printer_slicer.stream.events import Accepted, Action, Event, Message, ResendAsked, Stopping, Temperature
 
 if TYPE_CHECKING:
+    from printer_slicer.cli.common import Stages
     from printer_slicer.profile import Profile
     from printer_slicer.sim.tally import Report
     from printer_slicer.verdict import Comparison, Verdict
@@ -31,12 +34,12 @@ _SIMULATED = "sim:"
 
 def dry_run_command(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer and say what would happen."""
-    profile = profile_from(arguments, slices=not is_gcode(arguments.model))
+    profile = profile_from(arguments, slices=not _has_gcode(arguments))
     with stages(arguments) as report:
-        job = job_from(arguments.model, profile, report=report, strict=arguments.strict)
+        job, known = _job(arguments, profile, report)
     verdict = _simulate(arguments, job, profile, events=False)
     if arguments.json:
-        print(json.dumps(_as_json(verdict, job)))
+        print(json.dumps(_as_json(verdict, job) | known))
     else:
         say(arguments, "\n".join([_as_text(verdict, profile), *_repaired(job)]))
     _insist(verdict)
@@ -45,9 +48,11 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
 
 def print_command(arguments: argparse.Namespace) -> int:
     """Print over a port; `sim:` is the simulated printer in this process."""
-    profile = profile_from(arguments, slices=not is_gcode(arguments.model))
+    profile = profile_from(arguments, slices=not _has_gcode(arguments))
     with stages(arguments) as report:
-        job = job_from(arguments.model, profile, report=report, strict=arguments.strict)
+        job, known = _job(arguments, profile, report)
+    if arguments.json and known["models"]:
+        print(json.dumps({"event": "models", **known}), flush=True)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
     first = f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion"
     say(arguments, "\n  ".join([first, *_repaired(job)]))
@@ -64,10 +69,32 @@ def print_command(arguments: argparse.Namespace) -> int:
     return _print_on_port(arguments, job, profile)
 
 
+def _has_gcode(arguments: argparse.Namespace) -> bool:
+    """Whether G-code is given, not models."""
+    return any(map(is_gcode, arguments.models))
+
+
+def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tuple[Job, dict[str, Any]]:
+    """The job that the files of the command line make, and what is known about models, for JSON."""
+    if _has_gcode(arguments):
+        refuse_model_flags(arguments)
+        return job_from(arguments.models[0], profile, report=report, strict=arguments.strict), {
+            "models": [],
+            "warnings": [],
+        }
+    report("loading")
+    plate = plate_from(arguments, profile.printer, report)
+    name = plate_name(arguments.models)
+    job = job_of(
+        plate.mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict
+    )
+    return job, plate.facts()
+
+
 def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
     from printer_slicer.printing import print_job
 
-    checkpoint = Path(f"{arguments.model.stem}.checkpoint.json")
+    checkpoint = Path(f"{arguments.models[0].stem}.checkpoint.json")
     with _progress(arguments, job, events=True) as tell:
         done = print_job(job, profile, arguments.port, on_event=tell, checkpoint=checkpoint)
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
@@ -262,8 +289,8 @@ def sim_command(arguments: argparse.Namespace) -> int:
         raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
     if arguments.report:
         check_writable(arguments.report)
-    profile = profile_from(arguments, slices=bool(arguments.expect) and not is_gcode(arguments.expect))
-    job = job_from(arguments.expect, profile, strict=arguments.strict) if arguments.expect else None
+    profile = profile_from(arguments, slices=bool(arguments.models) and not _has_gcode(arguments))
+    job, known = _job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     report = _serve(arguments, profile, comparison)
     result = {
@@ -272,6 +299,7 @@ def sim_command(arguments: argparse.Namespace) -> int:
         "print_seconds": report.print_seconds,
         "job_commands": comparison.executed,
         "job_digest": comparison.digest,
+        **known,
     }
     verdict = judge(job, profile, report, comparison) if job else None
     if verdict and job:

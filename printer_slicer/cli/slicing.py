@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from printer_slicer.cli.common import (
-    load_repaired,
     profile_from,
     refuse_mixing,
     refuse_same,
@@ -17,6 +16,7 @@ from printer_slicer.cli.common import (
     write_file,
 )
 from printer_slicer.cli.facts import facts_of, sentences
+from printer_slicer.cli.models import repaired_plate
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import Program, Repairs
@@ -31,10 +31,13 @@ def slice_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     refuse_mixing(arguments)
     with stages(arguments) as report:
-        mesh, repairs = load_repaired(arguments, report)
-        output = arguments.output or arguments.model.with_suffix(".gcode")
-        refuse_same(output, arguments.model)
-        stage = slice_stages(mesh, profile, report=report, strict=arguments.strict)
+        plate, repairs = repaired_plate(arguments, profile.printer, report)
+        output = arguments.output or arguments.models[0].with_suffix(".gcode")
+        for path in arguments.models:
+            refuse_same(output, path)
+        stage = slice_stages(
+            plate.mesh, profile, placement=plate.placement, report=report, strict=arguments.strict
+        )
         stage = replace(stage, repairs=Repairs(repairs.done + stage.repairs.done))
         program = stage.program
         report("writing")
@@ -43,9 +46,9 @@ def slice_command(arguments: argparse.Namespace) -> int:
             _draw_layer(program, arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), program.plan)
         write_file(output, gcode_of(program, profile, seconds=seconds, certificate=certificate))
-    facts = facts_of(mesh, stage, profile, seconds, certificate)
+    facts = facts_of(plate.mesh, stage, profile, seconds, certificate)
     if arguments.json:
-        print(json.dumps({"output": str(output), **facts}))
+        print(json.dumps({"output": str(output), **facts, **plate.facts()}))
     elif str(output) != "-":
         first, *more = sentences(facts, arguments.set)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))

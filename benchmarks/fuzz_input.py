@@ -1,0 +1,141 @@
+"""Damaged files of every format: each must become a part or one of our own errors, soon, and in little memory.
+
+    python benchmarks/fuzz_input.py --inputs 120000
+
+Every input is a small good file and a seed, told when something is found, and repeated with --only NAME --seed N. STEP
+runs in processes of its own and is therefore tried a hundredth as often, where cascadio is installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "mesh_io")]
+
+from mutations import damaged  # noqa: E402
+from tiny_files import every_format  # noqa: E402
+from tiny_step import step_box  # noqa: E402
+
+from printer_slicer.errors import MeshError, UsageError  # noqa: E402
+from printer_slicer.mesh_io import load_model  # noqa: E402
+
+CPU_LIMIT = 5.0
+"""s for one input; good files of this size take about a millisecond."""
+MEMORY_LIMIT = 1 << 30
+"""Bytes that all of it may take beyond what is mapped at the start."""
+
+
+class TooLong(BaseException):
+    """Not an Exception, so that no reader catches it."""
+
+
+@contextmanager
+def watched() -> Iterator[None]:
+    """Raise TooLong when the work takes more CPU than allowed."""
+
+    def ring(_number: int, _frame: object) -> None:
+        raise TooLong
+
+    signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, CPU_LIMIT)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def outcome(path: Path) -> str:
+    """What reading the file came to; whatever is no answer is raised."""
+    try:
+        with watched():
+            mesh = load_model(path).mesh
+    except (MeshError, UsageError) as error:
+        if str(path) not in str(error) or not error.remedy:
+            raise AssertionError(f"a message without file or remedy: {error}") from error
+        if "MemoryError" in str(error) or "allocate" in str(error):
+            raise AssertionError(f"stopped only by the limit of memory: {error}") from error
+        return "refused"
+    if not (mesh.volume > 0 and mesh.n_facets > 0):
+        raise AssertionError("a part without volume")
+    return "read"
+
+
+def limit_memory() -> None:
+    """A reader that asks for more gets a MemoryError."""
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + MEMORY_LIMIT, resource.RLIM_INFINITY))
+
+
+def run(name: str, original: bytes, seeds: range, folder: Path) -> tuple[Counter[str], list[str]]:
+    """Outcomes and findings of one file with many seeds."""
+    path, counts, findings = folder / f"part{Path(name).suffix}", Counter[str](), []
+    for seed in seeds:
+        path.write_bytes(damaged(original, seed))
+        try:
+            counts[outcome(path)] += 1
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 - anything at all is what is looked for
+            counts["found"] += 1
+            findings.append(f"--only {name} --seed {seed}: {type(error).__name__}: {str(error)[:200]}")
+            print(findings[-1], flush=True)
+    return counts, findings
+
+
+def main() -> int:
+    """Run, and tell what was found."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--inputs", type=int, default=120_000, help="in all, STEP apart")
+    parser.add_argument("--only", metavar="NAME", help="one file")
+    parser.add_argument("--seed", type=int, help="one seed, or the first")
+    parser.add_argument("--traceback", action="store_true", help="with --only and --seed: where it happens")
+    arguments = parser.parse_args()
+    files = every_format() | ({"part.step": step_box(2, 3, 4).encode()} if find_spec("cascadio") else {})
+    files = {name: data for name, data in files.items() if arguments.only in (None, name)}
+    each = -(-arguments.inputs // max(len(files) - ("part.step" in files), 1))
+    begun, total, found = time.process_time(), Counter[str](), 0
+    with TemporaryDirectory(prefix="fuzz") as folder:
+        for name, data in files.items():
+            load_model(write(Path(folder), name, data))  # imports, before memory is limited
+        limit_memory()
+        for name, data in files.items():
+            count = each if not name.endswith("step") else max(each // 100, 1)
+            seeds = range(
+                arguments.seed or 0,
+                (arguments.seed or 0) + (1 if arguments.only and arguments.seed is not None else count),
+            )
+            if arguments.traceback:
+                outcome(write(Path(folder), name, damaged(data, seeds[0])))
+            counts, findings = run(name, data, seeds, Path(folder))
+            total += counts
+            found += len(findings)
+            print(f"{name:<14}{counts.total():>8} inputs, {dict(sorted(counts.items()))}", flush=True)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(
+        f"{total.total()} inputs, {found} findings, {time.process_time() - begun:.0f} s CPU, {peak:.0f} MiB at most"
+    )
+    return 1 if found else 0
+
+
+def write(folder: Path, name: str, data: bytes) -> Path:
+    """The file, written."""
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,166 @@
+"""The models of a command line as one plate, with what deserves a look."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from printer_slicer.cli.common import visible
+from printer_slicer.errors import UsageError
+from printer_slicer.healing import refuse_repaired, repair
+from printer_slicer.mesh_io import Model, load_model
+from printer_slicer.placing import Placement, joined, transformed
+
+if TYPE_CHECKING:
+    from printer_slicer.cli.common import Stages
+    from printer_slicer.model import Mesh, Repairs
+    from printer_slicer.profile import Printer
+
+__all__ = ["Plate", "plate_from", "plate_name", "refuse_model_flags", "repaired_plate", "warn"]
+
+_IN_THE_AIR = 0.01  # mm
+_MODEL_FLAGS = {
+    "units": None,
+    "scale": None,
+    "rotate": None,
+    "center": None,
+    "as_placed": False,
+    "drop": True,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plate:
+    """What shall be printed together.
+
+    Attributes:
+        mesh: all parts, as their files place them, scaled and turned.
+        placement: where they go.
+        warnings: what deserves a look, for people.
+        models: what is known about each file, ready for JSON.
+    """
+
+    mesh: Mesh
+    placement: Placement
+    warnings: tuple[str, ...]
+    models: tuple[dict[str, Any], ...]
+
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"models": list(self.models), "warnings": list(self.warnings)}
+
+
+def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) -> Plate:
+    """Read the models of a command line; what deserves a look is told on stderr at once.
+
+    Raises:
+        UsageError, MeshError: a file cannot be read, or is no part.
+    """
+    room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
+    models, meshes, warnings = [], [], []
+    for path in arguments.models:
+        model = load_model(path, units=arguments.units, progress=_progress(report, path))
+        mesh = transformed(
+            model.mesh, scale=arguments.scale or 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
+        )
+        warnings += [f"{path.name}: {note}" for note in model.notes]
+        doubts = model.doubts(room) if arguments.scale is None else ""
+        # A part that does not fit is refused when it is placed, with the same advice.
+        warnings += [doubts] if doubts and (mesh.size <= room).all() else []
+        models.append(_facts(model))
+        meshes.append(mesh)
+    units = {one["unit"] for one in models} if arguments.scale is None else set()
+    placement = Placement(
+        arguments.center, arguments.as_placed, arguments.drop, units.pop() if len(units) == 1 else ""
+    )
+    warnings += _in_the_air(arguments.models, meshes, placement)
+    warn(arguments, warnings)
+    return Plate(joined(meshes), placement, tuple(warnings), tuple(models))
+
+
+def repaired_plate(arguments: argparse.Namespace, printer: Printer, report: Stages) -> tuple[Plate, Repairs]:
+    """The plate with its mesh put right, and what was put right.
+
+    Raises:
+        PrinterSlicerError: it cannot be read or repaired, or --strict refuses it.
+    """
+    report("loading")
+    plate = plate_from(arguments, printer, report)
+    report("repairing")
+    mended, repairs = repair(plate.mesh)
+    if arguments.strict:
+        refuse_repaired(plate.mesh.name, repairs)
+    return replace(plate, mesh=mended), repairs
+
+
+def _progress(report: Stages, path: Path) -> Any:
+    """Tells every tenth of a large file."""
+    told = -1
+
+    def progress(share: float) -> None:
+        nonlocal told
+        tenth = int(share * 10)
+        if tenth > told:
+            told = tenth
+            report(f"loading {path.name}: {10 * tenth} %")
+
+    return progress
+
+
+def _facts(model: Model) -> dict[str, Any]:
+    return {
+        "file": str(model.path),
+        "format": model.kind,
+        "unit": model.unit,
+        "facets": model.mesh.n_facets,
+        "facets_without_area": model.n_folded,
+        "turned": model.turned,
+    }
+
+
+def _in_the_air(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement) -> list[str]:
+    """Name the files whose part does not reach the bed."""
+    bottoms = [float(mesh.bounds[0, 2]) for mesh in meshes]
+    bed = min(bottoms) if placement.drop else 0.0
+    return [
+        f"{path.name}: begins {bottom - bed:.4g} mm over the bed, as its file places it"
+        for path, bottom in zip(paths, bottoms, strict=True)
+        if bottom - bed > _IN_THE_AIR
+    ]
+
+
+def plate_name(paths: Sequence[Path]) -> str:
+    """What to call models in messages."""
+    return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
+
+
+def refuse_model_flags(arguments: argparse.Namespace) -> None:
+    """G-code is printed as it is, and alone.
+
+    Raises:
+        UsageError: a flag wants to change it, or there is more than one file.
+    """
+    if len(arguments.models) > 1:
+        raise UsageError(
+            f"{arguments.models[0]}: G-code is printed alone, but there are {len(arguments.models)} files",
+            remedy="slice several models together, or print one file after the other",
+        )
+    given = [name for name, usual in _MODEL_FLAGS.items() if getattr(arguments, name) != usual]
+    if given:
+        flag = "--no-drop" if given[0] == "drop" else f"--{given[0].replace('_', '-')}"
+        raise UsageError(
+            f"{arguments.models[0]}: {flag} has no meaning for G-code, which is printed as it is",
+            remedy="leave it out, or give the model",
+        )
+
+
+def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
+    """Tell people on stderr; not with --quiet."""
+    for text in () if arguments.quiet else warnings:
+        print(f"printer-slicer: warning: {visible(text)}", file=sys.stderr)

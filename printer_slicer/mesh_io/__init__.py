@@ -1,0 +1,30 @@
+"""A file becomes a `Mesh`, and a `Mesh` a file.
+
+One module per format; `reading` chooses between them, and `soundness` judges what came out. STL is read here block by
+block, 3MF and AMF as streams of XML, GLB from its arrays; OBJ, PLY and OFF go through trimesh, STEP through
+OpenCASCADE, each imported only then.
+
+What a file may contain and still be a part: it has facets, all coordinates are finite, it extends in x, y and z and it
+encloses a volume. Facets with two equal corners are left out and counted. A part whose facets all face inward is turned
+inside out, since only its sign is wrong. Whether the surface is closed is for the slicer to find.
+"""
+
+from __future__ import annotations
+
+from printer_slicer.mesh_io.binary_stl import export_stl
+from printer_slicer.mesh_io.limits import LIMITS, Limits
+from printer_slicer.mesh_io.reading import FORMATS, Model, load_mesh, load_model
+from printer_slicer.mesh_io.units import UNITS, likely_unit, unit_advice
+
+__all__ = [
+    "FORMATS",
+    "LIMITS",
+    "UNITS",
+    "Limits",
+    "Model",
+    "export_stl",
+    "likely_unit",
+    "load_mesh",
+    "load_model",
+    "unit_advice",
+]

@@ -1,0 +1,137 @@
+"""ZIP archives from anywhere: only what is asked for is unpacked, piece by piece, and only within limits."""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
+
+if TYPE_CHECKING:
+    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.limits import Limits
+
+__all__ = ["Archive", "unpacking"]
+
+PIECE: Final = 1 << 20
+"""Bytes unpacked at a time."""
+DIRECTORY_ENTRY: Final = 46
+"""Least bytes of an entry of the directory."""
+LONGEST_NAME: Final = 1024
+"""Bytes of name, extra fields and comment that an entry of the directory has, on the average at most."""
+ENTRY_LEFT: Final = 22
+"""Bytes of the record that ends an archive, without its comment."""
+
+
+class Archive:
+    """The members of a ZIP archive, by names without regard to case or a slash at the start."""
+
+    def __init__(self, source: Source, limits: Limits) -> None:
+        self.path = source.path
+        self._limits = limits
+        self._source = source
+        self._expanded = 0
+        _check_directory(source, limits)
+        self._zip = zipfile.ZipFile(source.file)
+        self._members = {_plain(info.filename): info for info in self._zip.infolist()}
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the members, lower case."""
+        return list(self._members)
+
+    def __contains__(self, name: str) -> bool:
+        return _plain(name) in self._members
+
+    def pieces(self, name: str) -> Iterator[bytes]:
+        """A member, piece by piece.
+
+        Raises:
+            MeshError: it is not there, or unpacking it would break a limit.
+        """
+        info = self._members.get(_plain(name))
+        if info is None:
+            raise MeshError(f"{self.path}: the archive has no '{name[:200]}'", remedy=EXPORT_AGAIN)
+        self._check(info)
+        with self._zip.open(info) as file:
+            while piece := file.read(PIECE):
+                self._expanded += len(piece)
+                if self._expanded > self._limits.expanded_bytes:  # whatever its directory says
+                    raise self._bomb(f"unpacks to over {self._limits.expanded_bytes} bytes")
+                yield piece
+                self._source.progress(min(file.tell() / max(info.file_size, 1), 1.0))
+
+    def _check(self, info: zipfile.ZipInfo) -> None:
+        """Refuse what is not worth beginning to unpack."""
+        if info.flag_bits & 1:
+            raise MeshError(
+                f"{self.path}: it is encrypted", remedy="Export the part again without a password."
+            )
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise MeshError(
+                f"{self.path}: packed in a way that 3MF and AMF do not allow ({info.compress_type})",
+                remedy="Pack it again as an ordinary ZIP archive.",
+            )
+        if self._expanded + info.file_size > self._limits.expanded_bytes:
+            raise self._bomb(
+                f"unpacks to {self._expanded + info.file_size} bytes, over the limit of"
+                f" {self._limits.expanded_bytes}"
+            )
+        if info.file_size > max(PIECE, self._limits.expansion * info.compress_size):
+            raise self._bomb(
+                f"unpacks to {info.file_size} bytes from {info.compress_size}, over {self._limits.expansion:g} times"
+            )
+
+    def _bomb(self, what: str) -> MeshError:
+        return MeshError(
+            f"{self.path}: {what}",
+            remedy="Do not trust the file; if it is your own, export it as binary STL.",
+        )
+
+
+def _plain(name: str) -> str:
+    return name.replace("\\", "/").lstrip("/").lower()
+
+
+def _check_directory(source: Source, limits: Limits) -> None:
+    """Refuse a directory that is too long to be read; its length stands at the end of the file."""
+    source.file.seek(max(0, source.size - (1 << 16) - ENTRY_LEFT))
+    end = source.file.read()
+    at = end.rfind(b"PK\5\6")
+    if at < 0 or len(end) < at + ENTRY_LEFT:
+        raise MeshError(f"{source.path}: not a sound ZIP archive: it has no directory", remedy=COPY_AGAIN)
+    (length,) = struct.unpack_from("<L", end, at + 12)
+    large = end.rfind(b"PK\6\6", 0, at)
+    if length == 0xFFFFFFFF and large >= 0 and len(end) >= large + 48:
+        (length,) = struct.unpack_from("<Q", end, large + 40)
+    most = limits.members * (DIRECTORY_ENTRY + LONGEST_NAME)
+    if length > min(most, source.size):
+        raise MeshError(
+            f"{source.path}: the directory of the archive has {length} bytes; at most {most} are read",
+            remedy=COPY_AGAIN,
+        )
+
+
+@contextmanager
+def unpacking(source: Source, limits: Limits) -> Iterator[Archive]:
+    """The archive in a file, open.
+
+    Raises:
+        MeshError: it is no sound archive, or has too many members.
+    """
+    try:
+        archive = Archive(source, limits)
+        if len(archive.names) > limits.members:
+            raise MeshError(
+                f"{source.path}: {len(archive.names)} files in the archive; at most {limits.members} are read",
+                remedy="Do not trust the file; if it is your own, export it as binary STL.",
+            )
+        yield archive
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
+        reason = str(error).partition("\n")[0][:200] or type(error).__name__
+        raise MeshError(f"{source.path}: not a sound ZIP archive: {reason}", remedy=COPY_AGAIN) from error

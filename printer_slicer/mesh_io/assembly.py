@@ -1,0 +1,201 @@
+"""Objects that consist of objects, each moved by a matrix: what 3MF and AMF have in common."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.limits import check_facets, check_vertices
+from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float, Int
+
+__all__ = ["Body", "Shelf", "Use", "assembled", "turned_over"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Use:
+    """An object placed in another one, or on the plate.
+
+    Attributes:
+        key: of the object.
+        matrix: (4, 4) for rows: moved points are `[x, y, z, 1] @ matrix`; None moves nothing.
+    """
+
+    key: Hashable
+    matrix: Float | None = None
+
+
+class Shelf:
+    """Objects by number while a file is read, and how much they hold."""
+
+    def __init__(self, path: Path, limits: Limits) -> None:
+        self.bodies: dict[Hashable, Body] = {}
+        self._path, self._limits = path, limits
+        self._last = Body("no object")
+        self._n_numbers = [0, 0]
+        self._n_uses = 0
+
+    def begin(self, key: Hashable, name: str) -> Body:
+        """A new object.
+
+        Raises:
+            ValueError: there is one of that number.
+        """
+        if key in self.bodies:
+            raise ValueError(f"{name} is there twice")
+        self._n_numbers = self._held()
+        self._last = self.bodies[key] = Body(name)
+        self.count_use()
+        return self._last
+
+    def count_use(self) -> None:
+        """An object more, or one placed more.
+
+        Raises:
+            MeshError: too many.
+        """
+        self._n_uses += 1
+        if self._n_uses > self._limits.instances:
+            raise MeshError(
+                f"{self._path}: over {self._limits.instances} objects are placed",
+                remedy="Join the objects in the program that made them, or export the part as STL.",
+            )
+
+    def check(self) -> None:
+        """Look how much there is; to be called now and then.
+
+        Raises:
+            MeshError: too much.
+        """
+        n_coordinates, n_corners = self._held()
+        check_vertices(n_coordinates // 3, self._path, self._limits)
+        check_facets(n_corners // 3, self._path, self._limits)
+
+    def _held(self) -> list[int]:
+        return [self._n_numbers[0] + len(self._last.xyz), self._n_numbers[1] + len(self._last.corners)]
+
+
+@dataclass(slots=True, eq=False)
+class Body:
+    """An object while it is read.
+
+    Attributes:
+        name: what messages call it.
+        xyz: coordinates of its vertices, three each.
+        corners: indices of the vertices of its facets, three each.
+        parts: the objects it consists of.
+    """
+
+    name: str
+    xyz: array[float] = field(default_factory=lambda: array("d"))
+    corners: array[int] = field(default_factory=lambda: array("q"))
+    parts: list[Use] = field(default_factory=list)
+
+    def indices(self, path: Path) -> Int:
+        """(F, 3) its facets.
+
+        Raises:
+            MeshError: a facet with a vertex that there is not.
+        """
+        indices: Int = np.frombuffer(self.corners, dtype=np.int64).reshape(-1, 3)
+        n_vertices = len(self.xyz) // 3
+        if len(indices) and not (indices.min() >= 0 and indices.max() < n_vertices):
+            facet, corner = np.argwhere((indices < 0) | (indices >= n_vertices))[0]
+            raise MeshError(
+                f"{path}: {self.name}: facet {facet + 1} has vertex {indices[facet, corner]} of {n_vertices}",
+                remedy=EXPORT_AGAIN,
+            )
+        return indices
+
+
+def assembled(
+    roots: Sequence[Use], bodies: Mapping[Hashable, Body], path: Path, limits: Limits, scale: float
+) -> Float:
+    """(F, 3, 3) corners of everything on the plate.
+
+    Args:
+        roots: what stands on the plate.
+        bodies: key -> object.
+        path: for messages.
+        limits: of the number of facets, of objects and of their nesting.
+        scale: mm per unit.
+
+    Raises:
+        MeshError: an object that is not there, that holds itself, or too many.
+    """
+    placed = _placements(roots, bodies, path, limits)
+    indices = {id(body): body.indices(path) for body, _ in placed}
+    triangles = np.zeros((sum(len(indices[id(body)]) for body, _ in placed), 3, 3))
+    begin = 0
+    for body, matrix in placed:
+        # The scale goes into the points, not into the matrix: a point that is not moved is the file's number times it.
+        points = np.frombuffer(body.xyz, dtype=np.float64).reshape(-1, 3)
+        if matrix is not None:
+            points = points @ matrix[:3, :3] + matrix[3, :3]
+        points = points * scale if scale != 1 else points
+        faces = indices[id(body)]
+        faces = faces[:, ::-1] if matrix is not None and turned_over(matrix) else faces
+        for start in range(0, len(faces), BLOCK):
+            part = faces[start : start + BLOCK]
+            triangles[begin : begin + len(part)] = points[part]
+            begin += len(part)
+    return triangles
+
+
+def turned_over(matrix: Float) -> bool:
+    """Whether a (4, 4) or (3, 3) matrix mirrors, so that facets must be turned to keep the outside out."""
+    return bool(np.linalg.det(matrix[:3, :3]) < 0)
+
+
+def _placements(
+    roots: Sequence[Use], bodies: Mapping[Hashable, Body], path: Path, limits: Limits
+) -> list[tuple[Body, Float | None]]:
+    """Every object with facets, as often as it is placed, with the matrix that brings it to the plate."""
+    placed: list[tuple[Body, Float | None]] = []
+    n_facets = n_vertices = n_seen = 0
+    waiting: list[tuple[Use, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
+    while waiting:
+        use, outer, depth = waiting.pop()
+        n_seen += 1
+        body = bodies.get(use.key)
+        if body is None:
+            raise MeshError(
+                f"{path}: there is no object {_spoken(use.key)}, but it is placed", remedy=EXPORT_AGAIN
+            )
+        if depth > limits.nesting or n_seen + len(waiting) > limits.instances:
+            what = f"over {limits.nesting} objects within each other" if depth > limits.nesting else ""
+            raise MeshError(
+                f"{path}: {body.name}: {what or f'over {limits.instances} objects are placed'}",
+                remedy="An object may hold itself; export the part again, or as binary STL.",
+            )
+        matrix = _composed(use.matrix, outer)
+        if len(body.corners):
+            n_facets += len(body.corners) // 3
+            n_vertices += len(body.xyz) // 3
+            check_facets(n_facets, path, limits)
+            check_vertices(n_vertices, path, limits, most=3)
+            placed.append((body, matrix))
+        waiting += [(part, matrix, depth + 1) for part in reversed(body.parts)]
+    return placed
+
+
+def _composed(inner: Float | None, outer: Float | None) -> Float | None:
+    """First the inner, then the outer."""
+    if inner is None or outer is None:
+        return outer if inner is None else inner
+    composed: Float = inner @ outer
+    return composed
+
+
+def _spoken(key: Hashable) -> str:
+    return str(key[-1] if isinstance(key, tuple) else key)[:80]

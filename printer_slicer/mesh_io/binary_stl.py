@@ -1,0 +1,125 @@
+"""Binary STL: read block by block into one array, and written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from printer_slicer.errors import MeshError, OutputError
+from printer_slicer.mesh_io.limits import check_facets
+from printer_slicer.mesh_io.soundness import BLOCK, COPY_AGAIN, EXPORT_AGAIN, blocks
+
+if TYPE_CHECKING:
+    import os
+
+    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float, Mesh
+
+__all__ = ["announces_its_size", "export_stl", "read_binary_stl"]
+
+FACET: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER_SIZE: Final = 84
+"""80 bytes of anything and the number of facets."""
+
+UNCOUNTED: Final = (0, 0xFFFFFFFF)
+"""What programs that write while they compute leave in place of the number of facets."""
+
+
+def announces_its_size(source: Source) -> bool:
+    """Whether this is a binary STL of exactly the announced length.
+
+    The word `solid` at the start says nothing: binary files begin with it too.
+    """
+    return source.size >= HEADER_SIZE and source.size == HEADER_SIZE + FACET.itemsize * _n_announced(source)
+
+
+def _n_announced(source: Source) -> int:
+    """Read the number of facets from the header."""
+    return int.from_bytes(source.head[HEADER_SIZE - 4 : HEADER_SIZE], "little")
+
+
+def read_binary_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
+    """(F, 3, 3) corners of a binary STL, and what deserves a look.
+
+    A tail after the last facet is allowed where it holds no facets. A header without a number (0 or all ones) is
+    allowed where nothing but whole facets follows.
+
+    Raises:
+        MeshError: the number of facets is neither that of the header nor left open, or this is no STL at all.
+    """
+    path, head = source.path, source.head
+    if source.size < HEADER_SIZE or (head.isascii() and b"\0" not in head):
+        raise MeshError(f"{path}: not an STL file", remedy=EXPORT_AGAIN)
+    n_announced = _n_announced(source)
+    n_present, rest = divmod(source.size - HEADER_SIZE, FACET.itemsize)
+    notes = []
+    if n_announced in UNCOUNTED and n_present and rest == 0 and not _ends_in_zeros(source):
+        notes.append(f"the header does not count the facets; all {n_present} in the file are read")
+        n_announced = n_present
+    tail = source.size - HEADER_SIZE - n_announced * FACET.itemsize
+    if tail < 0 or (tail >= FACET.itemsize and not _only_zeros(source, tail)):
+        raise MeshError(
+            f"{path}: the header announces {n_announced} facets, but the file holds {n_present}",
+            remedy=COPY_AGAIN,
+        )
+    check_facets(n_announced, path, limits)
+    return _corners(source, n_announced), notes
+
+
+def _corners(source: Source, count: int) -> Float:
+    """Read `count` facets; all that is held beside the result is one block."""
+    corners = np.zeros((count, 3, 3))
+    block = np.zeros(min(count, BLOCK), dtype=FACET)
+    source.file.seek(HEADER_SIZE)
+    for part in blocks(count):
+        n_wanted = part.stop - part.start
+        data = block[:n_wanted].view(np.uint8).data
+        if source.file.readinto(data) != n_wanted * FACET.itemsize:
+            raise MeshError(f"{source.path}: the file became shorter while it was read", remedy=COPY_AGAIN)
+        corners[part] = block["corners"][:n_wanted]
+        source.progress(part.stop / count)
+    return corners
+
+
+def _ends_in_zeros(source: Source) -> bool:
+    """Whether the last facet's length of the file is padding."""
+    return _only_zeros(source, FACET.itemsize)
+
+
+def _only_zeros(source: Source, length: int) -> bool:
+    """Whether so many bytes at the end of the file are zero."""
+    source.file.seek(source.size - length)
+    while chunk := source.file.read(1 << 20):
+        if chunk.strip(b"\0"):
+            return False
+    return True
+
+
+def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:
+    """Write a binary STL; the same mesh always gives the same bytes.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    header = b"binary STL in mm".ljust(80) + mesh.n_facets.to_bytes(4, "little")
+    try:
+        with Path(path).open("wb") as file:
+            file.write(header)
+            for part in blocks(mesh.n_facets):
+                file.write(_facets(mesh.triangles[part]).tobytes())
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror}", remedy="Choose another place to write to.") from error
+
+
+def _facets(triangles: Float) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """(F,) facets as the file has them, with normals."""
+    facets = np.zeros(len(triangles), dtype=FACET)
+    facets["corners"] = triangles
+    a, b, c = facets["corners"].astype(np.float64).transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    facets["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    return facets

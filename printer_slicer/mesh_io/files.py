@@ -1,0 +1,151 @@
+"""Files as bytes: opened once, read in blocks or whole, with errors that people understand."""
+
+from __future__ import annotations
+
+import codecs
+import os
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from io import BufferedRandom, BufferedReader
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.errors import MeshError, UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from printer_slicer.mesh_io.limits import Limits
+
+__all__ = ["CHUNK", "Progress", "Source", "opened", "without_byte_order_mark"]
+
+Progress = Callable[[float], None]
+"""Is told the share that is read, 0 to 1."""
+
+CHUNK: Final = 1 << 20
+"""Bytes read at a time."""
+WORTH_TELLING: Final = 1 << 23
+"""Bytes of a file of which progress is told."""
+
+UTF_16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
+
+class Source:
+    """An open file of known length.
+
+    Attributes:
+        path: for messages.
+        size: bytes.
+        head: the first 64 KiB.
+    """
+
+    def __init__(self, path: Path, file: BufferedReader | BufferedRandom, progress: Progress) -> None:
+        self.path = path
+        self.file = file
+        self.size = os.fstat(file.fileno()).st_size
+        self.head = file.read(1 << 16)
+        self._progress = progress
+
+    def whole(self, limit: int) -> bytes:
+        """All of it.
+
+        Raises:
+            MeshError: it is longer than the limit, bytes.
+        """
+        if self.size > limit:
+            raise _too_long(self.path, self.size, limit)
+        self.file.seek(0)
+        return self.file.read(limit + 1)
+
+    def chunks(self) -> Iterator[bytes]:
+        """All of it, piece by piece."""
+        self.file.seek(0)
+        done = 0
+        while chunk := self.file.read(CHUNK):
+            yield chunk
+            done += len(chunk)
+            self.progress(done / max(self.size, done))
+
+    def text_chunks(self) -> Iterator[bytes]:
+        """All of it, piece by piece, as UTF-8 without a byte order mark; old line ends become new ones."""
+        coding = next((name for mark, name in UTF_16.items() if self.head.startswith(mark)), "")
+        decoder = codecs.getincrementaldecoder(coding)("replace") if coding else None
+        old_lines = b"\r" in self.head and b"\n" not in self.head
+        for number, raw in enumerate(self.chunks()):
+            chunk = decoder.decode(raw).encode("utf-8", "replace") if decoder else raw
+            if number == 0:
+                chunk = chunk.removeprefix(codecs.BOM_UTF8)
+            yield chunk.replace(b"\r", b"\n") if old_lines else chunk
+
+    def progress(self, share: float) -> None:
+        """Tell how much is read; of small files nothing is told."""
+        if self.size > WORTH_TELLING:
+            self._progress(share)
+
+
+def _too_long(path: Path, size: int, limit: int) -> MeshError:
+    """A file that is too long to be read."""
+    return MeshError(
+        f"{path}: {size} bytes; at most {limit} are read of such a file",
+        remedy="Export the part with fewer facets, or as binary STL.",
+    )
+
+
+@contextmanager
+def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
+    """The file, open.
+
+    Raises:
+        UsageError: it cannot be read.
+        MeshError: it is empty or too long.
+    """
+    try:
+        file = path.open("rb")
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such file", remedy="Check the name and the folder.") from error
+    except IsADirectoryError as error:
+        raise UsageError(f"{path}: is a folder, not a file", remedy="Name one file in it.") from error
+    except PermissionError as error:
+        raise UsageError(f"{path}: reading it is not allowed", remedy="Check its permissions.") from error
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path.") from error
+    except ValueError as error:  # a zero byte in the name
+        raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name.") from error
+    with file, ExitStack() as stack:
+        try:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                spool = stack.enter_context(TemporaryFile())
+                source = Source(path, _spooled(file, spool, path, limits), progress)
+            else:
+                source = Source(path, file, progress)
+            if not source.head:
+                raise MeshError(
+                    f"{path}: the file is empty",
+                    remedy="Copy or download the file again; if that does not help, export the part again.",
+                )
+            if source.size > limits.file_bytes:
+                raise _too_long(path, source.size, limits.file_bytes)
+            yield source
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the disk.") from error
+
+
+def _spooled(pipe: BufferedReader, spool: BufferedRandom, path: Path, limits: Limits) -> BufferedRandom:
+    """What comes out of a pipe, as a file that has a length and can be read twice."""
+    length = 0
+    while chunk := pipe.read(CHUNK):
+        length += len(chunk)
+        if length > limits.file_bytes:
+            raise _too_long(path, length, limits.file_bytes)
+        spool.write(chunk)
+    spool.seek(0)
+    return spool
+
+
+def without_byte_order_mark(data: bytes) -> bytes:
+    """Text as UTF-8 that begins with its first letter."""
+    for mark, name in UTF_16.items():
+        if data.startswith(mark):
+            return data[len(mark) :].decode(name, "replace").encode("utf-8", "replace")
+    return data.removeprefix(codecs.BOM_UTF8)

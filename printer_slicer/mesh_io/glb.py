@@ -1,0 +1,278 @@
+"""glTF 2.0 in its binary form: nodes, meshes, accessors, with what compilers of it may do to positions.
+
+Only what decides the shape is looked at: never materials, images or files elsewhere.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from collections.abc import Hashable
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.assembly import Body, Use, assembled
+from printer_slicer.mesh_io.limits import check_facets, check_vertices
+from printer_slicer.mesh_io.soundness import COPY_AGAIN
+from printer_slicer.mesh_io.units import UNITS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float
+
+__all__ = ["read_glb"]
+
+Numbers = np.ndarray[tuple[int, ...], np.dtype[Any]]
+JSON_CHUNK: Final = 0x4E4F534A
+BINARY_CHUNK: Final = 0x004E4942
+COMPONENTS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COLUMNS: Final = {"SCALAR": 1, "VEC3": 3}
+TRIANGLES, STRIP, FAN = 4, 5, 6
+HARMLESS: Final = (
+    "KHR_mesh_quantization",
+    "KHR_materials",
+    "KHR_texture",
+    "KHR_lights",
+    "EXT_texture",
+    "KHR_xmp",
+)
+"""How the names of extensions begin that do not change what is read here."""
+SCENE: Final = ("scene", 0)
+UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""glTF's y points up, ours is z; for rows."""
+
+
+class _Document:
+    """The two chunks of a GLB file, and the arrays that one describes in the other."""
+
+    def __init__(self, data: bytes, path: Path, limits: Limits) -> None:
+        magic, version, _ = struct.unpack_from("<4sLL", data)
+        if magic != b"glTF" or version != 2:
+            raise ValueError("not binary glTF of version 2")
+        chunks: dict[int, memoryview] = {}
+        place, view = 12, memoryview(data)
+        while place + 8 <= len(data):
+            length, kind = struct.unpack_from("<LL", data, place)
+            if place + 8 + length > len(data):
+                raise ValueError(f"a chunk of {length} bytes, but only {len(data) - place - 8} are left")
+            chunks.setdefault(kind, view[place + 8 : place + 8 + length])
+            place += 8 + length
+        if len(chunks[JSON_CHUNK]) > limits.json_bytes:
+            raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of text; at most {limits.json_bytes} are read")
+        self.tree: dict[str, Any] = json.loads(bytes(chunks[JSON_CHUNK]))
+        self._binary = chunks.get(BINARY_CHUNK, memoryview(b""))
+        self._limits = limits
+        self._length = len(data)
+        self._path = path
+        self._n_vertices = self._n_facets = 0
+        self._decoded: dict[int, bytes] = {}
+        for name in self.tree.get("extensionsRequired", []):
+            if not str(name).startswith(HARMLESS):
+                raise MeshError(
+                    f"{path}: the file needs the glTF extension '{str(name)[:60]}', which is not known here",
+                    remedy="Export it without compression, or as STL or 3MF.",
+                )
+
+    def array(self, index: int) -> Numbers:
+        """(count, columns) the numbers of an accessor."""
+        accessor = self.tree["accessors"][_index(index)]
+        count, columns = int(accessor["count"]), COLUMNS[accessor["type"]]
+        kind = np.dtype(COMPONENTS[accessor["componentType"]])
+        if not 0 <= count <= 3 * self._limits.facets:
+            raise ValueError(f"an accessor of {count} items")
+        if "bufferView" in accessor:
+            numbers = self._numbers(accessor, kind, count, columns)
+        elif count <= self._length:
+            numbers = np.zeros((count, columns), dtype=kind)
+        else:
+            raise ValueError(f"{count} items without any bytes")
+        if "sparse" in accessor:
+            numbers = self._replaced(numbers, accessor["sparse"])
+        if accessor.get("normalized"):
+            return np.maximum(numbers / np.iinfo(kind).max, -1.0)
+        return numbers
+
+    def count(self, n_vertices: int, n_facets: int) -> None:
+        """So many vertices and facets more.
+
+        Raises:
+            MeshError: too many; several primitives can share the same bytes.
+        """
+        self._n_vertices += n_vertices
+        self._n_facets += n_facets
+        check_vertices(self._n_vertices, self._path, self._limits)
+        check_facets(self._n_facets, self._path, self._limits)
+
+    def _replaced(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
+        """The numbers, with some of them replaced."""
+        count = int(sparse["count"])
+        kind = np.dtype(COMPONENTS[sparse["indices"]["componentType"]])
+        places = self._numbers(sparse["indices"], kind, count, 1)[:, 0]
+        replaced = numbers.copy()
+        replaced[places] = self._numbers(sparse["values"], numbers.dtype, count, numbers.shape[1])
+        return replaced
+
+    def _numbers(self, where: dict[str, Any], kind: np.dtype[Any], count: int, columns: int) -> Numbers:
+        """(count, columns) numbers as they lie in a buffer; nothing is copied."""
+        view = self.tree["bufferViews"][_index(where["bufferView"])]
+        start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+        offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
+        stride = int(view.get("byteStride", least))
+        buffer = self._buffer(_index(view["buffer"]))
+        if min(start, length, offset) < 0 or stride < least or start + length > len(buffer):
+            raise ValueError("a part of the buffer that is not there")
+        if count and offset + (count - 1) * stride + least > length:
+            raise ValueError(f"{count} items do not fit their part of the buffer")
+        return np.ndarray(
+            (count, columns), kind, buffer[start : start + length], offset, (stride, kind.itemsize)
+        )
+
+    def _buffer(self, index: int) -> memoryview | bytes:
+        uri = self.tree["buffers"][index].get("uri")
+        if uri is None:
+            return self._binary
+        if index in self._decoded:
+            return self._decoded[index]
+        head, comma, text = str(uri).partition(",")
+        if not comma or not head.startswith("data:") or not head.endswith("base64"):
+            raise ValueError("a part of it is in another file")
+        self._decoded[index] = base64.b64decode(text, validate=True)
+        return self._decoded[index]
+
+
+def read_glb(
+    data: bytes, path: Path, limits: Limits, unit: str | None, *, y_up: bool = True
+) -> tuple[Float, str, list[str]]:
+    """Everything in the scene of a GLB file, z up.
+
+    Args:
+        data: the file.
+        path: of the file, for messages.
+        limits: of what it holds.
+        unit: the key in UNITS that its numbers mean; None: metres, as glTF says.
+        y_up: whether its y points up, as glTF says.
+
+    Returns:
+        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look.
+
+    Raises:
+        MeshError: it is no sound GLB.
+    """
+    try:
+        document = _Document(data, path, limits)
+        bodies = _bodies(document)
+        bodies[SCENE] = _scene(document.tree)
+    except (
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+        struct.error,
+    ) as error:
+        reason = str(error).partition("\n")[0][:200] or type(error).__name__
+        raise MeshError(f"{path}: not a sound .glb file: {reason}", remedy=COPY_AGAIN) from error
+    own_unit = unit or "m"
+    return (
+        assembled([Use(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
+        own_unit,
+        [],
+    )
+
+
+def _scene(tree: dict[str, Any]) -> Body:
+    """What stands in the scene."""
+    nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
+    if scenes:
+        begin = [_index(index) for index in scenes[_index(tree.get("scene", 0))].get("nodes", [])]
+    else:
+        children = {_index(child) for node in nodes for child in node.get("children", [])}
+        begin = [index for index in range(len(nodes)) if index not in children]
+    return Body("the scene", parts=[Use(("node", index), _matrix(nodes[index])) for index in begin])
+
+
+def _bodies(document: _Document) -> dict[Hashable, Body]:
+    """Nodes and the meshes they hold."""
+    bodies: dict[Hashable, Body] = {}
+    nodes = document.tree.get("nodes", [])
+    for index, node in enumerate(nodes):
+        body = bodies["node", index] = Body(f"node {index}")
+        if "mesh" in node:
+            key = ("mesh", _index(node["mesh"]))
+            if key not in bodies:
+                bodies[key] = _mesh(document, key[1])
+            body.parts.append(Use(key))
+        children = [_index(child) for child in node.get("children", [])]
+        body.parts += [Use(("node", child), _matrix(nodes[child])) for child in children]
+    return bodies
+
+
+def _mesh(document: _Document, index: int) -> Body:
+    """The facets of all primitives of a mesh."""
+    body = Body(f"mesh {index}")
+    for primitive in document.tree["meshes"][index]["primitives"]:
+        mode = primitive.get("mode", TRIANGLES)
+        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in primitive["attributes"]:
+            continue
+        points = document.array(primitive["attributes"]["POSITION"])
+        if points.shape[1] != 3:
+            raise ValueError("positions that are not x, y, z")
+        if "indices" in primitive:
+            corners = document.array(primitive["indices"])[:, 0].astype(np.int64)
+        else:
+            corners = np.arange(len(points), dtype=np.int64)
+        if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
+            raise ValueError(f"a facet with vertex {corners.max()} of {len(points)}")
+        document.count(len(points), len(corners) // 3 if mode == TRIANGLES else len(corners))
+        faces = _faces(corners, mode) + len(body.xyz) // 3
+        body.xyz.frombytes(points.astype(np.float64).tobytes())
+        body.corners.frombytes(faces.tobytes())
+    return body
+
+
+def _faces(corners: Numbers, mode: int) -> Numbers:
+    """(F, 3) facets of a list, a strip or a fan of corners."""
+    if mode == TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    count = max(len(corners) - 2, 0)
+    first = np.arange(count)
+    if mode == FAN:
+        return np.stack([corners[first * 0], corners[first + 1], corners[first + 2]], axis=1)
+    odd = first % 2  # every second facet of a strip runs the other way
+    return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
+
+
+def _matrix(node: dict[str, Any]) -> Float | None:
+    """(4, 4) of a node, for rows."""
+    if "matrix" in node:
+        matrix = np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4))
+    elif not node.keys() & {"translation", "rotation", "scale"}:
+        return None
+    else:
+        matrix = np.eye(4)
+        x, y, z, w = (float(number) for number in node.get("rotation", (0, 0, 0, 1)))
+        matrix[:3, :3] = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+                [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+                [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        matrix[:3, :3] *= np.reshape(np.array(node.get("scale", (1, 1, 1)), dtype=np.float64), (3, 1))
+        matrix[3, :3] = node.get("translation", (0, 0, 0))
+    if not np.isfinite(matrix).all():
+        raise ValueError("a node that is moved by no number")
+    return matrix
+
+
+def _index(value: object) -> int:
+    """A place in a list; Python would count negative ones from the end."""
+    if not isinstance(value, int) or value < 0:
+        raise ValueError(f"{str(value)[:20]} where an index should be")
+    return value

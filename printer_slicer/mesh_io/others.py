@@ -1,0 +1,97 @@
+"""OBJ, PLY and OFF, read by trimesh, which is imported only here and only then: that import takes half a second."""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from printer_slicer.errors import MeshError, UsageError
+from printer_slicer.mesh_io.files import without_byte_order_mark
+from printer_slicer.mesh_io.limits import check_facets
+from printer_slicer.mesh_io.soundness import COPY_AGAIN
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float
+
+__all__ = ["OTHERS", "read_other"]
+
+OTHERS: Final = ("obj", "ply", "off")
+"""Formats that trimesh reads."""
+
+
+def read_other(data: bytes, kind: str, path: Path, limits: Limits) -> Float:
+    """(F, 3, 3) corners of a file that trimesh can read, in the file's unit.
+
+    Raises:
+        UsageError: trimesh is not installed.
+        MeshError: it is no sound file.
+    """
+    try:
+        with _silence():
+            import trimesh  # noqa: PLC0415 - takes half a second, and most parts are STL
+
+            text = without_byte_order_mark(data)
+            _check_counts(text, kind)
+            loaded: Any = trimesh.load(
+                io.BytesIO(text), file_type=kind, force="scene", process=False, skip_materials=True
+            )
+            meshes = [one for one in loaded.geometry.values() if isinstance(one, trimesh.Trimesh)]
+            check_facets(sum(len(one.faces) for one in meshes), path, limits)
+            parts = [np.zeros((0, 3, 3)), *(_corners(one) for one in meshes)]
+    except ImportError as error:
+        raise UsageError(
+            f"{path}: reading .{kind} needs a module that is not there: {error}",
+            remedy="python -m pip install trimesh",
+        ) from error
+    except MeshError:
+        raise
+    except Exception as error:  # three readers fail in all ways there are
+        reason = str(error).partition("\n")[0][:200] or type(error).__name__
+        raise MeshError(f"{path}: not a sound .{kind} file: {reason}", remedy=COPY_AGAIN) from error
+    return np.concatenate(parts)
+
+
+def _corners(mesh: Any) -> Float:
+    """(F, 3, 3) corners of a mesh, which trimesh does not check: points in the plane, indices from the end."""
+    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=np.float64)
+    if len(faces) == 0:
+        return np.zeros((0, 3, 3))
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError(f"vertices of shape {vertices.shape}, facets of shape {faces.shape}")
+    if not (faces.min() >= 0 and faces.max() < len(vertices)):
+        raise ValueError(f"a facet with a vertex that is not one of {len(vertices)}")
+    corners: Float = vertices[faces]
+    return corners
+
+
+def _check_counts(data: bytes, kind: str) -> None:
+    """Refuse numbers of vertices and facets that cannot be in so few bytes, before room is made for them."""
+    counts: list[bytes] = []
+    if kind == "ply":
+        counts = re.findall(rb"(?m)^\s*element\s+\S+\s+(\S+)", data[: data.find(b"end_header") % (1 << 16)])
+    elif kind == "off":
+        counts = re.sub(rb"#[^\n]*", b"", data[: 1 << 16]).split()[1:4]
+    for count in counts:
+        if not 0 <= int(count) <= len(data):
+            raise ValueError(f"{int(count)} elements in {len(data)} bytes")
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """What trimesh logs about a file is told by our own errors, or nobody's concern."""
+    log = logging.getLogger("trimesh")
+    before, log.disabled = log.disabled, True
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    finally:
+        log.disabled = before

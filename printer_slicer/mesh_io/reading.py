@@ -1,0 +1,225 @@
+"""A file of any known format becomes a `Model`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from printer_slicer.errors import UsageError
+from printer_slicer.mesh_io.ascii_stl import looks_like_ascii_stl, read_ascii_stl
+from printer_slicer.mesh_io.binary_stl import announces_its_size, read_binary_stl
+from printer_slicer.mesh_io.files import Progress, Source, opened
+from printer_slicer.mesh_io.limits import LIMITS, Limits
+from printer_slicer.mesh_io.soundness import BLOCK, sound
+from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
+from printer_slicer.model import Mesh
+
+if TYPE_CHECKING:
+    import os
+
+    from printer_slicer.model import Float
+
+__all__ = ["FORMATS", "Model", "load_mesh", "load_model"]
+
+FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "amf", "glb", "step")
+"""Extensions of the formats that can be read, without dot."""
+ALIASES: Final = {"stp": "step"}
+
+MAGIC: Final = (
+    (b"PK\x03\x04", "3mf"),
+    (b"glTF", "glb"),
+    (b"ISO-10303-21", "step"),
+    (b"ply", "ply"),
+    (b"OFF", "off"),
+)
+"""How files begin; those that no other format can begin with come first."""
+N_CERTAIN: Final = 3
+"""So many entries of MAGIC say more than the name of the file does."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A part as it was read.
+
+    Attributes:
+        mesh: in mm, where the file has it.
+        path: the file.
+        kind: its format, one of FORMATS.
+        unit: what its numbers were taken to mean, a key in `UNITS`.
+        n_folded: facets with two equal corners; they have no area and were left out.
+        turned: whether all facets faced inward and were turned.
+        notes: what deserves a look, for people.
+    """
+
+    mesh: Mesh
+    path: Path
+    kind: str
+    unit: str
+    n_folded: int = 0
+    turned: bool = False
+    notes: tuple[str, ...] = ()
+
+    def doubts(self, room: Float | None = None) -> str:
+        """What makes the size of the part doubtful, and the unit it was probably meant in; empty where nothing does.
+
+        Args:
+            room: (3,) what the printer prints, mm; None: 2 m each way.
+        """
+        size = self.mesh.size
+        advice = unit_advice(size, self.unit, room)
+        if not advice:
+            return ""
+        extent = " x ".join(f"{length:.4g}" for length in size.tolist())
+        return (
+            f"{self.path.name}: the part is only {extent} mm; {advice}"
+            if float(size.max()) < 10
+            else (f"{self.path.name}: the part is {extent} mm; {advice}")
+        )
+
+
+def _quiet(_share: float) -> None:
+    """A `progress` that says nothing."""
+
+
+def load_mesh(path: str | os.PathLike[str], *, units: str | None = None, limits: Limits = LIMITS) -> Mesh:
+    """Mesh in a file, in mm, where the file has it: it is not moved to the bed.
+
+    Binary and ASCII STL, 3MF, OBJ, PLY, OFF, AMF, GLB and, with the extra `step`, STEP, known by what they begin with
+    and else by extension. Several solids or objects in a file become one mesh, as the file places them.
+
+    Args:
+        path: of the file.
+        units: what the numbers in the file mean, a key in `UNITS`; None: what the file says, else mm.
+        limits: beyond which a file is refused.
+
+    Raises:
+        UsageError: the file cannot be read, its format is not known, or the unit is not.
+        MeshError: what is in the file is not a part, or goes beyond a limit.
+    """
+    return load_model(path, units=units, limits=limits).mesh
+
+
+def load_model(
+    path: str | os.PathLike[str],
+    *,
+    units: str | None = None,
+    limits: Limits = LIMITS,
+    progress: Progress = _quiet,
+) -> Model:
+    """The same as `load_mesh`, with what is known about the file.
+
+    Args:
+        path: of the file.
+        units: what the numbers in the file mean, as for `load_mesh`.
+        limits: beyond which a file is refused.
+        progress: is told the share of a large file that has been read, 0 to 1.
+
+    Raises:
+        UsageError, MeshError: as for `load_mesh`.
+    """
+    path = Path(path)
+    unit = checked_unit(units) if units is not None else None
+    with opened(path, limits, progress) as source, np.errstate(all="ignore"):
+        kind = _kind(source)
+        triangles, own_unit, notes = _READERS.get(kind, _read_with_trimesh)(source, kind, unit, limits)
+        kept, n_folded, turned = sound(triangles, path)
+    return Model(Mesh(kept, path.stem), path, kind, own_unit, n_folded, turned, tuple(notes))
+
+
+def _kind(source: Source) -> str:
+    """The format: by what the file begins with where that is certain, else by its extension, else by its content."""
+    if announces_its_size(source):
+        return "stl"
+    suffix = source.path.suffix.lower().removeprefix(".")
+    suffix = ALIASES.get(suffix, suffix)
+    for number, (magic, kind) in enumerate(MAGIC):
+        if source.head.startswith(magic) and (number < N_CERTAIN or suffix not in FORMATS):
+            return "amf" if kind == "3mf" and suffix == "amf" else kind
+    if suffix in FORMATS:
+        return suffix
+    if looks_like_ascii_stl(source):
+        return "stl"
+    if re.search(rb"<(\w+:)?amf[\s>]", source.head[:4096]):
+        return "amf"
+    if re.search(rb"(?m)^v\s+[-+.\d]", source.head) and re.search(
+        rb"(?m)^f\s+-?\d", source.whole(LIMITS.text_bytes)
+    ):
+        return "obj"
+    names = ", ".join(f".{name}" for name in FORMATS)
+    raise UsageError(
+        f"{source.path}: not a mesh in any known format", remedy=f"Export the part as one of {names}."
+    )
+
+
+# Readers: source, format, unit asked for, limits -> corners in mm, unit, notes.
+# Each imports its module when it is called: most parts are STL.
+
+Result = tuple["Float", str, list[str]]
+
+
+def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    notes: list[str] = []
+    if not announces_its_size(source) and looks_like_ascii_stl(source):
+        triangles = read_ascii_stl(source, limits)
+    else:
+        triangles, notes = read_binary_stl(source, limits)
+    return _scaled(triangles, unit or "mm"), unit or "mm", notes
+
+
+def _read_zip(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.amf import amf_member, read_amf  # noqa: PLC0415
+    from printer_slicer.mesh_io.archive import unpacking  # noqa: PLC0415
+    from printer_slicer.mesh_io.three_mf import read_three_mf  # noqa: PLC0415
+
+    if kind == "amf" and not source.head.startswith(b"PK"):
+        if source.size > limits.expanded_bytes:
+            source.whole(limits.expanded_bytes)
+        return read_amf(source.chunks(), source.path, limits, unit)
+    with unpacking(source, limits) as archive:
+        if member := amf_member(archive):
+            return read_amf(archive.pieces(member), source.path, limits, unit)
+        return read_three_mf(archive, limits, unit)
+
+
+def _read_glb(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.glb import read_glb  # noqa: PLC0415
+
+    return read_glb(source.whole(limits.text_bytes), source.path, limits, unit)
+
+
+def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.step import read_step  # noqa: PLC0415
+
+    if unit is not None:
+        raise UsageError(
+            f"{source.path}: a STEP file says itself what its numbers mean", remedy="Use --scale instead."
+        )
+    return read_step(source.whole(limits.text_bytes), source.path, limits)
+
+
+def _read_with_trimesh(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.others import read_other  # noqa: PLC0415
+
+    triangles = read_other(source.whole(limits.text_bytes), kind, source.path, limits)
+    return _scaled(triangles, unit or "mm"), unit or "mm", []
+
+
+_READERS: Final = {
+    "stl": _read_stl,
+    "3mf": _read_zip,
+    "amf": _read_zip,
+    "glb": _read_glb,
+    "step": _read_step,
+}
+
+
+def _scaled(triangles: Float, unit: str) -> Float:
+    """The triangles in mm, in place."""
+    if UNITS[unit] != 1:
+        for start in range(0, len(triangles), BLOCK):
+            triangles[start : start + BLOCK] *= UNITS[unit]
+    return triangles

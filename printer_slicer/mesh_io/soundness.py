@@ -1,0 +1,102 @@
+"""Is it a part: facets that bound a volume. Works block by block, so that no second copy of a large mesh exists."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from printer_slicer.errors import MeshError
+from printer_slicer.model import Mesh
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from printer_slicer.model import Float
+
+__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "blocks", "sound"]
+
+BLOCK: Final = 1 << 13
+"""Facets looked at together: 0.6 MiB of float64, which stays in the cache."""
+
+LARGEST: Final = 1e7
+"""mm; a coordinate beyond 10 km is damage, and its cube would drown the volume."""
+
+THINNEST: Final = 1e-6
+"""A part that fills less than this share of its envelope is a folded sheet."""
+
+EXPORT_AGAIN: Final = "Export the part again from the program that made it."
+COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again."
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """The slices of BLOCK facets that make up `count`."""
+    for start in range(0, count, BLOCK):
+        yield slice(start, min(start + BLOCK, count))
+
+
+def sound(triangles: Float, path: Path) -> tuple[Float, int, bool]:
+    """The triangles that bound a part, outside out.
+
+    Args:
+        triangles: (F, 3, 3) mm; they are changed.
+        path: of the file, for messages.
+
+    Returns:
+        (F', 3, 3) triangles, a view of those given; how many without area were left out; whether all were turned.
+
+    Raises:
+        MeshError: there is no facet, no volume, or a coordinate that is none.
+    """
+    if len(triangles) == 0:
+        raise MeshError(f"{path}: there are no facets in it", remedy=EXPORT_AGAIN)
+    kept = _unfolded(triangles, path)
+    n_folded = len(triangles) - len(kept)
+    if len(kept) == 0:
+        raise MeshError(f"{path}: none of its facets has an area", remedy=EXPORT_AGAIN)
+    mesh = Mesh(kept)
+    for name, size in zip("xyz", mesh.size.tolist(), strict=True):
+        if size <= 0:
+            raise MeshError(f"{path}: the part is flat: it does not extend in {name}", remedy=EXPORT_AGAIN)
+    volume = mesh.volume
+    if abs(volume) < THINNEST * np.prod(mesh.size):
+        raise MeshError(
+            f"{path}: the facets enclose no volume",
+            remedy="Close the surface of the part, or give it a thickness.",
+        )
+    if volume < 0:
+        for block in blocks(len(kept)):
+            kept[block] = kept[block, ::-1].copy()
+    return kept, n_folded, volume < 0
+
+
+def _unfolded(triangles: Float, path: Path) -> Float:
+    """Move the facets with three corners to the front; a view of these."""
+    n_kept = 0
+    for block in blocks(len(triangles)):
+        part = triangles[block]
+        flat = part.reshape(-1)
+        # A nan fails both comparisons.
+        if not (flat.min() > -LARGEST and flat.max() < LARGEST):
+            wild = int(np.flatnonzero(~(np.abs(flat) < LARGEST))[0])
+            raise MeshError(
+                f"{path}: facet {block.start + wild // 9 + 1} of {len(triangles)} has the coordinate {flat[wild]:g}",
+                remedy=EXPORT_AGAIN,
+            )
+        folded = _folded(part)
+        if folded.any():
+            part = part[~folded]
+        if n_kept != block.start or len(part) != block.stop - block.start:
+            triangles[n_kept : n_kept + len(part)] = part
+        n_kept += len(part)
+    return triangles[:n_kept]
+
+
+def _folded(part: Float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """(F,) which facets have two equal corners."""
+    folded = np.zeros(len(part), dtype=np.bool_)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        near = np.flatnonzero(part[:, a, 0] == part[:, b, 0])
+        folded[near[(part[near, a] == part[near, b]).all(axis=1)]] = True
+    return folded

@@ -1,0 +1,96 @@
+"""STEP, turned into facets by OpenCASCADE: the optional package cascadio, in a process of its own.
+
+That library is written in C++ and given files from anywhere; what it does to its process it does not do to ours.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.errors import MeshError, UsageError
+from printer_slicer.mesh_io.glb import read_glb
+from printer_slicer.mesh_io.soundness import COPY_AGAIN
+
+if TYPE_CHECKING:
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float
+
+__all__ = ["STEP_ANGLE", "STEP_TOLERANCE", "read_step"]
+
+STEP_TOLERANCE: Final = 0.01
+"""mm that facets may be off the surface they stand for; contours are simplified by about as much."""
+STEP_ANGLE: Final = 0.2
+"""rad between the normals of neighbouring facets of a curved surface, at most."""
+PATIENCE: Final = 600.0
+"""s before a conversion is given up."""
+
+CONVERT: Final = """
+import sys
+import cascadio
+cascadio.step_to_glb(sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.argv[4]), False, True, False)
+"""
+
+
+def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list[str]]:
+    """Everything in a STEP file.
+
+    Args:
+        data: the file.
+        path: of the file, for messages.
+        limits: of what comes out.
+
+    Returns:
+        (F, 3, 3) corners, mm; "mm"; what deserves a look.
+
+    Raises:
+        UsageError: cascadio is not installed.
+        MeshError: it is no sound STEP file, or one without solids.
+    """
+    if not _is_installed("cascadio"):
+        raise UsageError(
+            f"{path}: reading STEP needs the package cascadio",
+            remedy="python -m pip install 'printer-slicer[step]', or export the part as STL or 3MF",
+        )
+    # Named by us: the library must never be given a name from elsewhere, nor guess the format by it.
+    with TemporaryDirectory(prefix="printer-slicer-") as folder:
+        given, made = Path(folder, "part.step"), Path(folder, "part.glb")
+        given.write_bytes(data)
+        _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path)
+        if not made.is_file() or not (converted := made.read_bytes()):
+            raise MeshError(f"{path}: not a sound STEP file, or one without solids", remedy=COPY_AGAIN)
+    # Told by trying: it writes metres as glTF wants, but leaves z up.
+    triangles, _, notes = read_glb(converted, path, limits, "m", y_up=False)
+    return triangles, "mm", notes
+
+
+def _is_installed(name: str) -> bool:
+    """Whether a package can be imported; it is not."""
+    try:
+        return find_spec(name) is not None
+    except (ImportError, ValueError):  # somebody forbids it
+        return False
+
+
+def _convert(arguments: list[str], path: Path) -> None:
+    """STEP to GLB, in a process of its own."""
+    try:
+        done = subprocess.run(  # noqa: S603 - ourselves, and names that we made
+            [sys.executable, "-c", CONVERT, *arguments],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise MeshError(
+            f"{path}: no facets after {PATIENCE:g} s", remedy="Export the part as STL or 3MF from CAD."
+        ) from error
+    if done.returncode:
+        raise MeshError(
+            f"{path}: not a sound STEP file: OpenCASCADE ended with {done.returncode}", remedy=COPY_AGAIN
+        )

@@ -1,0 +1,227 @@
+"""3MF: objects, components and build items, across the model files of one archive.
+
+Written after the 3MF Core Specification 1.3 and the Production Extension 1.1. Left out are objects that are no model
+(supports, surfaces, other), build items with `printable="0"`, and volumes that slicers mark as modifiers.
+"""
+
+from __future__ import annotations
+
+import math
+import posixpath
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled
+from printer_slicer.mesh_io.markup import Reader, number_in, whole_in
+from printer_slicer.mesh_io.modifiers import read_modifiers
+from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
+from printer_slicer.mesh_io.units import UNITS, named_unit
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from printer_slicer.mesh_io.archive import Archive
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float
+
+__all__ = ["read_three_mf"]
+
+HOME: Final = "http://schemas.microsoft.com/3dmanufacturing/"
+CORE: Final = ("", f"{HOME}core/2015/02 ", f"{HOME}2013/01 ")
+"""What names of elements begin with."""
+PATH: Final = tuple(f"{HOME}production/{year} path" for year in ("2015/06", "2021/04"))
+UNDERSTOOD: Final = tuple(f"{HOME}{name}/" for name in ("core", "production", "material", "trianglesets"))
+"""Extensions that a file may require; those that only colour or group facets do not change the shape."""
+RELATIONS: Final = "_rels/.rels"
+RELATION: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
+START: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+USUAL_START: Final = "3d/3dmodel.model"
+
+
+@dataclass(slots=True, eq=False)
+class _Model:
+    """One model file of an archive, as far as it matters."""
+
+    shelf: Shelf
+    unit: str = "millimeter"
+    kinds: dict[Hashable, str] = field(default_factory=dict)
+    items: list[Use] = field(default_factory=list)
+    n_unprintable: int = 0
+
+
+class _ModelReader(Reader):
+    """Reads one model file."""
+
+    def __init__(self, path: Path, limits: Limits, part: str) -> None:
+        super().__init__(path, limits, part)
+        self.model = _Model(Shelf(path, limits))
+        self.check = self.model.shelf.check  # type: ignore[method-assign]
+        self._part = part
+        self._body = Body("no object")
+        for name, handler in {
+            "model": self._begin_model,
+            "object": self._begin_object,
+            "vertex": self._vertex,
+            "triangle": self._triangle,
+            "component": self._component,
+            "item": self._item,
+        }.items():
+            self.on((f"{space}{name}" for space in CORE), handler)
+
+    def _begin_model(self, attributes: list[str]) -> None:
+        given = dict(zip(attributes[::2], attributes[1::2], strict=True))
+        self.model.unit = given.get("unit", "millimeter")
+        for prefix in given.get("requiredextensions", "").split():
+            extension = self.namespaces.get(prefix, prefix)
+            if not extension.startswith(UNDERSTOOD):
+                raise self.fault(
+                    f"the file needs the 3MF extension '{extension[:100]}', which is not known here",
+                    "Export the part as a plain mesh, or as STL.",
+                )
+
+    def _begin_object(self, attributes: list[str]) -> None:
+        given = dict(zip(attributes[::2], attributes[1::2], strict=True))
+        key = (self._part, _number(given.get("id", "")))
+        self._body = self.model.shelf.begin(key, f"object {key[1]}")
+        self.model.kinds[key] = given.get("type", "model")
+
+    def _vertex(self, attributes: list[str]) -> None:
+        # Most files write nothing but x, y, z in this order; there can be millions of them.
+        if attributes[::2] == ["x", "y", "z"]:
+            self._body.xyz.extend((float(attributes[1]), float(attributes[3]), float(attributes[5])))
+        else:
+            self._body.xyz.extend([number_in(attributes, name) for name in "xyz"])
+
+    def _triangle(self, attributes: list[str]) -> None:
+        if attributes[:6:2] == ["v1", "v2", "v3"]:
+            self._body.corners.extend((int(attributes[1]), int(attributes[3]), int(attributes[5])))
+        else:
+            self._body.corners.extend([whole_in(attributes, name) for name in ("v1", "v2", "v3")])
+
+    def _component(self, attributes: list[str]) -> None:
+        self._body.parts.append(self._use(dict(zip(attributes[::2], attributes[1::2], strict=True))))
+
+    def _item(self, attributes: list[str]) -> None:
+        given = dict(zip(attributes[::2], attributes[1::2], strict=True))
+        if given.get("printable", "1").strip().lower() in ("0", "false"):
+            self.model.n_unprintable += 1
+        else:
+            self.model.items.append(self._use(given))
+
+    def _use(self, given: dict[str, str]) -> Use:
+        """An object that is placed, in this or another model file."""
+        self.model.shelf.count_use()
+        part = next((_absolute(given[name]) for name in PATH if name in given), self._part)
+        return Use((part, _number(given.get("objectid", ""))), self._matrix(given.get("transform", "")))
+
+    def _matrix(self, text: str) -> Float | None:
+        """(4, 4) of the twelve numbers of a transform."""
+        if not text:
+            return None
+        numbers = [float(word) for word in text.split()]
+        if len(numbers) != 12 or not all(map(math.isfinite, numbers)):
+            raise self.fault(f"a transform has 12 numbers, not '{text[:80]}'")
+        matrix = np.eye(4)
+        matrix[:, :3] = np.reshape(numbers, (4, 3))
+        return matrix
+
+
+class _RelationReader(Reader):
+    """Finds the model file that a program shall begin with."""
+
+    def __init__(self, path: Path, limits: Limits) -> None:
+        super().__init__(path, limits, RELATIONS)
+        self.start = ""
+        self.on((f"{space}Relationship" for space in RELATION), self._relation)
+
+    def _relation(self, attributes: list[str]) -> None:
+        given = dict(zip(attributes[::2], attributes[1::2], strict=True))
+        if given.get("Type") == START and not self.start:
+            self.start = _absolute(given.get("Target", ""))
+
+
+def read_three_mf(archive: Archive, limits: Limits, unit: str | None) -> tuple[Float, str, list[str]]:
+    """Everything that a 3MF archive builds.
+
+    Args:
+        archive: open.
+        limits: of what it holds.
+        unit: the key in UNITS that its numbers mean; None: what it says itself.
+
+    Returns:
+        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look.
+
+    Raises:
+        MeshError: it is no sound 3MF.
+    """
+    path, start = archive.path, _start(archive, limits)
+    first = _read(archive, limits, start)
+    own_unit = unit or named_unit(first.unit, path)
+    bodies, kinds = dict(first.shelf.bodies), dict(first.kinds)
+    _read_more(archive, limits, start, bodies, kinds)
+    modifiers = read_modifiers(archive, limits)
+    notes = modifiers.taken_from(bodies, start)
+    _without_other_kinds(bodies, kinds, notes)
+    if first.n_unprintable:
+        notes.append(f"{_items(first.n_unprintable)} not to be printed and left out")
+    if not first.items:
+        raise MeshError(
+            f"{path}: there is nothing in it to build", remedy="Mark a part as printable, and export again."
+        )
+    return assembled(first.items, bodies, path, limits, UNITS[own_unit]), own_unit, notes
+
+
+def _read(archive: Archive, limits: Limits, part: str) -> _Model:
+    reader = _ModelReader(archive.path, limits, part)
+    reader.read(archive.pieces(part))
+    return reader.model
+
+
+def _read_more(
+    archive: Archive, limits: Limits, start: str, bodies: dict[Hashable, Body], kinds: dict[Hashable, str]
+) -> None:
+    """The model files that the first one takes objects from; these must not take from others in turn."""
+    wanted = {use.key[0] for body in bodies.values() for use in body.parts if isinstance(use.key, tuple)}
+    for part in sorted(wanted - {start}):
+        model = _read(archive, limits, part)
+        bodies |= model.shelf.bodies
+        kinds |= model.kinds
+
+
+def _start(archive: Archive, limits: Limits) -> str:
+    """Name of the model file to begin with."""
+    if RELATIONS in archive:
+        reader = _RelationReader(archive.path, limits)
+        reader.read(archive.pieces(RELATIONS))
+        if reader.start in archive:
+            return reader.start
+    models = [name for name in archive.names if name.endswith(".model")]
+    if USUAL_START in models or len(models) == 1:
+        return USUAL_START if USUAL_START in models else models[0]
+    raise MeshError(f"{archive.path}: the archive holds no 3D model", remedy=EXPORT_AGAIN)
+
+
+def _without_other_kinds(bodies: dict[Hashable, Body], kinds: dict[Hashable, str], notes: list[str]) -> None:
+    """Empty the objects that are no part: supports, surfaces and others."""
+    for key, kind in kinds.items():
+        if kind != "model":
+            notes.append(f"{bodies[key].name} is of type '{kind[:40]}' and left out")
+            bodies[key] = Body(bodies[key].name)
+
+
+def _items(count: int) -> str:
+    return "1 item is" if count == 1 else f"{count} items are"
+
+
+def _number(text: str) -> str:
+    """Numbers of objects, as the same number may be written in several ways."""
+    return str(int(text))
+
+
+def _absolute(name: str) -> str:
+    """Name of a member of the archive."""
+    return posixpath.normpath("/" + name).lstrip("/").lower()

@@ -1,0 +1,250 @@
+"""Models on the command line: units, scale, turns, places, several at once, and what is told about them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import BOX, PARTS, QUICK, Outcome, is_message, typed
+
+from printer_slicer.cli.model_flags import attached
+from printer_slicer.mesh_io import export_stl, load_mesh
+from printer_slicer.model import Mesh
+
+CONE = PARTS / "cone.stl"
+
+
+def part(folder: Path, name: str, low: tuple[float, ...], high: tuple[float, ...]) -> Path:
+    """A box between two corners, as binary STL."""
+    box = load_mesh(BOX)
+    bounds = np.array([low, high])
+    export_stl(
+        Mesh((box.triangles - box.bounds[0]) / box.size * (bounds[1] - bounds[0]) + bounds[0]), folder / name
+    )
+    return folder / name
+
+
+def bounds(folder: Path, *arguments: object) -> Any:
+    """(2, 3) where the contours of the command lie, as lists."""
+    outcome = typed("contours", *arguments, "-o", folder / "x.svg", "--json", *QUICK)
+    assert outcome.code == 0, outcome.err
+    return json.loads(outcome.out)["bounds"]
+
+
+def fact(outcome: Outcome) -> dict[str, Any]:
+    assert outcome.code == 0, outcome.err
+    return dict(json.loads(outcome.out))
+
+
+# Where it goes
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        ((), [[100, 95, 0], [120, 125, 6]]),
+        (("--center", "30,40"), [[20, 25, 0], [40, 55, 6]]),
+        (("--as-placed",), [[5, 6, 0], [25, 36, 6]]),
+        (("--no-drop",), [[100, 95, 0], [120, 125, 9]]),
+        (("--scale", "2"), [[90, 80, 0], [130, 140, 12]]),
+        (("--scale", "50%"), [[105, 102.5, 0], [115, 117.5, 3]]),
+        (("--scale", "1,100%,0.5"), [[100, 95, 0], [120, 125, 3]]),
+        (("--units", "cm", "--scale", "0.1"), [[100, 95, 0], [120, 125, 6]]),
+        (("--rotate", "90"), [[95, 100, 0], [125, 120, 6]]),
+        (("--rotate", "-90,0,0"), [[100, 107, 0], [120, 113, 30]]),
+        (("--rotate", "0,90,0", "--as-placed", "--scale", "1"), [[3, 6, 0], [9, 36, 20]]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_the_part_is_where_it_was_asked_for(flags: tuple[str, ...], expected: Any, tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (5, 6, 3), (25, 36, 9))
+
+    np.testing.assert_allclose(bounds(tmp_path, model, *flags), expected, atol=0.002)
+
+
+def test_slice_plan_and_dry_run_take_the_same_flags(tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (5, 6, 3), (25, 36, 9))
+    flags = ("--scale", "0.5", "--rotate", "90,0,0", "--center", "40,30", "--json", *QUICK)
+    sliced = fact(typed("slice", model, "-o", tmp_path / "x.gcode", *flags))
+    planned = fact(typed("plan", model, *flags))
+    printed = fact(typed("dry-run", model, *flags))
+
+    assert sliced["layers"] == len(planned["layers"]["top"])
+    assert planned["part"]["size"] == [10, 3, 15]
+    assert max(printed["heights"]) == pytest.approx(15, abs=0.2)
+    for told in (sliced, planned, printed):
+        assert told["warnings"] == []
+        assert [one["file"] for one in told["models"]] == [str(model)]
+
+
+@pytest.mark.parametrize(
+    ("flags", "what"),
+    [
+        (("--as-placed",), "from x -100"),
+        (("--center", "0,0"), "from x -10"),
+        (("--no-drop", "--rotate", "180,0,0"), "under the bed"),
+    ],
+)
+def test_what_leaves_the_bed_is_refused(flags: tuple[str, ...], what: str, tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (-100, 0, 3), (-80, 20, 9))
+    outcome = typed("slice", model, *flags, *QUICK)
+
+    assert (outcome.code, outcome.out) == (3, "")
+    assert is_message(outcome, "a: reaches", what)
+    assert len(outcome.err.splitlines()) == 2
+
+
+# Several models
+
+
+def test_several_models_are_one_plate_as_their_files_place_them(tmp_path: Path) -> None:
+    left = part(tmp_path, "left.stl", (0, 0, 0), (10, 10, 6))
+    right = part(tmp_path, "right.stl", (50, 0, 0), (60, 20, 3))
+
+    np.testing.assert_allclose(bounds(tmp_path, left, right), [[80, 100, 0], [140, 120, 6]], atol=0.002)
+    told = fact(typed("slice", left, right, "-o", tmp_path / "plate.gcode", "--json", *QUICK))
+    assert told["volume_mm3"] == pytest.approx(600 + 600)
+    assert [one["facets"] for one in told["models"]] == [12, 12]
+    assert told["warnings"] == []
+
+
+def test_the_plate_is_called_after_the_first_model(tmp_path: Path) -> None:
+    left = part(tmp_path, "left.stl", (0, 0, 0), (10, 10, 6))
+    right = part(tmp_path, "right.stl", (50, 0, 0), (60, 20, 3))
+    outcome = typed("slice", left, right, *QUICK)
+
+    assert outcome.code == 0, outcome.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["left.gcode", "left.stl", "right.stl"]
+
+
+def test_no_model_is_overwritten(tmp_path: Path) -> None:
+    left = part(tmp_path, "left.stl", (0, 0, 0), (10, 10, 6))
+    right = part(tmp_path, "right.stl", (50, 0, 0), (60, 20, 3))
+    before = right.read_bytes()
+
+    assert is_message(typed("slice", left, right, "-o", right, *QUICK), "right.stl: is the model itself")
+    assert right.read_bytes() == before
+
+
+def test_a_model_over_the_bed_is_told(tmp_path: Path) -> None:
+    low = part(tmp_path, "low.stl", (0, 0, 0), (10, 10, 6))
+    high = part(tmp_path, "high.stl", (50, 0, 2.5), (60, 20, 6))
+    outcome = typed("slice", low, high, "--json", *QUICK)
+
+    assert (
+        outcome.err
+        == "printer-slicer: warning: high.stl: begins 2.5 mm over the bed, as its file places it\n"
+    )
+    assert fact(outcome)["warnings"] == ["high.stl: begins 2.5 mm over the bed, as its file places it"]
+    assert typed("slice", low, high, "-q", *QUICK).err == ""
+
+
+def test_a_plate_is_printed_by_the_simulated_printer(tmp_path: Path) -> None:
+    low = part(tmp_path, "low.stl", (0, 0, 0), (10, 10, 2.1))
+    high = part(tmp_path, "high.stl", (50, 0, 0), (60, 20, 1.2))
+    outcome = typed("print", low, high, "--port", "sim:", "--json", *QUICK)
+    events = [json.loads(line) for line in outcome.out.splitlines()]
+
+    assert outcome.code == 0, outcome.err
+    assert events[0]["event"] == "models"
+    assert [one["file"] for one in events[0]["models"]] == [str(low), str(high)]
+    assert events[-1]["job"] == "low.stl and 1 more"
+    assert events[-1]["ok"]
+
+
+# Doubtful sizes
+
+
+def test_a_tiny_part_is_told_with_a_guess(tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (0, 0, 0), (2, 2, 2))
+    outcome = typed("slice", model, "--json", *QUICK)
+    warning = "a.stl: the part is only 2 x 2 x 2 mm; were the numbers of the file meant in inches?"
+
+    assert outcome.err.startswith(
+        f"printer-slicer: warning: {warning} --units inch makes it 50.8 x 50.8 x 50.8 mm"
+    )
+    assert fact(outcome)["warnings"][0].startswith(warning)
+    assert typed("slice", model, "--units", "inch", *QUICK).err == ""
+    assert typed("slice", model, "--scale", "25.4", *QUICK).err == ""
+
+
+@pytest.mark.parametrize("command", ["slice", "plan", "dry-run"])
+def test_a_part_in_metres_is_told_before_it_is_refused(command: str, tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (0, 0, 0), (0.04, 0.03, 0.02))
+    outcome = typed(command, model, *QUICK)
+
+    assert outcome.code == 3
+    assert is_message(
+        outcome, "in metres? --units m makes it 40 x 30 x 20 mm", "thinner than the thinnest layer"
+    )
+
+
+def test_a_part_of_three_metres_is_refused_with_a_guess(tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (0, 0, 0), (3000, 2000, 2000))
+
+    assert is_message(
+        typed("slice", model, *QUICK), "3000 x 2000", "micrometres? --units micron makes it 3 x 2 x 2 mm"
+    )
+    outcome = typed("slice", model, "--units", "m", *QUICK)
+    assert is_message(outcome, "--scale 0.0073% would just fit", "--units micron")
+
+
+# What cannot be
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("--scale", "0"),
+        ("--scale=-1",),
+        ("--scale", "big"),
+        ("--scale", "1,2"),
+        ("--scale", "nan"),
+        ("--scale", "inf"),
+        ("--rotate", "1,2"),
+        ("--rotate", "x"),
+        ("--center", "5"),
+        ("--center", "5,inf"),
+        ("--center", "5,5", "--as-placed"),
+        ("--units", "furlong"),
+    ],
+    ids=" ".join,
+)
+def test_flags_that_make_no_sense_are_refused(flags: tuple[str, ...]) -> None:
+    outcome = typed("slice", BOX, *flags)
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert flags[0].partition("=")[0] in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("flags", "flag"),
+    [(("--scale", "2"), "--scale"), (("--no-drop",), "--no-drop"), (("--as-placed",), "--as-placed")],
+)
+@pytest.mark.parametrize("command", [("dry-run",), ("print", "--port", "sim:")], ids=lambda words: words[0])
+def test_gcode_is_not_changed(
+    command: tuple[str, ...], flags: tuple[str, ...], flag: str, tmp_path: Path
+) -> None:
+    (tmp_path / "x.gcode").write_text("G28\nG1 X5 F3000\n", encoding="utf-8")
+    outcome = typed(command[0], tmp_path / "x.gcode", *command[1:], *flags, *QUICK)
+
+    assert outcome.code == 2
+    assert is_message(outcome, f"{flag} has no meaning for G-code")
+
+
+def test_gcode_is_printed_alone(tmp_path: Path) -> None:
+    (tmp_path / "x.gcode").write_text("G28\n", encoding="utf-8")
+    outcome = typed("dry-run", BOX, tmp_path / "x.gcode", *QUICK)
+
+    assert outcome.code == 2
+    assert is_message(outcome, "G-code is printed alone")
+
+
+def test_values_with_a_minus_sign_stay_with_their_flag() -> None:
+    assert attached(["slice", "--rotate", "-90,0,0", "a.stl"]) == ["slice", "--rotate=-90,0,0", "a.stl"]
+    assert attached(["--center", "-.5,-3", "-q"]) == ["--center=-.5,-3", "-q"]
+    assert attached(["--rotate", "-q"]) == ["--rotate", "-q"]
+    assert attached(["--rotate=-9", "-9"]) == ["--rotate=-9", "-9"]

@@ -1,0 +1,194 @@
+"""GLB: nodes, strips, sparse and quantized positions; against trimesh where that can read them."""
+
+from __future__ import annotations
+
+import base64
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from tiny_files import BOX, CORNERS, FACES, glb, glb_box, write
+
+from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io import load_mesh, load_model
+
+UPRIGHT = np.stack([BOX[:, :, 0], -BOX[:, :, 2], BOX[:, :, 1]], axis=2)
+"""The box with its y up."""
+
+
+def fault(folder: Path, content: bytes) -> str:
+    path = write(folder, content, "part.glb")
+    with pytest.raises(MeshError) as caught:
+        load_mesh(path)
+    assert str(path) in str(caught.value)
+    assert caught.value.remedy
+    return str(caught.value)
+
+
+def test_a_glb_is_in_metres_with_y_up(tmp_path: Path) -> None:
+    model = load_model(write(tmp_path, glb_box(), "part.glb"))
+
+    assert np.array_equal(model.mesh.triangles, 1000 * UPRIGHT)
+    assert (model.kind, model.unit) == ("glb", "m")
+    assert np.array_equal(load_mesh(tmp_path / "part.glb", units="mm").triangles, UPRIGHT)
+
+
+@pytest.mark.parametrize(
+    "make", [trimesh.creation.icosphere, trimesh.creation.cylinder, trimesh.creation.torus]
+)
+def test_what_trimesh_writes_is_read_as_trimesh_reads_it(tmp_path: Path, make: Any) -> None:
+    sizes = {"cylinder": {"radius": 2, "height": 5}, "torus": {"major_radius": 5, "minor_radius": 1}}
+    part = make(**sizes.get(make.__name__, {}))
+    scene = trimesh.Scene()
+    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3], [4, 5, 6])
+    scene.add_geometry(part, node_name="one", transform=turn)
+    scene.add_geometry(part, node_name="two", parent_node_name="one", transform=np.diag([-1.0, 2, 1, 1]))
+    path = tmp_path / "part.glb"
+    path.write_bytes(scene.export(file_type="glb"))
+    expected = trimesh.load(path, force="scene").to_geometry()
+
+    mesh = load_mesh(path, units="mm")
+
+    x, y, z = expected.bounds.T
+    np.testing.assert_allclose(mesh.bounds.T, [x, -z[::-1], y], atol=1e-6)
+    assert mesh.volume == pytest.approx(abs(expected.volume), rel=1e-6)
+
+
+def test_nodes_move_what_hangs_on_them(tmp_path: Path) -> None:
+    nodes = [
+        {"children": [1, 2], "translation": [10, 0, 0], "rotation": [0, 0, 0.5**0.5, 0.5**0.5]},
+        {"mesh": 0, "scale": [2, 1, 1]},
+        {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 50, 1]},
+    ]
+    mesh = load_mesh(write(tmp_path, glb_box(nodes=nodes), "part.glb"), units="mm")
+
+    # In its own axes: x of 4 and 2 becomes y by the turn; then x is shifted. z of the box is our -y.
+    np.testing.assert_allclose(mesh.bounds, [[7, -54, 0], [10, 0, 4]], atol=1e-6)
+
+
+def test_a_file_without_scenes_shows_the_nodes_that_hang_on_none(tmp_path: Path) -> None:
+    nodes = [{"mesh": 0}, {"children": [0], "translation": [5, 0, 0]}]
+    mesh = load_mesh(write(tmp_path, glb_box(nodes=nodes, scenes=[]), "part.glb"), units="mm")
+
+    assert mesh.bounds[:, 0].tolist() == [5, 7]
+
+
+@pytest.mark.parametrize("mode", [5, 6], ids=["strip", "fan"])
+def test_strips_and_fans_become_facets(tmp_path: Path, mode: int) -> None:
+    """Two of them make a box of four triangles: a tetrahedron."""
+    points = np.array([[0, 0, 0], [0, 0, 3], [0, 3, 0], [3, 0, 0]], dtype="<f4")
+    strips = {5: [0, 1, 2, 3, 0, 1], 6: [0, 1, 2, 3, 1]}
+    corners = np.array(strips[mode], dtype="<u2")
+    closing = np.array([1, 3, 2], dtype="<u2")
+    binary = points.tobytes() + corners.tobytes() + closing.tobytes()
+    primitives = [{"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}]
+    primitives += [{"attributes": {"POSITION": 0}, "indices": 2, "mode": 4}] if mode == 6 else []
+    tree = {
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": primitives}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": len(corners), "type": "SCALAR"},
+            {
+                "bufferView": 1,
+                "byteOffset": corners.nbytes,
+                "componentType": 5123,
+                "count": 3,
+                "type": "SCALAR",
+            },
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": len(binary) - 48},
+        ],
+        "buffers": [{"byteLength": len(binary)}],
+    }
+    mesh = load_mesh(write(tmp_path, glb(tree, binary), "part.glb"), units="mm")
+
+    assert mesh.n_facets == 4
+    assert mesh.volume == pytest.approx(4.5)
+
+
+def with_accessor(**changes: Any) -> dict[str, Any]:
+    position = {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"} | changes
+    return {"accessors": [position, {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}]}
+
+
+def test_sparse_positions_replace_others(tmp_path: Path) -> None:
+    """The last corner, (2, 3, 4), is moved to (2, 9, 4)."""
+    tree_binary = CORNERS.astype("<f4").tobytes() + FACES.astype("<u2").tobytes()
+    binary = tree_binary + struct.pack("<H2x3f", 7, 2, 9, 4)
+    sparse = {"count": 1, "indices": {"bufferView": 2, "componentType": 5123}, "values": {"bufferView": 3}}
+    views = [(0, 96), (96, 72), (168, 2), (172, 12)]
+    tree = {
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "bufferViews": [{"buffer": 0, "byteOffset": start, "byteLength": length} for start, length in views],
+        "buffers": [{"byteLength": len(binary)}],
+    } | with_accessor(sparse=sparse)
+    mesh = load_mesh(write(tmp_path, glb(tree, binary), "part.glb"), units="mm")
+
+    assert mesh.bounds.tolist() == [[0, -4, 0], [2, 0, 9]]
+
+
+def test_quantized_positions_are_read(tmp_path: Path) -> None:
+    """Whole numbers that mean shares of 32767, in rows of 8 bytes, scaled by the node."""
+    rows = np.zeros((8, 4), dtype="<i2")
+    rows[:, :3] = np.round(CORNERS / 4 * 32767)
+    binary = rows.tobytes() + FACES.astype("<u2").tobytes()
+    tree = {
+        "extensionsRequired": ["KHR_mesh_quantization"],
+        "nodes": [{"mesh": 0, "scale": [4, 4, 4]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 64, "byteStride": 8},
+            {"buffer": 0, "byteOffset": 64, "byteLength": 72},
+        ],
+        "buffers": [{"byteLength": len(binary)}],
+    } | with_accessor(componentType=5122, normalized=True)
+    mesh = load_mesh(write(tmp_path, glb(tree, binary), "part.glb"), units="mm")
+
+    np.testing.assert_allclose(mesh.triangles, UPRIGHT, atol=2e-4)
+
+
+def test_a_buffer_may_stand_in_the_text(tmp_path: Path) -> None:
+    binary = CORNERS.astype("<f4").tobytes() + FACES.astype("<u2").tobytes()
+    uri = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
+    buffers = [{"byteLength": len(binary), "uri": uri}]
+
+    assert np.array_equal(
+        load_mesh(write(tmp_path, glb_box(buffers=buffers), "part.glb"), units="mm").triangles, UPRIGHT
+    )
+
+
+VIEW = {"buffer": 0, "byteLength": 96}
+FAULTS = {
+    "draco": (glb_box(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
+    "other file": (glb_box(buffers=[{"byteLength": 9, "uri": "/etc/passwd"}]), "in another file"),
+    "web": (glb_box(buffers=[{"byteLength": 9, "uri": "http://127.0.0.1:9/x"}]), "in another file"),
+    "too many items": (glb_box(**with_accessor(count=9)), "do not fit"),
+    "billions of nothing": (glb_box(**with_accessor(bufferView=0, count=4_000_000_000)), "4000000000"),
+    "items without bytes": (
+        glb_box(accessors=[{"componentType": 5126, "count": 50_000_000, "type": "VEC3"}]), "50000000 items without"
+    ),
+    "negative offset": (glb_box(**with_accessor(byteOffset=-4)), "not there"),
+    "overlapping rows": (glb_box(bufferViews=[VIEW | {"byteStride": 1}, VIEW]), "not there"),
+    "view beyond the end": (glb_box(bufferViews=[VIEW | {"byteLength": 10**9}, VIEW]), "not there"),
+    "index beyond the last": (glb_box(bufferViews=[VIEW, VIEW]), "a facet with vertex"),
+    "negative index": (glb_box(nodes=[{"mesh": -1}]), "-1 where an index"),
+    "node in itself": (glb_box(nodes=[{"mesh": 0, "children": [0]}]), "within each other"),
+    "endless turn": (glb_box(nodes=[{"mesh": 0, "translation": [float("inf"), 0, 0]}]), "moved by no number"),
+    "deep text": (glb_box(extras=0).replace(b'"extras": 0', b'"extras":' + b"[" * 3), "sound .glb"),
+    "version 1": (b"glTF\1\0\0\0" + glb_box()[8:], "version 2"),
+    "cut off": (glb_box()[:-20], "are left"),
+    "head only": (b"glTF", "sound .glb"),
+    "empty scene": (glb_box(scenes=[{}]), "no facets"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "message"), FAULTS.values(), ids=FAULTS.keys())
+def test_a_broken_glb_is_refused_with_what_is_wrong(content: bytes, message: str, tmp_path: Path) -> None:
+    assert message in fault(tmp_path, content)

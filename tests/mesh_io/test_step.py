@@ -1,0 +1,63 @@
+"""STEP through the optional package, and without it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_files import write
+from tiny_step import step_box
+
+from printer_slicer.errors import MeshError, UsageError
+from printer_slicer.mesh_io import load_model
+
+needs_cascadio = pytest.mark.skipif(find_spec("cascadio") is None, reason="the extra step is not installed")
+
+
+@needs_cascadio
+@pytest.mark.parametrize(("prefix", "mm", "name"), [(".MILLI.", 1.0, "part.STP"), ("$", 1000.0, "part")])
+def test_a_step_file_says_its_unit_and_keeps_z_up(tmp_path: Path, prefix: str, mm: float, name: str) -> None:
+    """It is known by either extension, and by how it begins."""
+    model = load_model(write(tmp_path, step_box(20 / mm, 30 / mm, 40 / mm, prefix=prefix), name))
+
+    np.testing.assert_allclose(model.mesh.bounds, [[0, 0, 0], [20, 30, 40]], atol=1e-5)
+    assert model.mesh.n_facets == 12
+    assert (model.kind, model.unit) == ("step", "mm")
+
+
+@needs_cascadio
+def test_a_step_file_without_solids_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, "ISO-10303-21;\nhello", "part.step")
+
+    with pytest.raises(MeshError, match="STEP") as caught:
+        load_model(path)
+    assert str(path) in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_the_unit_of_a_step_file_cannot_be_changed(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="says itself") as caught:
+        load_model(write(tmp_path, step_box(2, 3, 4), "part.step"), units="inch")
+    assert "--scale" in caught.value.remedy
+
+
+def test_without_the_package_the_command_that_installs_it_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path, step_box(2, 3, 4), "part.step")
+    code = (
+        "import sys\n"
+        "sys.modules['cascadio'] = None\n"
+        "from printer_slicer.errors import UsageError\n"
+        "from printer_slicer.mesh_io import load_mesh\n"
+        "try:\n"
+        "    load_mesh(sys.argv[1])\n"
+        "except UsageError as error:\n"
+        "    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+
+    assert "reading STEP needs the package cascadio" in done.stdout
+    assert "python -m pip install 'printer-slicer[step]'" in done.stdout
