@@ -13,7 +13,7 @@ from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
+from printer_slicer.model import Float, LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
@@ -36,7 +36,13 @@ def quiet(stage: str) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stages:
-    """Every value on the way from a part to its moves; `repairs`: what was put right, placed as in the file."""
+    """Every value on the way from a part to its moves.
+
+    Attributes:
+        part: repaired and placed.
+        repairs: what was put right, placed as in the file.
+        shift: (3,) mm from the placed part to where the file has it.
+    """
 
     part: Mesh
     sections: Sections
@@ -45,6 +51,7 @@ class Stages:
     toolpaths: Toolpaths
     program: Program
     repairs: Repairs = field(default_factory=Repairs)
+    shift: Float = field(default_factory=lambda: np.zeros(3))
 
 
 def slice_stages(
@@ -75,13 +82,14 @@ def slice_stages(
         refuse_repaired(mesh.name, repairs)
     report("placing")
     part = place(mended, profile.printer, placement)
+    shift = mended.bounds[0] - part.bounds[0]
+    del mesh, mended  # where nobody else holds them: millions of facets weigh hundreds of megabytes
     report("planning")
     stages = _down_from(part, plan or plan_part(part, profile), profile, report)
-    shift = mended.bounds[0] - part.bounds[0]
     repairs = Repairs((*repairs.done, *section_repairs(stages.sections, shift)))
     if strict:
-        refuse_repaired(mesh.name, repairs)
-    return replace(stages, repairs=repairs)
+        refuse_repaired(part.name, repairs)
+    return replace(stages, repairs=repairs, shift=shift)
 
 
 def plan_part(part: Mesh, profile: Profile) -> LayerPlan:

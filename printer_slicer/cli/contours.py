@@ -77,16 +77,18 @@ def contours_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     _refuse_broken_promise(arguments, profile)
     with stages(arguments) as report:
-        plate, repairs = repaired_plate(arguments, profile.printer, report)
+        mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
         for path in arguments.models:
             refuse_same(target.path, path)
         report("placing")
-        part = place(plate.mesh, profile.printer, plate.placement)
+        part = place(mesh, profile.printer, plate.placement)
+        shift = mesh.bounds[0] - part.bounds[0]
+        del mesh
         report("planning")
         plan = plan_part(part, profile)
         report("slicing")
         raw = cut(part, plan, profile.quality.resolution)
-        repairs = Repairs((*repairs.done, *section_repairs(raw, plate.mesh.bounds[0] - part.bounds[0])))
+        repairs = Repairs((*repairs.done, *section_repairs(raw, shift)))
         if arguments.strict:
             refuse_repaired(part.name, repairs)
         sections = _shaped(raw, arguments, profile, report)

@@ -35,13 +35,10 @@ _MOST_RUNS = 6  # stretches of equal height shown per plan
 _MOST_PLACES = 10
 
 
-def facts_of(
-    mesh: Mesh, stages: Stages, profile: Profile, seconds: float, certificate: Certificate
-) -> dict[str, Any]:
-    """Everything worth knowing, ready for JSON.
+def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Certificate) -> dict[str, Any]:
+    """Everything worth knowing, ready for JSON; places are told as the file has them.
 
     Args:
-        mesh: the part as it was repaired; places are told in its coordinates.
         stages: the sliced part.
         profile: what it was sliced with.
         seconds: modelled time of the moves.
@@ -49,7 +46,6 @@ def facts_of(
     """
     program = stages.program
     area = np.pi * profile.material.filament_diameter**2 / 4
-    shift = mesh.bounds[0] - stages.part.bounds[0]
     return {
         "time_budget": time_budget(profile),
         "layers": program.plan.n_layers,
@@ -59,15 +55,15 @@ def facts_of(
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
-        "volume_mm3": round(mesh.volume, 3),
+        "volume_mm3": round(stages.part.volume, 3),
         "lost_mm3": round(float((stages.walls.lost * program.plan.height).sum()), 3),
         "empty_layers": program.plan.n_layers - len(program.printed),
         "begins_at": _begins_at(program),
         "skirt_left_out": bool(profile.quality.skirt_loops) and not (program.role == Role.SKIRT).any(),
-        "faults": _faults(mesh),
+        "faults": _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
-        "certificate": certificate_facts(certificate, stages.part, profile, shift),
+        "certificate": certificate_facts(certificate, stages.part, profile, stages.shift),
     }
 
 
@@ -77,12 +73,12 @@ def _begins_at(program: Program) -> float:
     return round(float(program.plan.bottom[program.layer[of_part].min()]), 4) if of_part.any() else 0.0
 
 
-def _faults(mesh: Mesh) -> dict[str, Any]:
+def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
     """How many edges are open, flipped or crowded, and where the first ones are."""
-    faults = mesh_faults(mesh)
+    faults = mesh_faults(part)
     named = {"open": faults.open_edges, "flipped": faults.flipped_edges, "crowded": faults.crowded_edges}
     return {
-        name: {"count": len(places), "places": np.round(places[:_MOST_PLACES], 4).tolist()}
+        name: {"count": len(places), "places": np.round(places[:_MOST_PLACES] + shift, 4).tolist()}
         for name, places in named.items()
         if len(places)
     }

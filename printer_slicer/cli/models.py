@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,16 +37,14 @@ _MODEL_FLAGS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plate:
-    """What shall be printed together.
+    """What is known about the models that shall be printed together.
 
     Attributes:
-        mesh: all parts, as their files place them, scaled and turned.
-        placement: where they go.
+        placement: where the parts go.
         warnings: what deserves a look, for people.
         models: what is known about each file, ready for JSON.
     """
 
-    mesh: Mesh
     placement: Placement
     warnings: tuple[str, ...]
     models: tuple[dict[str, Any], ...]
@@ -56,8 +54,10 @@ class Plate:
         return {"models": list(self.models), "warnings": list(self.warnings)}
 
 
-def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) -> Plate:
-    """Read the models of a command line; what deserves a look is told on stderr at once.
+def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) -> tuple[Mesh, Plate]:
+    """All models of a command line as one mesh, as their files place them, scaled and turned; what is known.
+
+    What deserves a look is told on stderr at once.
 
     Raises:
         UsageError, MeshError: a file cannot be read, or is no part.
@@ -81,22 +81,24 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     )
     warnings += _in_the_air(arguments.models, meshes, placement)
     warn(arguments, warnings)
-    return Plate(joined(meshes), placement, tuple(warnings), tuple(models))
+    return joined(meshes), Plate(placement, tuple(warnings), tuple(models))
 
 
-def repaired_plate(arguments: argparse.Namespace, printer: Printer, report: Stages) -> tuple[Plate, Repairs]:
-    """The plate with its mesh put right, and what was put right.
+def repaired_plate(
+    arguments: argparse.Namespace, printer: Printer, report: Stages
+) -> tuple[Mesh, Plate, Repairs]:
+    """The models as one mesh that was put right, what is known of them, and what was put right.
 
     Raises:
         PrinterSlicerError: it cannot be read or repaired, or --strict refuses it.
     """
     report("loading")
-    plate = plate_from(arguments, printer, report)
+    mesh, plate = plate_from(arguments, printer, report)
     report("repairing")
-    mended, repairs = repair(plate.mesh)
+    mended, repairs = repair(mesh)
     if arguments.strict:
-        refuse_repaired(plate.mesh.name, repairs)
-    return replace(plate, mesh=mended), repairs
+        refuse_repaired(mesh.name, repairs)
+    return mended, plate, repairs
 
 
 def _progress(report: Stages, path: Path) -> Any:

@@ -59,23 +59,23 @@ def plan_command(arguments: argparse.Namespace) -> int:
     refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
-        plate, repairs = repaired_plate(arguments, profile.printer, report)
-        mesh, name = plate.mesh, plate_name(arguments.models)
+        mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
+        table, name = _table_1(mesh), plate_name(arguments.models)
         part = place(mesh, profile.printer, plate.placement)
+        shift = np.asarray(mesh.bounds[0] - part.bounds[0])
+        del mesh
         report("planning")
         chosen = plan_part(part, profile)
         certificate = certify(read_surface(part), chosen)
         sections = cut(part, chosen, profile.quality.resolution)
-        repairs = Repairs((*repairs.done, *section_repairs(sections, mesh.bounds[0] - part.bounds[0])))
+        repairs = Repairs((*repairs.done, *section_repairs(sections, shift)))
         if arguments.strict:
             refuse_repaired(part.name, repairs)
         rows = _compare(part, profile, chosen, report, everything=arguments.compare)
         if arguments.picture:
             report("drawing")
             _draw(part, sections, certificate, profile, arguments)
-    table = _table_1(mesh)
-    facts = certificate_facts(certificate, part, profile, np.asarray(mesh.bounds[0] - part.bounds[0]))
-    facts |= {"thin_features": _thin(part, chosen)}
+    facts = certificate_facts(certificate, part, profile, shift) | {"thin_features": _thin(part, chosen)}
     if arguments.json:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}

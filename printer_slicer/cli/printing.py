@@ -83,11 +83,9 @@ def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tup
             "warnings": [],
         }
     report("loading")
-    plate = plate_from(arguments, profile.printer, report)
+    mesh, plate = plate_from(arguments, profile.printer, report)
     name = plate_name(arguments.models)
-    job = job_of(
-        plate.mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict
-    )
+    job = job_of(mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict)
     return job, plate.facts()
 
 

@@ -31,12 +31,14 @@ def slice_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     refuse_mixing(arguments)
     with stages(arguments) as report:
-        plate, repairs = repaired_plate(arguments, profile.printer, report)
+        mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
         output = arguments.output or arguments.models[0].with_suffix(".gcode")
         for path in arguments.models:
             refuse_same(output, path)
+        meshes = [mesh]
+        del mesh  # what was read is not needed beyond placing, and may be large
         stage = slice_stages(
-            plate.mesh, profile, placement=plate.placement, report=report, strict=arguments.strict
+            meshes.pop(), profile, placement=plate.placement, report=report, strict=arguments.strict
         )
         stage = replace(stage, repairs=Repairs(repairs.done + stage.repairs.done))
         program = stage.program
@@ -46,7 +48,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
             _draw_layer(program, arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), program.plan)
         write_file(output, gcode_of(program, profile, seconds=seconds, certificate=certificate))
-    facts = facts_of(plate.mesh, stage, profile, seconds, certificate)
+    facts = facts_of(stage, profile, seconds, certificate)
     if arguments.json:
         print(json.dumps({"output": str(output), **facts, **plate.facts()}))
     elif str(output) != "-":
