@@ -371,7 +371,7 @@ COMMANDS = st.lists(
 )
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(COMMANDS)
 def test_whatever_is_sent_is_executed_once_and_in_order(
     tmp_path_factory: pytest.TempPathFactory, lines: list[str]

@@ -16,7 +16,6 @@ from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
 
 __all__ = [
-    "budget_sentences",
     "certificate_facts",
     "certificate_sentences",
     "facts_of",
@@ -25,7 +24,6 @@ __all__ = [
     "repair_sentences",
     "runs_text",
     "sentences",
-    "time_budget",
     "unkept_sentences",
 ]
 
@@ -47,7 +45,6 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
     program = stages.program
     area = np.pi * profile.material.filament_diameter**2 / 4
     return {
-        "time_budget": time_budget(profile),
         "layers": program.plan.n_layers,
         "planner": program.plan.planner,
         "heights": [[count, height] for count, height in program.plan.runs()],
@@ -63,7 +60,7 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         "faults": _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
-        "certificate": certificate_facts(certificate, stages.part, profile, stages.shift),
+        "certificate": certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
     }
 
 
@@ -100,7 +97,6 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         change.removeprefix("quality.").startswith("layer_height") for change in changes
     ):
         lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
-    lines += budget_sentences(facts["time_budget"], facts["seconds"])
     first = certificate_sentences(facts["certificate"])[0]
     lines += [first, *unkept_sentences(facts["certificate"])]
     if facts["empty_layers"]:
@@ -165,31 +161,15 @@ def _fault_sentences(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def time_budget(profile: Profile) -> float:
-    """The time that the planner was given, s; 0 where it was given none."""
-    planner = profile.quality.planner
-    return planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
-
-
-def budget_sentences(budget: float, seconds: float) -> list[str]:
-    """What to say where a plan takes longer than it should; nothing where there is no budget or it is kept.
-
-    Args:
-        budget: s, 0 for none.
-        seconds: of the program.
-    """
-    if not 0 < budget < seconds:
-        return []
-    return [f"the time budget of {spoken(budget)} cannot be kept with this tolerance and these heights"]
-
-
 def flats_off(flats: Float, plan: LayerPlan) -> float:
     """The farthest that one of the flats at these heights (n,) is from the end of a layer, mm."""
     ends = np.append(plan.top, 0.0)
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
 
 
-def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, shift: Float) -> dict[str, Any]:
+def certificate_facts(
+    certificate: Certificate, part: Mesh, profile: Profile, shift: Float, seconds: float
+) -> dict[str, Any]:
     """What is proven about a plan, ready for JSON.
 
     Args:
@@ -197,6 +177,7 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
         part: as it was placed.
         profile: what it was planned with.
         shift: (3,) mm from the placed part to the file's coordinates, in which places are told.
+        seconds: modelled time of the moves.
     """
     worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
     flats = find_flats(part)[0]
@@ -230,8 +211,20 @@ def certificate_facts(certificate: Certificate, part: Mesh, profile: Profile, sh
                 "cause": unkept.cause,
             }
             for unkept in unkept_rules(part, certificate, profile)
-        ],
+        ]
+        + _budget_facts(profile, plan, seconds),
     }
+
+
+def _budget_facts(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
+    """The time budget as an unkept rule, where there is one and the moves take longer."""
+    planner = profile.quality.planner
+    budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
+    if not 0 < budget < seconds:
+        return []
+    whole = {"rule": "time_budget", "from": 0.0, "to": round(float(plan.top[-1]), 6)}
+    cause = "the other rules and the heights allowed come first"
+    return [whole | {"budget_s": budget, "amount_s": round(seconds - budget, 3), "cause": cause}]
 
 
 _WHY = {
@@ -289,8 +282,13 @@ def unkept_sentences(facts: dict[str, Any]) -> list[str]:
         facts: of `certificate_facts`.
     """
     wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
-    unkept = facts["unkept"]
+    budgets = [one for one in facts["unkept"] if one["rule"] == "time_budget"]
     lines = [
+        f"the time budget of {spoken(one['budget_s'])} is exceeded by {spoken(one['amount_s'])}; {one['cause']}"
+        for one in budgets
+    ]
+    unkept = [one for one in facts["unkept"] if one["rule"] != "time_budget"]
+    lines += [
         f"{_BROKEN[one['rule']].format(wanted=wanted, **one)}; {one['cause']}" for one in unkept[:_MOST_RUNS]
     ]
     if len(unkept) > _MOST_RUNS:

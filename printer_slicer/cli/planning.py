@@ -11,14 +11,12 @@ import numpy as np
 
 from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
 from printer_slicer.cli.facts import (
-    budget_sentences,
     certificate_facts,
     certificate_sentences,
     flats_off,
     repair_facts,
     repair_sentences,
     runs_text,
-    time_budget,
 )
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.extrusion import move_seconds
@@ -75,7 +73,8 @@ def plan_command(arguments: argparse.Namespace) -> int:
         if arguments.picture:
             report("drawing")
             _draw(part, sections, certificate, profile, arguments)
-    facts = certificate_facts(certificate, part, profile, shift) | {"thin_features": _thin(part, chosen)}
+    facts = certificate_facts(certificate, part, profile, shift, float(str(rows[-1]["seconds"])))
+    facts |= {"thin_features": _thin(part, chosen)}
     if arguments.json:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
@@ -86,8 +85,6 @@ def plan_command(arguments: argparse.Namespace) -> int:
         print(
             "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
         )
-        for line in budget_sentences(time_budget(profile), float(str(rows[-1]["seconds"]))):
-            print(line)
         for line in repair_sentences(repair_facts(repairs)):
             print(line)
     return 0

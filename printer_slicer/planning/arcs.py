@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from printer_slicer.geometry import frozen_array
 from printer_slicer.geometry.slabs import BESIDE
-from printer_slicer.model import Bool, Float, Int
-from printer_slicer.planning.lattice import Lattice, Row, rows_of
+from printer_slicer.model import Bool, Float, Int, Mesh
+from printer_slicer.planning.lattice import Lattice, Row, event_planes, rows_of
 from printer_slicer.planning.path import Graph
 from printer_slicer.planning.seconds import LayerTimes
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
-from printer_slicer.surface import Surface
+from printer_slicer.surface import Surface, read_surface
 from printer_slicer.surface.runs import runs_by_length
 
 __all__ = ["Arcs"]
@@ -57,10 +57,11 @@ class Arcs:
 
     @classmethod
     def over(
-        cls, surface: Surface, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool = False
+        cls, mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool = False
     ) -> Arcs:
         """The layers for a part; with `everywhere` those of any height that the printer can print."""
-        rows = rows_of(surface, lattice, steps, profile, everywhere=everywhere)
+        surface, planes = read_surface(mesh), event_planes(mesh, profile)
+        rows = rows_of(planes, lattice, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
         middles: Float = np.arange(2 * lattice.n + 1, dtype=np.float64) * (lattice.unit / 2)
         times = LayerTimes(surface, profile, middles)

@@ -15,12 +15,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.model import Bool, Float, Int, Mesh
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import HeightRange, OptimalPlanner, Profile
-from printer_slicer.surface import Surface
+from printer_slicer.surface import find_flats, read_surface
 
-__all__ = ["Lattice", "Row", "borders_of", "ranges_of", "reaches", "rows_of"]
+__all__ = ["Lattice", "Row", "borders_of", "event_planes", "ranges_of", "reaches", "rows_of"]
 
 _FINE: Final = 0.0025  # mm; heights need not be told apart more finely to end on an event plane
 
@@ -115,20 +115,28 @@ def reaches(stretch: HeightRange, lattice: Lattice, start: Int, end: Int) -> Boo
     return np.asarray((end > lattice.units(stretch.low)) & (start < lattice.units(stretch.high)))
 
 
+def event_planes(mesh: Mesh, profile: Profile) -> Float:
+    """(n,) mm, where layers may have any height: flats, level ridges, peaks and pits, ends of ranges.
+
+    Flats that lean by a hair are no events of the surface, but shall be met all the same.
+    """
+    events = read_surface(mesh).contacts.events()
+    return np.concatenate([events, find_flats(mesh)[0], borders_of(profile, mesh.height)])
+
+
 def rows_of(
-    surface: Surface, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool
+    planes: Float, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool
 ) -> list[Row]:
     """The layers that a plan may have, from the lowest height up.
 
     Args:
-        surface: of the part; tells the event planes.
+        planes: (n,) mm, the event planes.
         lattice: heights and ends.
         steps: of the printer: allowed heights, first layer.
         profile: tells the ranges.
         everywhere: layers of every height that the printer can print, as a last resort.
     """
     first = steps.first // lattice.steps
-    planes = np.concatenate([surface.contacts.events(), borders_of(profile, surface.height)])
     event = np.zeros(lattice.n + 1, np.bool_)
     event[lattice.nearest(planes)] = True
     event[0], event[-1] = bool(first), True  # a first layer of its own is as free as one that meets a flat

@@ -4,19 +4,19 @@ Every layer that a plan may have between two heights of the z lattice is an arc 
 from the bed to the top of the part is the plan. In this order of weight:
 
     list        only allowed heights; other ones only next to an event plane (a flat, a peak, the part's top, the end of
-                a range), where they cost a tenth more, and outside of the list's range only to meet a flat or the
-                tolerance
-    tolerance   the certified error of every layer (see `surface`) is within the tolerance
+                a range), where they cost a tenth more
     ranges      stretches of z with a layer height of their own have it
+    tolerance   the certified error of every layer (see `surface`) is within the tolerance
     flats       layers end on every flat, within the snap tolerance
+    range       heights outside of the list's range only to meet a flat or the tolerance
     evenness    neighbours differ by no more than the greatest step
     objective   seconds and volume error at their price, seconds, layers, or volume error
 
-What cannot be had, because the thinnest layer is too thick for it, is broken as little as possible; the certificate of
-the plan tells where. Guarantee: no other chain of the arcs is better by that order; within `max_layers` none has less
-volume error by these rules, but with `max_step` too, and within a time budget, none at the same price on what is
-limited. The arcs' bounds err upward where contacts begin close to each other, by much less than a z step. Cost: heights
-of the list x ends; reading the surface is linear in facets.
+What cannot be had is broken as little as possible, see `levels`; `unkept` tells where and why. Guarantee: no other
+chain of the arcs is better by that order; within `max_layers` none has less volume error by these rules, but with
+`max_step` too, and within a time budget, none at the same price on what is limited. The arcs' bounds err upward where
+contacts begin close to each other, by much less than a z step. Cost: heights of the list x ends; reading the surface is
+linear in facets.
 
 Sources: dynamic programming over layer ends after Alexa, Hildebrand and Lefebvre, "Optimal discrete slicing", 2017, and
 Mao, Kwok, Chen and Wang, 2019; the certified bound, events and the order above are this project's.
@@ -31,9 +31,16 @@ import numpy as np
 from printer_slicer.errors import PlanError
 from printer_slicer.model import Float, Int, LayerPlan, Mesh
 from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.fines import ODD, UNEVEN, fines_of, underrated
 from printer_slicer.planning.lattice import Lattice, ranges_of
-from printer_slicer.planning.path import cheapest, cheapest_even, cheapest_few, cheapest_within
+from printer_slicer.planning.levels import ODD, Level, levels_of, underrated
+from printer_slicer.planning.path import (
+    Graph,
+    cheapest,
+    cheapest_even,
+    cheapest_few,
+    cheapest_within,
+    kept_by,
+)
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import layer_bounds, read_surface
@@ -44,6 +51,7 @@ __all__ = ["plan_optimal"]
 # break the tolerance, it is put into the table and a plan is looked for again, this many times at most.
 _ROUNDS: Final = 20
 _DIGITS: Final = 9  # of the dearest layer's cost
+_LAYER: Final = 1e-6  # of the dearest layer: of plans that cost the same, the one of fewer layers
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
 
 
@@ -75,9 +83,9 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
     """The best plan of the layers that the list allows, or of all that the printer can print; None without one."""
     surface = read_surface(mesh)
     lattice = Lattice.of(steps, [stretch.layer_height for stretch in ranges_of(profile)])
-    arcs = Arcs.over(surface, lattice, steps, profile, everywhere=everywhere)
+    arcs = Arcs.over(mesh, lattice, steps, profile, everywhere=everywhere)
     for _ in range(_ROUNDS):
-        layers = _Search(mesh, arcs, profile, fines_of(mesh, arcs, steps, profile)).best()
+        layers = _Search(mesh, arcs, profile, levels_of(mesh, arcs, steps, profile)).best()
         if layers is None:
             return None
         plan = steps.plan(lattice.steps_of(arcs.graph.height[layers]), "optimal")
@@ -92,15 +100,20 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
 class _Search:
     """The objective of one plan, over the layers that its part may have and what they break."""
 
-    def __init__(self, mesh: Mesh, arcs: Arcs, profile: Profile, fines: Float) -> None:
+    def __init__(self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level]) -> None:
         planner = profile.quality.planner
         self._settings = planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
         self._mesh, self._thickest = mesh, profile.thickest
-        self._arcs, self._fines = arcs, fines
+        self._arcs, self._levels = arcs, levels
+        # Any plan of these keeps the rules as well as they can be kept.
+        self._kept = kept_by(arcs.graph, [level.cost for level in levels])
+        self._graph = arcs.graph.of(self._kept)
 
     def best(self) -> Int | None:
         """The layers of the best plan; None where none reaches the top."""
         settings = self._settings
+        if len(self._kept) == 0:
+            return None
         if settings.max_layers:
             return self._few(settings.max_layers)
         if settings.time_budget:
@@ -123,29 +136,26 @@ class _Search:
             return np.asarray(1.0 + arcs.volume * (0.5 / most))
         return arcs.volume + _TIE
 
-    def _ruled(self, objective: Float) -> Float:
-        """The objective with what breaking the rules costs, weighed by what the dearest layer is worth."""
-        worth = self._worth(objective)
-        # Rounded, so that the dust of sums does not decide between equal plans.
-        cost = np.round(objective / worth, _DIGITS) * worth
+    def _cost(self, objective: Float) -> Float:
+        """(A,) an objective, rounded so that the dust of sums does not decide between equal plans."""
+        worth = _worth(objective)
+        cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
         cost[~self._arcs.listed] *= ODD
-        return np.asarray(cost + self._fines * worth)
-
-    def _worth(self, objective: Float) -> float:
-        """What the dearest layer costs."""
-        return float(objective.max(initial=0.0)) or 1.0
+        return np.asarray(cost)
 
     def _search(self, objective: Float) -> Int | None:
         """The layers of the plan that is best by the rules, then by an objective."""
-        return self._cheapest(self._ruled(objective), self._worth(objective))
+        found = self._cheapest(self._graph, self._cost(objective)[self._kept], _worth(objective))
+        return None if found is None else self._kept[found]
 
-    def _cheapest(self, cost: Float, worth: float) -> Int | None:
-        """The cheapest plan; where there is a greatest step, pairs of neighbours that differ by more are fined."""
-        step, graph, lattice = self._settings.max_step, self._arcs.graph, self._arcs.lattice
-        if not step:
-            return cheapest(graph, cost)
+    def _cheapest(self, graph: Graph, cost: Float, worth: float) -> Int | None:
+        """The cheapest plan; where there is a greatest step, with as few uneven neighbours as there can be."""
+        step, lattice, height = self._settings.max_step, self._arcs.lattice, graph.height
         change = int(step / lattice.unit - abs(lattice.rest) / lattice.steps + 1e-6)
-        return cheapest_even(graph, cost, change, UNEVEN * worth)
+        if not step or change >= np.ptp(height):
+            return cheapest(graph, cost)
+        most_layers = graph.n / float(height.min()) + 1
+        return cheapest_even(graph, cost, change, worth * most_layers)
 
     def _few(self, most: int) -> Int | None:
         """The least volume error with at most so many layers; with a greatest step, at some price on layers.
@@ -153,26 +163,49 @@ class _Search:
         Raises:
             PlanError: so few do not reach the top.
         """
-        loss, graph = self._arcs.volume + _TIE, self._arcs.graph
-        cost, one = self._ruled(loss), np.ones_like(loss)
-        fewest = cheapest(graph, one)
-        if fewest is not None and len(fewest) > most:
+        loss, graph, kept = self._arcs.volume + _TIE, self._graph, self._kept
+        worth, cost = _worth(loss), self._cost(loss)
+        fewest = cheapest(graph, np.ones(len(kept)))
+        if fewest is None or len(fewest) > most:
+            # So few cannot keep the rules: these are weighed against each other, all of them against the objective.
+            graph, kept = self._arcs.graph, np.arange(len(loss))
+            cost += worth * np.sum([level.weight * level.cost for level in self._levels], axis=0)
+            fewest = cheapest(graph, np.ones(len(kept)))
+        if fewest is None or len(fewest) > most:
             raise PlanError(
                 f"{self._mesh.name}: no plan of {most} layers reaches the top with the heights allowed",
-                remedy=f"set max_layers to {len(fewest)} or more, or allow thicker layers",
+                remedy=f"set max_layers to {0 if fewest is None else len(fewest)} or more, or allow thicker layers",
             )
-        if fewest is None or not self._settings.max_step:
-            return cheapest_few(graph, cost, most)
-        worth = self._worth(loss)
-        return cheapest_within(lambda charged: self._cheapest(charged, worth), cost, one, most, fewest)[0]
+        if self._settings.max_step:
+            found: Int | None = cheapest_within(
+                lambda charged: self._cheapest(graph, charged, worth),
+                cost[kept],
+                np.ones(len(kept)),
+                most,
+                fewest,
+            )[0]
+        else:
+            found = cheapest_few(graph, cost[kept], most)
+        return None if found is None else kept[found]
 
     def _quick(self, budget: float) -> Int | None:
         """The least volume error, at some price on time, within the budget, or else the least time; rules first."""
-        seconds, loss = self._arcs.seconds, self._arcs.volume + _TIE
-        quickest = self._search(seconds)
+        seconds, loss, graph = self._arcs.seconds[self._kept], self._arcs.volume + _TIE, self._graph
+        worth = _worth(self._arcs.seconds)
+        quickest = self._cheapest(graph, self._cost(self._arcs.seconds)[self._kept], worth)
         if quickest is None or seconds[quickest].sum() >= budget:
-            return quickest
-        worth = self._worth(loss)
-        return cheapest_within(
-            lambda charged: self._cheapest(charged, worth), self._ruled(loss), seconds, budget, quickest
-        )[0]
+            return None if quickest is None else self._kept[quickest]
+        worth = _worth(loss)
+        found, _ = cheapest_within(
+            lambda charged: self._cheapest(graph, charged, worth),
+            self._cost(loss)[self._kept],
+            seconds,
+            budget,
+            quickest,
+        )
+        return self._kept[found]
+
+
+def _worth(objective: Float) -> float:
+    """What the dearest layer costs."""
+    return float(objective.max(initial=0.0)) or 1.0

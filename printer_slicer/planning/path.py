@@ -9,7 +9,7 @@ Zang, "A dual algorithm for the constrained shortest path problem", 1980).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -19,12 +19,21 @@ import numpy as np
 from printer_slicer.geometry import frozen_array
 from printer_slicer.model import Bool, Float, Int
 
-__all__ = ["Graph", "Search", "cheapest", "cheapest_even", "cheapest_few", "cheapest_within"]
+__all__ = [
+    "Graph",
+    "Search",
+    "cheapest",
+    "cheapest_even",
+    "cheapest_few",
+    "cheapest_within",
+    "kept_by",
+]
 
 Search = Callable[[Float], Int | None]
 """Cost of every arc -> the arcs of the plan that is best by it, from the bed up; None where none reaches the top."""
 
 _PRICES: Final = 60  # tried at most; a dozen is usual
+_ALIKE: Final = 1e-9  # of a total: plans that differ by less at one level are compared by the next
 _SAME: Final = 1e-12  # of a total: sums in another order differ by as much
 
 
@@ -53,6 +62,10 @@ class Graph:
     def end(self) -> Int:
         """(A,) the node at which each arc ends."""
         return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
+
+    def of(self, kept: Int) -> Graph:
+        """Only these arcs, ascending."""
+        return Graph(np.searchsorted(kept, self.begin), self.start[kept])
 
     @property
     def height(self) -> Int:
@@ -93,6 +106,29 @@ def _settled(graph: Graph, cost: Float) -> Float:
             total = best[graph.start[a:b]] + cost[a:b]
             best[reached[i:j]] = np.minimum.reduceat(total, first[i:j] - a)
     return best
+
+
+def kept_by(graph: Graph, levels: Sequence[Float]) -> Int:
+    """The arcs of all plans that cost least by the first level, of these by the second, and so on.
+
+    Args:
+        graph: the layers that there are.
+        levels: (A,) each, what an arc costs at that level, at least 0.
+
+    Returns:
+        (K,) arcs, ascending; none where no plan reaches the top. Any way through them to the top is such a plan.
+    """
+    kept = np.arange(len(graph.start))
+    free = np.flatnonzero(~np.any([level > 0 for level in levels], axis=0)) if levels else kept
+    if np.isfinite(_settled(graph.of(free), np.zeros(len(free)))[-1]):
+        return free
+    for level in levels:
+        some, cost = graph.of(kept), level[kept]
+        up, down = _settled(some, cost), _settled(*_upside_down(some, cost))[::-1]
+        if not np.isfinite(up[-1]):
+            return np.zeros(0, np.int64)
+        kept = kept[up[some.start] + cost + down[some.end] <= up[-1] * (1 + _ALIKE)]
+    return kept if levels else np.zeros(0, np.int64)
 
 
 def cheapest_even(graph: Graph, cost: Float, change: int, fine: float) -> Int | None:

@@ -84,13 +84,14 @@ class _Plan:
         """Flats that no layer ends on."""
         ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
         off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
-        missed = off > max(self._settings.snap_tolerance + _ROUNDING, self._near)
-        met = np.concatenate([[0.0, self._mesh.height], flats[~missed]])
+        missed = off > max(self._settings.snap_tolerance, self._near, _FINE) + _ROUNDING
+        met = np.concatenate([[0.0, self._first, self._mesh.height], flats[~missed]])
         for z, far in zip(flats[missed].tolist(), off[missed].tolist(), strict=True):
             other = float(met[np.abs(met - z).argmin()])
             thinnest = self._profile.printer.min_layer
             near = abs(other - z) < thinnest - self._near
-            between = f"it is nearer to z {other:g} than the thinnest layer of the printer, {thinnest:g} mm"
+            there = "the first layer" if 0 < other == self._first else f"z {other:g}"
+            between = f"it is nearer to {there} than the thinnest layer of the printer, {thinnest:g} mm"
             yield Unkept("flat", z, z, far, between if near else self._why_there(z, z))
 
     def uneven(self) -> Iterator[Unkept]:
@@ -113,14 +114,16 @@ class _Plan:
             for z in (stretch.low, stretch.high):
                 off = float(np.abs(np.append(0.0, plan.top) - z).min())
                 if 0 < z < top and off > self._near:
-                    yield Unkept("range end", z, z, off, "the heights allowed do not meet it")
+                    yield Unkept(
+                        "range end", z, z, off, self._why_first(z, z) or "no heights allowed lead to it"
+                    )
             other = np.abs(plan.height - stretch.layer_height) > _ROUNDING
             other &= self._inside(stretch) & (stretch.layer_height > 0)
-            for first, end in _runs(other, [""] * plan.n_layers):
+            causes = [self._why_other(i, stretch) for i in range(plan.n_layers)]
+            for first, end in _runs(other, causes):
                 low, high = float(plan.bottom[first]), float(plan.top[end - 1])
                 far = float(np.abs(plan.height[first:end] - stretch.layer_height).max())
-                cause = f"layers of {stretch.layer_height:g} mm do not meet all flats and ends of ranges"
-                yield Unkept("range height", low, high, far, cause)
+                yield Unkept("range height", low, high, far, causes[first])
 
     def _inside(self, stretch: HeightRange) -> Bool:
         """(L,) layers that reach into a range."""
@@ -138,17 +141,29 @@ class _Plan:
             return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {best:g} mm"
         if plan.planner != "optimal":
             return f"planner {plan.planner!r} measures the error of a layer in another way"
-        return "the heights allowed do not divide the part more finely here"
+        return "the heights allowed do not divide what lies between flats more finely"
+
+    def _why_other(self, layer: int, stretch: HeightRange) -> str:
+        """What keeps a layer from the height of its range."""
+        first = self._why_first(float(self._plan.bottom[layer]), float(self._plan.top[layer]))
+        few = self._settings.max_layers
+        cause = f"layers of {stretch.layer_height:g} mm do not end where the part or the range does"
+        return first or (f"no more than {few} layers are allowed" if few else cause)
+
+    def _why_first(self, low: float, high: float) -> str:
+        """Whether a stretch of z lies within a first layer that is set."""
+        inside = self._first and low < self._first - _ROUNDING and high <= self._first + _ROUNDING
+        return f"the first layer is set to {self._first:g} mm" if inside else ""
 
     def _why_there(
         self,
         low: float,
         high: float,
-        otherwise: str = "the heights allowed do not meet it within the tolerance",
+        otherwise: str = "no heights that may be used here lead to it",
     ) -> str:
         """What was asked for that decides over a stretch of z."""
-        if self._first and low < self._first - _ROUNDING and high <= self._first + _ROUNDING:
-            return f"the first layer is set to {self._first:g} mm"
+        if first := self._why_first(low, high):
+            return first
         for stretch in self._settings.ranges:
             if stretch.layer_height and low < stretch.high - _ROUNDING and high > stretch.low + _ROUNDING:
                 asked = f"{stretch.layer_height:g} mm"

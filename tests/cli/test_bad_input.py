@@ -506,7 +506,7 @@ def test_gcode_cannot_be_sliced(tmp_path: Path) -> None:
 # Anything at all
 
 
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 @given(
     st.binary(max_size=300), st.sampled_from(["x.stl", "x.gcode", "x.obj", "x.ply", "x.off", "x.toml", "x"])
 )
@@ -524,7 +524,7 @@ def test_no_file_whatever_makes_a_traceback(
     assert outcome.code == 0 or is_message(outcome, name)
 
 
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 @given(st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Zl", "Zp")), max_size=20))
 def test_no_setting_whatever_makes_a_traceback(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path_factory.getbasetemp() / "x.gcode", f"--set={text}")

@@ -353,12 +353,16 @@ def test_a_range_may_have_a_coarser_tolerance_too() -> None:
     assert 0.08 < bound[inside].max() <= 0.12 + ROUNDING
 
 
-def test_the_tolerance_comes_before_the_layer_height_of_a_range() -> None:
-    """Layers of 0.3 mm would be off by 0.12 mm."""
+def test_the_layer_height_of_a_range_is_forced_whatever_the_tolerance() -> None:
+    """Layers of 0.25 mm are off by 0.1 mm there; everywhere else the tolerance is kept."""
     mesh = pyramid(8, 4)
-    plan = planned(mesh, tolerance=0.05, planner__ranges="1:3:layer_height=0.3")
+    plan = planned(mesh, tolerance=0.05, planner__ranges="1:3:layer_height=0.25")
+    bound = certify(read_surface(mesh), plan).bound
+    inside = (plan.bottom >= 1 - ROUNDING) & (plan.top <= 3 + ROUNDING)
 
-    assert error(mesh, plan) <= 0.05 + ROUNDING
+    assert inside.sum() == 8
+    assert plan.height[inside] == pytest.approx(0.25)
+    assert bound[~inside].max() <= 0.05 + ROUNDING
 
 
 def test_a_range_beyond_the_part_changes_nothing() -> None:

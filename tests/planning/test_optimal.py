@@ -69,7 +69,7 @@ def modelled_seconds(mesh: Mesh, plan: LayerPlan, wanted: Profile) -> float:
     """What the planner's model takes a plan to last."""
     lattice = Lattice.of(Steps(mesh, wanted))
     ends = np.rint(np.append(0.0, plan.top) / lattice.unit).astype(np.int64)
-    arcs = Arcs.over(read_surface(mesh), lattice, Steps(mesh, wanted), wanted, everywhere=True)
+    arcs = Arcs.over(mesh, lattice, Steps(mesh, wanted), wanted, everywhere=True)
     mine = np.isin(
         arcs.graph.start * (lattice.n + 1) + arcs.graph.end, ends[:-1] * (lattice.n + 1) + ends[1:]
     )

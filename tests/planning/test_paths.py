@@ -277,7 +277,7 @@ def every_layer(mesh: Mesh, wanted: Profile) -> Layers:
     """(first step, last step) -> what a layer between them does; bounds and volumes are the certificate's own."""
     steps, surface = Steps(mesh, wanted), read_surface(mesh)
     lattice = Lattice.of(steps)
-    arcs = Arcs.over(surface, lattice, steps, wanted, everywhere=True)
+    arcs = Arcs.over(mesh, lattice, steps, wanted, everywhere=True)
     begin, end = arcs.graph.start * lattice.steps, arcs.graph.end * lattice.steps
     seconds = dict(zip(zip(begin.tolist(), end.tolist(), strict=True), arcs.seconds.tolist(), strict=True))
     found: dict[tuple[int, int], Layer] = {}
@@ -302,12 +302,12 @@ class Rules:
         self.steps, self.layers, self.wanted = Steps(mesh, wanted), every_layer(mesh, wanted), wanted
         self.flats, areas = find_flats(mesh)
         self.weight = 1 + areas / max(areas.sum(initial=0), 1e-9)
-        planes = [*read_surface(mesh).contacts.events(), mesh.height]
+        planes = [*read_surface(mesh).contacts.events(), *self.flats, mesh.height]
         self.events = {round(z / self.steps.size) for z in planes} - {0}
         self.allowed = set(self.steps.allowed.tolist())
 
     def score(self, plan: tuple[int, ...]) -> tuple[float, ...]:
-        """List, tolerance, flats, heights beyond the list's, evenness, objective."""
+        """List, possible tolerance, flats, tolerance, heights beyond the list's, evenness, objective."""
         quality: Any = self.wanted.quality
         ends = [0, *np.cumsum(plan).tolist()]
         layers = [self.layers[pair] for pair in pairwise(ends)]
@@ -319,14 +319,23 @@ class Rules:
         if quality.first_layer_height:
             unlisted -= odd[0] and ends[1] not in self.events
             beyond -= not min(self.allowed) <= plan[0] <= max(self.allowed)
-        excess = sum(max(layer.bound - quality.tolerance - 1e-9, 0.0) for layer in layers)
+        heights = np.diff(ends) * self.steps.size
+        thinnest = min(self.allowed) * self.steps.size / 2  # what the thinnest layers can be wrong by
+        possible = 2 * thinnest if quality.tolerance < thinnest else quality.tolerance
+        hard, soft = (
+            sum(
+                height * max(layer.bound - limit - 1e-9, 0.0) ** 2
+                for height, layer in zip(heights.tolist(), layers, strict=True)
+            )
+            for limit in (possible, quality.tolerance)
+        )
         change = quality.planner.max_step / self.steps.size
         uneven = int((np.abs(np.diff(plan)) > change + 1e-6).sum()) if change else 0
         cost = sum(
             self._cost([layer]) * (1.1 if strange else 1.0)
             for layer, strange in zip(layers, odd, strict=True)
         )
-        return unlisted, round(excess, 6), self._missed(ends), beyond, uneven, cost
+        return unlisted, round(hard, 9), self._missed(ends), round(soft, 9), beyond, uneven, cost
 
     def _missed(self, ends: list[int]) -> float:
         off = np.abs(np.array(ends)[:, None] * self.steps.size - self.flats).min(axis=0)
@@ -347,7 +356,7 @@ class Rules:
 def better(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     """Whether one score comes before another by more than rounding and the planner's own tie-breaks."""
     for mine, theirs in zip(one, other, strict=True):
-        if abs(mine - theirs) > 1e-6 + 1e-3 * abs(theirs):
+        if abs(mine - theirs) > 1e-8 + 1e-3 * abs(theirs):
             return mine < theirs
     return False
 
@@ -389,7 +398,7 @@ def test_no_plan_at_all_is_better(name: str, extra: str) -> None:
 
 def cheapest_of_all(rules: Rules) -> tuple[float, ...]:
     """The best score there is, node by node; evenness apart."""
-    best: dict[int, tuple[tuple[int, ...], tuple[float, ...]]] = {0: ((), (0.0,) * 6)}
+    best: dict[int, tuple[tuple[int, ...], tuple[float, ...]]] = {0: ((), (0.0,) * 7)}
     for end in range(1, rules.steps.part + 1):
         ways = [
             (*best[low][0], end - low)

@@ -33,7 +33,7 @@ def place(console: Console) -> dict[str, float]:
     return {word[0]: float(word[2:]) for word in words}
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(
     points=st.lists(st.tuples(st.floats(0.0, 200.0), st.floats(0.0, 200.0)), min_size=1, max_size=40),
     speed=st.sampled_from([20.0, 60.0, 200.0]),
@@ -204,7 +204,7 @@ def test_a_larger_junction_deviation_makes_corners_faster() -> None:
     clockwise=st.booleans(),
     turn=st.sampled_from(["half", "full"]),
 )
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 def test_an_arc_is_as_long_as_the_circle_it_follows(radius: float, clockwise: bool, turn: str) -> None:
     code = "G2" if clockwise else "G3"
     console = Console(machine=NIMBLE)

@@ -1,8 +1,8 @@
-"""What the layers of a plan break, as fines: rules that outweigh each other, and all of them any objective."""
+"""What the layers of a plan break, rule by rule: no rule is broken for a lesser one, and none for the objective."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,24 +13,31 @@ from printer_slicer.planning.steps import Steps, tolerances
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import find_flats
 
-__all__ = ["ODD", "UNEVEN", "fines_of", "underrated"]
-
-# In the cost of the dearest layer there is. Within a plan of a thousand layers no rule is broken for the objective.
-UNEVEN: Final = 1e3
-"""For a pair of neighbours that differ by more than the greatest step."""
-_OUTSIDE: Final = 1e4  # for a layer next to an event plane that is thinner or thicker than all on the list
-_MISSED: Final = 1e5  # for a flat, and up to twice that for a large one
-_UNFORCED: Final = 1e7  # for a layer of another height than its range has
-_EXCESS: Final = 1e11  # for a mm of error over the tolerance
-_UNLISTED: Final = 1e13  # for a layer, where the part can be divided in no other way
+__all__ = ["ODD", "Level", "levels_of", "underrated"]
 
 ODD: Final = 1.1
 """Times its cost for a layer of a height that is not on the list, where that is free."""
 _ROUNDING: Final = 1e-9  # mm
 
 
-def fines_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> Float:
-    """(A,) what every layer breaks, in the cost of the dearest layer; evenness apart.
+class Level(NamedTuple):
+    """A rule.
+
+    Attributes:
+        weight: what a unit of it is worth, in the cost of the dearest layer, where rules must be weighed.
+        cost: (A,) how much each layer breaks it, at least 0.
+    """
+
+    weight: float
+    cost: Float
+
+
+def levels_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> list[Level]:
+    """The rules that some layers break, the gravest first; evenness apart.
+
+    Unlisted heights; other heights than ranges have; error over the tolerance; flats and ends of ranges; heights beyond
+    the list's. Where the thinnest layers can be wrong by more than the tolerance, it is error over twice theirs that
+    comes before flats, and what is left of it comes after them. Errors count squared, over the height of the layer.
 
     Args:
         mesh: the part.
@@ -41,21 +48,39 @@ def fines_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> Float:
     lattice, graph = arcs.lattice, arcs.graph
     start, end = graph.start, graph.end
     height, tolerance = end - start, _tolerances(arcs, profile)
-    over = arcs.bound - tolerance
-    # Half a layer that is no higher than the tolerance cannot be wrong by more, rounding or not.
     share = 0.5 if profile.quality.containment == "mid" else 1.0
-    over[(share * lattice.unit * height <= tolerance + _ROUNDING) | (over <= _ROUNDING)] = 0.0
-    fines: Float = _EXCESS * over
-    fines += _MISSED * _missed(mesh, arcs, profile)
-    units = height * lattice.steps
-    outside = (units < steps.allowed[0]) | (units > steps.allowed[-1])
-    fines += _OUTSIDE * (outside & ~((start == 0) & (steps.first > 0)))
-    fines += _UNLISTED * ~arcs.free
+    # The thinnest layers are nowhere wrong by more than this; layers under twice their height can divide everything.
+    certain = np.float64(share * steps.allowed[0] * steps.size)
+    mm: Float = np.asarray(lattice.unit * height, np.float64)
+    possible: Float = np.asarray(np.where(tolerance < certain, 2 * certain, tolerance), np.float64)
+    most: Float = np.asarray(share * mm)
+    over, beyond = _excess(arcs.bound, tolerance, most), _excess(arcs.bound, possible, most)
+    other = np.zeros(len(start))
     for stretch in ranges_of(profile):
         if stretch.layer_height:
-            other = height != lattice.units(stretch.layer_height)
-            fines += _UNFORCED * (other & reaches(stretch, lattice, start, end))
-    return fines
+            inside = reaches(stretch, lattice, start, end) & ((start > 0) | (steps.first == 0))
+            other += inside & (height != lattice.units(stretch.layer_height))
+    units = height * lattice.steps
+    outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & ((start > 0) | (steps.first == 0))
+    levels = [
+        Level(1e14, np.asarray(~arcs.free, np.float64)),
+        Level(1e12, other),
+        Level(1e13, mm * beyond**2),
+        Level(1e5, _missed(mesh, arcs, profile)),
+        Level(1e6, mm * over**2),
+        Level(1e4, np.asarray(outside, np.float64)),
+    ]
+    return [level for level in levels if level.cost.any()]
+
+
+def _excess(bound: Float, limit: Float, most: Float) -> Float:
+    """(A,) mm by which bounds are over their limit.
+
+    A layer that can be wrong by no more than the limit, by its height alone, is not, rounding or not.
+    """
+    over = bound - limit
+    over[(most <= limit + _ROUNDING) | (over <= _ROUNDING)] = 0.0
+    return np.asarray(over)
 
 
 def underrated(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> Bool:
