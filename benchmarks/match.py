@@ -14,6 +14,7 @@ from printer_slicer.profile import profile_with
 __all__ = ["Match", "match"]
 
 _EQUAL = 2e-5  # mm; a planner keeps this much away from its tolerance
+_FINER = 0.001  # mm
 _NO_VOLUME = 1e-6  # mm³; less is rounding
 _MOST = 1.5  # times the peer's layers: with more the search is given up
 _LEAST_TOLERANCE, _WIDEST = 0.001, 1.0  # mm, what the settings allow
@@ -48,9 +49,12 @@ class Match:
 
 def match(judge: Judge, row: Row) -> Match:
     """The fewest layers at a peer's own errors, and the least volume error with its number of layers."""
-    terms = _Terms(judge, row)
-    equal = terms.plan(row.score.layers)
-    fewest = terms.fewest()
+    # The peers' heights are on no printer's lattice; where ours need more layers, a finer lattice is tried.
+    for step in (judge.part.profile.printer.z_step, _FINER):
+        terms = _Terms(judge, row, step)
+        equal, fewest = terms.plan(row.score.layers), terms.fewest()
+        if fewest and fewest.n_layers <= row.score.layers:
+            break
     return Match(
         row.family,
         row.setting,
@@ -69,13 +73,14 @@ def match(judge: Judge, row: Row) -> Match:
 class _Terms:
     """Plans with the errors that a peer's plan has."""
 
-    def __init__(self, judge: Judge, row: Row) -> None:
+    def __init__(self, judge: Judge, row: Row, step: float) -> None:
         self._judge, self._score = judge, row.score
         self._base: dict[str, object] = {
             "quality.planner.kind": "optimal",
             "quality.tolerance": min(max(row.score.bound + _EQUAL / 2, _LEAST_TOLERANCE), 2.0),
-            # The peers choose among all heights; so do we, by the printer's own step.
-            "quality.layer_step": judge.part.profile.printer.z_step,
+            # The peers choose among all heights; so do we, step by step.
+            "printer.z_step": step,
+            "quality.layer_step": step,
             # Flats are met by default; on the peer's terms they may be missed as far as it misses them.
             "quality.planner.snap_tolerance": min(row.score.worst_flat, _WIDEST),
         }
