@@ -11,6 +11,7 @@ from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
+from printer_slicer.geometry import frozen_array
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
 from printer_slicer.model import Float, LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
@@ -51,7 +52,7 @@ class Stages:
     toolpaths: Toolpaths
     program: Program
     repairs: Repairs = field(default_factory=Repairs)
-    shift: Float = field(default_factory=lambda: np.zeros(3))
+    shift: Float = field(default_factory=lambda: frozen_array(np.zeros(3), np.float64, (3,)))
 
 
 def slice_stages(
@@ -82,7 +83,7 @@ def slice_stages(
         refuse_repaired(mesh.name, repairs)
     report("placing")
     part = place(mended, profile.printer, placement)
-    shift = mended.bounds[0] - part.bounds[0]
+    shift = frozen_array(mended.bounds[0] - part.bounds[0], np.float64, (3,))
     del mesh, mended  # where nobody else holds them: millions of facets weigh hundreds of megabytes
     report("planning")
     stages = _down_from(part, plan or plan_part(part, profile), profile, report)

@@ -41,7 +41,11 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
         Middle points, each (n, 3) mm: of edges with one facet, of edges whose two facets face opposite ways, and of
         edges that more than two facets share. Equal coordinates make equal corners.
     """
-    tag = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3).T
+    rows = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3)
+    if balanced(rows) and _is_simple(rows):
+        nothing = np.zeros((0, 3))
+        return nothing, nothing, nothing
+    tag = rows.T
     after = tag[[1, 2, 0]]
     used = np.flatnonzero(tag != after)  # an edge of no length belongs to a facet of no area
     edge, firsts = welded(edge_keys(tag).ravel()[used])
@@ -67,6 +71,18 @@ def balanced(tag: _UInt) -> bool:
         signed = np.where(keys < keys[[1, 2, 0]], 1, -1) * edge_keys(keys).view(np.int64)
         total += int(signed[keys != keys[[1, 2, 0]]].sum())
     return total % 2**64 == 0
+
+
+def _is_simple(tag: _UInt) -> bool:
+    """Whether no two facets pass an edge the same way, from the keys of the corners (F, 3) of a balanced mesh."""
+    forward = []
+    for some in np.array_split(tag, len(tag) // _FACETS_AT_ONCE + 1):
+        keys = np.ascontiguousarray(some.T)
+        after = keys[[1, 2, 0]]
+        up = keys < after
+        forward.append(directed_keys(keys[up], after[up]))
+    every = np.concatenate(forward)
+    return len(welded(every)[1]) == len(every)
 
 
 def connected(triangles: Float) -> Int:

@@ -143,10 +143,8 @@ def read_surface(mesh: Mesh) -> Surface:
 
 
 def _surface(mesh: Mesh) -> Surface:
-    contacts = find_contacts(mesh)
+    contacts, area = find_contacts(mesh)
     up, down = throw(mesh)
-    a, b, c = (np.ascontiguousarray(mesh.triangles[:, corner].T) for corner in range(3))
-    area = float(np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()) / 2
     return Surface(mesh.triangles, contacts, contacts.mirrored(), up, down, area, mesh.height)
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,38 +70,58 @@ class Contacts:
         return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
 
 
+class _Marks(NamedTuple):
+    """Edges or corners of one block that may add a contact, as far as the block knows, and those that none has.
+
+    Attributes:
+        place: (n,) number of each that may.
+        key: (n,) its key.
+        refused: (m,) keys of those that no contact has, of which other blocks may not know.
+    """
+
+    place: Int
+    key: _Keys
+    refused: _Keys
+
+    @classmethod
+    def kept(cls, blocks: Sequence[_Marks]) -> Int:
+        """The numbers of those that no block refuses."""
+        place, key, refused = (np.concatenate(column) for column in zip(*blocks, strict=True))
+        number, firsts = welded(np.concatenate([key, refused]))
+        gone = np.zeros(len(firsts), np.bool_)
+        gone[number[len(key) :]] = True
+        return np.asarray(place[~gone[number[: len(key)]]])
+
+
 class _Block(NamedTuple):
-    """What one block of facets says of itself and of its edges and corners.
+    """What one block of facets says: rise, lowest and highest z of each facet, the surface, and marks.
 
     Attributes:
         facets: (3, n) rise, low and high.
-        tag: (3, n) keys of the corners.
-        steeper: (3, n) whether the edge after a corner is steeper than the facet.
-        upward: (3, n) whether the direction from that edge into the facet points upward.
-        downward: (3, n) whether it points downward.
-        under: (3, n) corners that have another one as high or higher beside them.
-        over: (3, n) corners that have another one as low or lower beside them.
+        area: mm².
+        marks: ridges and valleys by 3 f + c, where facet f has the edge after its corner c; peaks and pits, which are
+            corners, by 3 f + c.
     """
 
     facets: Float
-    tag: _Keys
-    steeper: Bool
-    upward: Bool
-    downward: Bool
-    under: Bool
-    over: Bool
+    area: float
+    marks: tuple[_Marks, _Marks, _Marks, _Marks]
 
 
-def find_contacts(mesh: Mesh) -> Contacts:
-    """Where balls touch the surface, from above or from below.
+def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
+    """Where balls touch the surface, from above or from below; and how large the surface is, mm².
 
     Args:
         mesh: the part; any triangles will do.
     """
-    blocks = [_block(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, max(mesh.n_facets, 1), _AT_ONCE)]
+    blocks = [_block(mesh.triangles, at) for at in range(0, max(mesh.n_facets, 1), _AT_ONCE)]
     rise, low, high = np.concatenate([block.facets for block in blocks], axis=1)
-    edges, corners = _edges(blocks), _corners(blocks)
+    ridges, valleys, peaks, pits = (
+        _Marks.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
+    )
+    area = sum(block.area for block in blocks)
     del blocks
+    edges, corners = np.union1d(ridges, valleys), np.concatenate([peaks, pits])
     start, end = mesh.triangles[edges // 3, edges % 3], mesh.triangles[edges // 3, (edges + 1) % 3]
     steep = np.hypot(*(end - start)[:, :2].T) / np.linalg.norm(end - start, axis=1)
     tip = mesh.triangles[corners // 3, corners % 3, 2]
@@ -111,40 +131,14 @@ def find_contacts(mesh: Mesh) -> Contacts:
     source = np.concatenate([np.arange(mesh.n_facets), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
     order = np.flatnonzero(rise > _LEVEL)
     order = order[np.argsort(low[order], kind="stable")]
-    return Contacts(low[order], high[order], rise[order], source[order])
+    return Contacts(low[order], high[order], rise[order], source[order]), area
 
 
-def _edges(blocks: Sequence[_Block]) -> Int:
-    """Ridges and valleys steeper than a facet beside them, by 3 f + c: facet f has the edge after its corner c."""
-    edge = welded(_columns([edge_keys(block.tag) for block in blocks]))[0]
-    steeper = np.flatnonzero(_columns([block.steeper for block in blocks]))
-    kept = np.zeros(len(steeper), np.bool_)
-    for side in ([block.upward for block in blocks], [block.downward for block in blocks]):
-        refused = np.zeros(len(edge), np.bool_)
-        refused[edge[_columns(side)]] = True
-        kept |= ~refused[edge[steeper]]
-    return steeper[kept]
-
-
-def _corners(blocks: Sequence[_Block]) -> Int:
-    """Peaks and pits, each once, by 3 f + c."""
-    corner, firsts = welded(_columns([block.tag for block in blocks]))
-    found = np.zeros(len(firsts), np.bool_)
-    for side in ([block.under for block in blocks], [block.over for block in blocks]):
-        refused = np.zeros(len(firsts), np.bool_)
-        refused[corner[_columns(side)]] = True
-        found |= ~refused
-    return firsts[found].astype(np.int64)
-
-
-def _columns(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """One list by 3 f + c of columns (3, n) of all blocks."""
-    return np.concatenate([part.T.ravel() for part in parts])
-
-
-def _block(triangles: Float) -> _Block:
-    """The contacts that some facets may have."""
-    x, y, z = (np.ascontiguousarray(triangles[:, :, axis].T) for axis in range(3))  # (3, n): corner, facet
+def _block(triangles: Float, begin: int) -> _Block:
+    """The contacts that the facets from `begin` on may have."""
+    x, y, z = np.ascontiguousarray(
+        triangles[begin : begin + _AT_ONCE].transpose(2, 1, 0)
+    )  # (3, n): corner, facet
     run, across, climb = (column[_NEXT] - column for column in (x, y, z))
     normal_x = across[0] * climb[1] - climb[0] * across[1]
     normal_y = climb[0] * run[1] - run[0] * climb[1]
@@ -160,9 +154,33 @@ def _block(triangles: Float) -> _Block:
     slack = np.where(solid, _LEVEL * size * length, np.inf)
     steeper = (level > rise + _LEVEL) & (length > 0)
     tag = keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)
-    under, over = _beside_higher(z, tag), _beside_higher(-z, tag)
-    facets = np.stack([rise, z.min(axis=0), z.max(axis=0)])
-    return _Block(facets, tag, steeper, inward > slack, inward < -slack, under, over)
+    marks = (
+        *_marked(edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, in_two=True),
+        *_marked(tag, None, (_beside_higher(z, tag), _beside_higher(-z, tag)), begin, in_two=False),
+    )
+    return _Block(np.stack([rise, z.min(axis=0), z.max(axis=0)]), float(size.sum()) / 2, marks)
+
+
+def _marked(
+    key: _Keys, wanted: Bool | None, refusals: tuple[Bool, Bool], begin: int, *, in_two: bool
+) -> tuple[_Marks, _Marks]:
+    """Marks of the edges or corners (3, n) of a block, for each of two kinds of refusals.
+
+    What is there twice within the block is known to no other block where facets share it by twos, as they do edges.
+    """
+    flat = key.ravel()
+    number, firsts = welded(flat)
+    candidates = firsts.astype(np.int64) if wanted is None else np.flatnonzero(wanted)
+    abroad = np.bincount(number, minlength=len(firsts)) == 1 if in_two else np.ones(len(firsts), np.bool_)
+    corner, facet = np.divmod(candidates, key.shape[1])
+    place = 3 * (begin + facet) + corner
+    found = []
+    for refused in refusals:
+        gone = np.zeros(len(firsts), np.bool_)
+        gone[number[refused.ravel()]] = True
+        kept = ~gone[number[candidates]]
+        found.append(_Marks(place[kept], flat[candidates[kept]], flat[firsts[gone & abroad]]))
+    return found[0], found[1]
 
 
 def _beside_higher(z: Float, tag: _Keys) -> Bool:

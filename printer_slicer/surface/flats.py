@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from printer_slicer.model import Float, Mesh
@@ -11,30 +13,48 @@ __all__ = ["SMALLEST_FLAT", "find_flats"]
 SMALLEST_FLAT = 1.0  # mm²
 _LEVEL = 1e-3  # rise over run under which a facet is horizontal
 _SAME = 1e-3  # mm; facets this near in z belong to one flat
+_AT_ONCE = 1 << 15  # facets whose columns stay in the processor's cache
+
+
+_found: WeakKeyDictionary[Mesh, tuple[Float, Float]] = WeakKeyDictionary()
 
 
 def find_flats(mesh: Mesh, smallest: float = SMALLEST_FLAT) -> tuple[Float, Float]:
     """Heights (n,) ascending, mm, at which horizontal facets face up or down, and their areas (n,), mm².
 
+    Asked for twice, they are looked for once.
+
     Args:
         mesh: the part, standing on z = 0.
         smallest: heights with less area than this, mm², are left out.
     """
-    z = mesh.triangles[:, :, 2]
-    spans = z.max(axis=1) - z.min(axis=1)
-    # A facet that rises more than its longest possible run allows cannot be flat; few are left to look at.
-    near = np.flatnonzero(spans <= _LEVEL * float(np.hypot(*mesh.size[:2])) + _SAME)
-    a, b, c = mesh.triangles[near].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a) / 2
-    flat = np.hypot(normal[:, 0], normal[:, 1]) <= _LEVEL * np.abs(normal[:, 2])
-    flat &= normal[:, 2] != 0
-    place, area = z[near][flat].mean(axis=1), np.abs(normal[flat, 2])
+    if mesh not in _found:
+        _found[mesh] = _all_flats(mesh)
+    height, area = _found[mesh]
+    large = area >= smallest
+    return height[large], area[large]
+
+
+def _all_flats(mesh: Mesh) -> tuple[Float, Float]:
+    """Heights of all flats and their areas."""
+    blocks = [_level_facets(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)]
+    place, area = np.concatenate([np.zeros((2, 0)), *blocks], axis=1)
     order = np.argsort(place, kind="stable")
     place, area = place[order], area[order]
     begins = np.flatnonzero(np.diff(place, prepend=-np.inf) > _SAME)
     if len(begins) == 0:
         return np.zeros(0), np.zeros(0)
     total = np.add.reduceat(area, begins)
-    height = np.add.reduceat(area * place, begins) / total
-    large = total >= smallest
-    return height[large], total[large]
+    return np.add.reduceat(area * place, begins) / total, total
+
+
+def _level_facets(triangles: Float) -> Float:
+    """(2, n) heights and areas of the facets that are flat."""
+    x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
+    run, across, climb = (column[[1, 2]] - column[0] for column in (x, y, z))
+    normal_x = across[0] * climb[1] - climb[0] * across[1]
+    normal_y = climb[0] * run[1] - run[0] * climb[1]
+    normal_z = run[0] * across[1] - across[0] * run[1]
+    flat = np.hypot(normal_x, normal_y) <= _LEVEL * np.abs(normal_z)
+    flat &= normal_z != 0
+    return np.stack([z[:, flat].mean(axis=0), np.abs(normal_z[flat]) / 2])

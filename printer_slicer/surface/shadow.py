@@ -23,6 +23,7 @@ from printer_slicer.model import Float, Int, Mesh
 __all__ = ["Shadow", "throw"]
 
 _PAIRS_AT_ONCE = 2_000_000
+_AT_ONCE = 1 << 15  # facets whose columns stay in the processor's cache
 _FEW = 2  # planes between two corners up to which they are looked at one by one
 
 
@@ -141,11 +142,17 @@ def _parabolas(reach: tuple[Int, Int], base: Float, bend: Float, apex: Float, n:
 
 def throw(mesh: Mesh) -> tuple[Shadow, Shadow]:
     """The shadows of the facets that face up, and of those that face down."""
-    x, y, z = (np.ascontiguousarray(mesh.triangles[:, :, axis].T) for axis in range(3))
+    nothing = np.zeros((4, 0))
+    blocks = [_thrown(mesh.triangles[at : at + _AT_ONCE]) for at in range(0, mesh.n_facets, _AT_ONCE)]
+    up, down = (np.concatenate([nothing, *side], axis=1) for side in zip(*blocks, strict=True))
+    return Shadow(*up), Shadow(*down)
+
+
+def _thrown(triangles: Float) -> tuple[Float, Float]:
+    """(4, n) heights of the corners and area of the facets that face up, and of those that face down."""
+    x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
     area = ((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])) / 2
-    low, high = z.min(axis=0), z.max(axis=0)
+    low, high = np.minimum(np.minimum(z[0], z[1]), z[2]), np.maximum(np.maximum(z[0], z[1]), z[2])
     middle = np.maximum(np.minimum(z[0], z[1]), np.minimum(np.maximum(z[0], z[1]), z[2]))
-    up, down = np.flatnonzero(area > 0), np.flatnonzero(area < 0)
-    return Shadow(low[up], middle[up], high[up], area[up]), Shadow(
-        low[down], middle[down], high[down], -area[down]
-    )
+    facets = np.stack([low, middle, high, np.abs(area)])
+    return facets[:, area > 0], facets[:, area < 0]

@@ -83,7 +83,7 @@ def test_the_bound_of_a_run_is_the_integral_of_the_steepest_rise_so_far(
 
 @pytest.mark.parametrize("name", PARTS)
 def test_the_bounds_of_parts_are_that_integral_too(name: str) -> None:
-    contacts = find_contacts(PARTS[name])
+    contacts, _ = find_contacts(PARTS[name])
     for seed, seen in enumerate((contacts, contacts.mirrored())):
         start, end = runs_over(seed, 12)
         if seed:
