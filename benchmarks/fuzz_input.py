@@ -28,6 +28,7 @@ from tiny_files import every_format  # noqa: E402
 from tiny_step import step_box  # noqa: E402
 
 from printer_slicer.errors import MeshError, UsageError  # noqa: E402
+from printer_slicer.healing import repair  # noqa: E402
 from printer_slicer.mesh_io import load_model  # noqa: E402
 
 CPU_LIMIT = 5.0
@@ -66,8 +67,13 @@ def outcome(path: Path) -> str:
         if "MemoryError" in str(error) or "allocate" in str(error):
             raise AssertionError(f"stopped only by the limit of memory: {error}") from error
         return "refused"
-    if not (mesh.volume > 0 and mesh.n_facets > 0):
-        raise AssertionError("a part without volume")
+    try:
+        with watched():
+            repair(mesh)
+    except MeshError as error:
+        if path.stem not in str(error) or not error.remedy:
+            raise AssertionError(f"a message without part or remedy: {error}") from error
+        return "read, not repaired"
     return "read"
 
 

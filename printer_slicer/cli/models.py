@@ -122,7 +122,6 @@ def _facts(model: Model) -> dict[str, Any]:
         "unit": model.unit,
         "facets": model.mesh.n_facets,
         "facets_without_area": model.n_folded,
-        "turned": model.turned,
     }
 
 

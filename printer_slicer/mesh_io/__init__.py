@@ -4,9 +4,9 @@ One module per format; `reading` chooses between them, and `soundness` judges wh
 block, 3MF and AMF as streams of XML, GLB from its arrays; OBJ, PLY and OFF go through trimesh, STEP through
 OpenCASCADE, each imported only then.
 
-What a file may contain and still be a part: it has facets, all coordinates are finite, it extends in x, y and z and it
-encloses a volume. Facets with two equal corners are left out and counted. A part whose facets all face inward is turned
-inside out, since only its sign is wrong. Whether the surface is closed is for the slicer to find.
+What a file may contain and still be a part: it has facets, all coordinates are finite, and it extends in x, y and z.
+Facets with two equal corners are left out and counted. Whether the surface is closed, faces outward and encloses a
+volume is for `healing` to find.
 """
 
 from __future__ import annotations

@@ -51,7 +51,6 @@ class Model:
         kind: its format, one of FORMATS.
         unit: what its numbers were taken to mean, a key in `UNITS`.
         n_folded: facets with two equal corners; they have no area and were left out.
-        turned: whether all facets faced inward and were turned.
         notes: what deserves a look, for people.
     """
 
@@ -60,7 +59,6 @@ class Model:
     kind: str
     unit: str
     n_folded: int = 0
-    turned: bool = False
     notes: tuple[str, ...] = ()
 
     def doubts(self, room: Float | None = None) -> str:
@@ -126,8 +124,8 @@ def load_model(
     with opened(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _kind(source)
         triangles, own_unit, notes = _READERS.get(kind, _read_with_trimesh)(source, kind, unit, limits)
-        kept, n_folded, turned = sound(triangles, path)
-    return Model(Mesh(kept, path.stem), path, kind, own_unit, n_folded, turned, tuple(notes))
+        kept, n_folded = sound(triangles, path)
+    return Model(Mesh(kept, path.stem), path, kind, own_unit, n_folded, tuple(notes))
 
 
 def _kind(source: Source) -> str:

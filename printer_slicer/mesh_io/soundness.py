@@ -1,4 +1,4 @@
-"""Is it a part: facets that bound a volume. Works block by block, so that no second copy of a large mesh exists."""
+"""Is it a part: facets that can bound a volume. Works block by block, so that no second copy of a large mesh exists."""
 
 from __future__ import annotations
 
@@ -23,9 +23,6 @@ BLOCK: Final = 1 << 13
 LARGEST: Final = 1e7
 """mm; a coordinate beyond 10 km is damage, and its cube would drown the volume."""
 
-THINNEST: Final = 1e-6
-"""A part that fills less than this share of its envelope is a folded sheet."""
-
 EXPORT_AGAIN: Final = "Export the part again from the program that made it."
 COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again."
 
@@ -36,39 +33,28 @@ def blocks(count: int) -> Iterator[slice]:
         yield slice(start, min(start + BLOCK, count))
 
 
-def sound(triangles: Float, path: Path) -> tuple[Float, int, bool]:
-    """The triangles that bound a part, outside out.
+def sound(triangles: Float, path: Path) -> tuple[Float, int]:
+    """The triangles that can bound a part. Which way they face, and whether they bound one, is for repair to find.
 
     Args:
         triangles: (F, 3, 3) mm; they are changed.
         path: of the file, for messages.
 
     Returns:
-        (F', 3, 3) triangles, a view of those given; how many without area were left out; whether all were turned.
+        (F', 3, 3) triangles, a view of those given; how many without area were left out.
 
     Raises:
-        MeshError: there is no facet, no volume, or a coordinate that is none.
+        MeshError: there is no facet, no extent, or a coordinate that is none.
     """
     if len(triangles) == 0:
         raise MeshError(f"{path}: there are no facets in it", remedy=EXPORT_AGAIN)
     kept = _unfolded(triangles, path)
-    n_folded = len(triangles) - len(kept)
     if len(kept) == 0:
         raise MeshError(f"{path}: none of its facets has an area", remedy=EXPORT_AGAIN)
-    mesh = Mesh(kept)
-    for name, size in zip("xyz", mesh.size.tolist(), strict=True):
+    for name, size in zip("xyz", Mesh(kept).size.tolist(), strict=True):
         if size <= 0:
             raise MeshError(f"{path}: the part is flat: it does not extend in {name}", remedy=EXPORT_AGAIN)
-    volume = mesh.volume
-    if abs(volume) < THINNEST * np.prod(mesh.size):
-        raise MeshError(
-            f"{path}: the facets enclose no volume",
-            remedy="Close the surface of the part, or give it a thickness.",
-        )
-    if volume < 0:
-        for block in blocks(len(kept)):
-            kept[block] = kept[block, ::-1].copy()
-    return kept, n_folded, volume < 0
+    return kept, len(triangles) - len(kept)
 
 
 def _unfolded(triangles: Float, path: Path) -> Float:

@@ -130,7 +130,7 @@ def test_a_mesh_without_volume_is_refused(tmp_path: Path) -> None:
     one = np.array([[[0, 0, 0], [10, 0, 5], [0, 10, 2]]], dtype=np.float64)
     export_stl(Mesh(np.concatenate([one, one[:, ::-1]])), tmp_path / "sheet.stl")
 
-    refused(typed("slice", tmp_path / "sheet.stl"), 3, "sheet.stl", "volume")
+    refused(typed("slice", tmp_path / "sheet.stl"), 3, "sheet", "volume")
 
 
 @pytest.mark.parametrize("edges", [(300, 20, 10), (20, 221, 10), (20, 20, 251), (2000, 2000, 2000)], ids=str)

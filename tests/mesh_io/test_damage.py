@@ -9,7 +9,9 @@ from mutations import damaged
 from tiny_files import every_format, write
 
 from printer_slicer.errors import MeshError, UsageError
+from printer_slicer.healing import repair
 from printer_slicer.mesh_io import load_mesh
+from printer_slicer.model import Mesh
 
 FOUND = [
     ("part.obj", 61),  # points in the plane
@@ -25,18 +27,17 @@ FOUND = [
 def judge(folder: Path, name: str, content: bytes) -> bool:
     """Whether the file was read; else its error has the file and a remedy."""
     path = write(folder, content, name)
+    mesh: Mesh | None = None
     refused: MeshError | UsageError | None = None
     try:
         mesh = load_mesh(path)
+        repair(mesh)
     except (MeshError, UsageError) as error:
         refused = error
     if refused:
-        assert str(path) in str(refused)
+        assert (path.stem if mesh else str(path)) in str(refused)
         assert refused.remedy
-        return False
-    assert mesh.n_facets > 0
-    assert mesh.volume > 0
-    return True
+    return mesh is not None
 
 
 @pytest.mark.parametrize(("name", "seed"), FOUND)
