@@ -23,7 +23,7 @@ from benchmarks.curves import Row, draw
 from benchmarks.match import Match, match
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
-from benchmarks.reports import BASES, judgement, match_table, plan_table, ratio_table
+from benchmarks.reports import BASES, judgement, match_table, part_table, plan_table, ratio_table
 from benchmarks.scoring import Judge
 from benchmarks.sizes import printable
 from benchmarks.sweeps import attempts, our_row, peer_attempts, peer_row
@@ -73,6 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for path in models:
         results.append(_measure(path, profile, folder, (prusa, cura), options))
         _show(results[-1])
+    print("\nOurs by theirs, all parts\n")
+    print(part_table([(result.name, result.rows, result.matches) for result in results]))
     print("\n" + judgement([(result.rows, result.matches) for result in results]))
     target = options.json or WORK / "planning.json"
     target.write_text(

@@ -10,7 +10,7 @@ from benchmarks.curves import Frontier, Minutes, Row
 from benchmarks.match import Match
 from benchmarks.sweeps import OPTIMAL, USUAL
 
-__all__ = ["BASES", "judgement", "match_table", "plan_table", "ratio_table"]
+__all__ = ["BASES", "judgement", "match_table", "part_table", "plan_table", "ratio_table"]
 
 BASES: Final[tuple[tuple[str, Minutes], ...]] = (
     ("our toolpaths over every plan", lambda row: row.score.minutes),
@@ -121,6 +121,33 @@ def match_table(matches: Sequence[Match]) -> str:
         "minutes",
     ]
     return _table(heads, lines, 2)
+
+
+def part_table(parts: Sequence[tuple[str, Sequence[Row], Sequence[Match]]]) -> str:
+    """For each part the range of our deviation, minutes and layers by those of the peers' adaptive plans.
+
+    Args:
+        parts: name, plans and matches of each.
+    """
+    lines = []
+    for name, rows, matches in parts:
+        cells = [name]
+        for family in _LAYERS:
+            found = [(d, t) for row, _, d, t in _ratios(rows, BASES[0][1]) if row.family == family]
+            layers = [
+                one.our_layers / one.layers for one in matches if one.family == family and one.our_layers
+            ]
+            cells += [_range([d for d, _ in found]), _range([t for _, t in found]), _range(layers)]
+        lines.append(cells)
+    heads = [f"{family}: {what}" for family in _LAYERS for what in ("deviation", "minutes", "layers")]
+    return _table(["part", *heads], lines, 1)
+
+
+def _range(values: Sequence[float | None]) -> str:
+    known = sorted(value for value in values if value is not None)
+    if not known:
+        return "-"
+    return f"{known[0]:.2f}" if known[-1] - known[0] < 0.005 else f"{known[0]:.2f}..{known[-1]:.2f}"
 
 
 def judgement(parts: Sequence[tuple[Sequence[Row], Sequence[Match]]]) -> str:
