@@ -169,6 +169,8 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
     xy = np.zeros((n_nodes, 2))
     xy[place_of_ring[ring] + rank] = crossings.xy
     rings = Areas(xy, start, crossings.plane[first], plan.n_layers)
+    if not len(chords.tail):
+        return rings, []
     place_of_ring[first] = np.arange(len(first))
     gaps = _gaps(chords, crossings, plan)
     _refuse_guesses(chords, place_of_ring[ring[chords.tail]], rings, gaps, name)
