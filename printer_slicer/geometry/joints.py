@@ -14,13 +14,16 @@ Index = NDArray[np.int32]
 _SPREAD = 0x9E3779B97F4A7C15
 _STEP = 0x2545F4914F6CDD1D
 _AT_ONCE = 1 << 20
+_NEAR = 1 << 17  # keys welded together first
 
 
 def welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
     """Numbers for keys, the same for equal ones.
 
     A table with about one place per key is written by all keys at once; who finds another key in its place tries again
-    with another table. That takes a quarter of the time of sorting, and about 16 bytes per key.
+    with another table. That takes a quarter of the time of sorting, and about 16 bytes per key. Equal keys of meshes
+    stand near each other, so they are looked for block by block first, in tables that fit the processor's cache, and
+    then among what is left of all blocks.
 
     Args:
         key: (n,) 64 bits.
@@ -28,6 +31,25 @@ def welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
     Returns:
         (n,) the number of each key, from 0, and (m,) one item of each number.
     """
+    if len(key) <= 2 * _NEAR:
+        return _welded(key)
+    number, one = np.zeros(len(key), np.int32), []
+    total = 0
+    blocks = [slice(at, at + _NEAR) for at in range(0, len(key), _NEAR)]
+    for block in blocks:
+        there, firsts = _welded(key[block])
+        number[block] = there + np.int32(total)
+        one.append(firsts + np.int32(block.start))
+        total += len(firsts)
+    of_block = np.concatenate(one)
+    overall, firsts = _welded(key[of_block])
+    for block in blocks:
+        number[block] = overall[number[block]]
+    return number, of_block[firsts]
+
+
+def _welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
+    """The same by one table for all."""
     n = len(key)
     bits = max(n.bit_length(), 4)
     owner = np.zeros(n, np.int32)

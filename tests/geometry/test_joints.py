@@ -41,6 +41,18 @@ def test_no_keys_have_no_numbers() -> None:
 
 @settings(deadline=None, max_examples=60)
 @given(seed=seeds, n=st.integers(1, 400), links=st.integers(0, 600), k=st.integers(2, 3))
+@pytest.mark.parametrize("n_different", [3, 1000, 500_000])
+def test_many_keys_are_welded_wherever_their_equals_stand(n_different: int) -> None:
+    """More than are welded at once, near their equals and far from them."""
+    rng = np.random.default_rng(n_different)
+    key = rng.integers(0, 2**63, n_different).astype(np.uint64)[rng.integers(0, n_different, 400_000)]
+    number, firsts = welded(key)
+
+    assert len(firsts) == len(np.unique(key))
+    assert np.array_equal(key[firsts][number], key)
+    assert np.array_equal(number[firsts], np.arange(len(firsts)))
+
+
 def test_linked_items_are_the_connected_components_of_a_graph(seed: int, n: int, links: int, k: int) -> None:
     members = np.random.default_rng(seed).integers(0, n, (k, links))
     graph = coo_array(
