@@ -33,14 +33,6 @@ def test_equal_keys_get_one_number(seed: int, n: int, kinds: int, shift: int) ->
     assert number[firsts].tolist() == list(range(len(firsts)))
 
 
-def test_no_keys_have_no_numbers() -> None:
-    number, firsts = welded(np.zeros(0, np.uint64))
-
-    assert number.size == firsts.size == 0
-
-
-@settings(deadline=None, max_examples=60)
-@given(seed=seeds, n=st.integers(1, 400), links=st.integers(0, 600), k=st.integers(2, 3))
 @pytest.mark.parametrize("n_different", [3, 1000, 500_000])
 def test_many_keys_are_welded_wherever_their_equals_stand(n_different: int) -> None:
     """More than are welded at once, near their equals and far from them."""
@@ -53,6 +45,14 @@ def test_many_keys_are_welded_wherever_their_equals_stand(n_different: int) -> N
     assert np.array_equal(number[firsts], np.arange(len(firsts)))
 
 
+def test_no_keys_have_no_numbers() -> None:
+    number, firsts = welded(np.zeros(0, np.uint64))
+
+    assert number.size == firsts.size == 0
+
+
+@settings(deadline=None, max_examples=60)
+@given(seed=seeds, n=st.integers(1, 400), links=st.integers(0, 600), k=st.integers(2, 3))
 def test_linked_items_are_the_connected_components_of_a_graph(seed: int, n: int, links: int, k: int) -> None:
     members = np.random.default_rng(seed).integers(0, n, (k, links))
     graph = coo_array(
