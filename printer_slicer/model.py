@@ -239,9 +239,10 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Repairs:
-    """All that was done to a mesh before it was cut, in the order in which it was done."""
+    """All that was done to a mesh before it was cut, in the order in which it was done; `sound`: it was one shell."""
 
     done: tuple[Repair, ...] = ()
+    sound: bool = False
 
     @property
     def count(self) -> int:

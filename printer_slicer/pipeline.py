@@ -87,7 +87,7 @@ def slice_stages(
     del mesh, mended  # where nobody else holds them: millions of facets weigh hundreds of megabytes
     report("planning")
     stages = _down_from(part, plan or plan_part(part, profile), profile, report)
-    repairs = Repairs((*repairs.done, *section_repairs(stages.sections, shift)))
+    repairs = replace(repairs, done=(*repairs.done, *section_repairs(stages.sections, shift)))
     if strict:
         refuse_repaired(part.name, repairs)
     return replace(stages, repairs=repairs, shift=shift)

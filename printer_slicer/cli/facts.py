@@ -57,7 +57,7 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         "empty_layers": program.plan.n_layers - len(program.printed),
         "begins_at": _begins_at(program),
         "skirt_left_out": bool(profile.quality.skirt_loops) and not (program.role == Role.SKIRT).any(),
-        "faults": _faults(stages.part, stages.shift),
+        "faults": {} if stages.repairs.sound else _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
         "certificate": certificate_facts(certificate, stages.part, profile, stages.shift, seconds),

@@ -19,7 +19,7 @@ from printer_slicer.cli.facts import facts_of, sentences
 from printer_slicer.cli.models import repaired_plate
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import Program, Repairs
+from printer_slicer.model import Program
 from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.surface import certify, read_surface
 
@@ -40,7 +40,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
         stage = slice_stages(
             meshes.pop(), profile, placement=plate.placement, report=report, strict=arguments.strict
         )
-        stage = replace(stage, repairs=Repairs(repairs.done + stage.repairs.done))
+        stage = replace(stage, repairs=replace(stage.repairs, done=repairs.done + stage.repairs.done))
         program = stage.program
         report("writing")
         seconds = float(move_seconds(program, profile).sum())

@@ -9,9 +9,9 @@ from printer_slicer.geometry.areas import Bool, Float, Int
 from printer_slicer.geometry.joints import linked, welded
 
 __all__ = [
-    "balanced",
     "connected",
     "corner_keys",
+    "directed_edges",
     "directed_keys",
     "edge_faults",
     "edge_keys",
@@ -20,6 +20,9 @@ __all__ = [
 ]
 
 _UInt = NDArray[np.uint64]
+_FACTORS = np.array(
+    [0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD6E8FEB86659FD93], np.uint64
+)
 _FACETS_AT_ONCE = 1 << 15  # whose keys stay in the processor's cache
 _CORNERS_AT_ONCE = 3 << 15
 
@@ -41,11 +44,7 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
         Middle points, each (n, 3) mm: of edges with one facet, of edges whose two facets face opposite ways, and of
         edges that more than two facets share. Equal coordinates make equal corners.
     """
-    rows = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3)
-    if balanced(rows) and _is_simple(rows):
-        nothing = np.zeros((0, 3))
-        return nothing, nothing, nothing
-    tag = rows.T
+    tag = corner_keys(triangles.reshape(-1, 3)).reshape(-1, 3).T
     after = tag[[1, 2, 0]]
     used = np.flatnonzero(tag != after)  # an edge of no length belongs to a facet of no area
     edge, firsts = welded(edge_keys(tag).ravel()[used])
@@ -59,33 +58,21 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     return middles(count == 1), middles((count == 2) & (net != 0)), middles(count > 2)
 
 
-def balanced(tag: _UInt) -> bool:
-    """Whether all edges are passed as often in one direction as in the other, from the keys of the corners (F, 3).
+def directed_edges(tag: _UInt) -> tuple[_UInt, Bool]:
+    """The edge after each corner: (3 F,) its key, the same both ways, and whether it leads to the higher key.
 
-    A sum over all edges of their keys, with the sign of the direction: it is zero when that is so, and when it is not,
-    with a chance of 2^-64.
+    Args:
+        tag: (F, 3) keys of the corners.
     """
-    total = 0
-    for some in np.array_split(tag, len(tag) // _FACETS_AT_ONCE + 1):
-        keys = np.ascontiguousarray(some.T)
+    key, upward = np.zeros(tag.shape, np.uint64), np.zeros(tag.shape, np.bool_)
+    for at in range(0, len(tag), _FACETS_AT_ONCE):
+        some = slice(at, at + _FACETS_AT_ONCE)
+        corners = np.ascontiguousarray(tag[some].T)
         for begin, end in ((0, 1), (1, 2), (2, 0)):
-            low, high = np.minimum(keys[begin], keys[end]), np.maximum(keys[begin], keys[end])
-            edge = directed_keys(low, high).view(np.int64)
-            up, down = keys[begin] < keys[end], keys[begin] > keys[end]
-            total += int((edge * (up.view(np.int8) - down.view(np.int8))).sum())
-    return total % 2**64 == 0
-
-
-def _is_simple(tag: _UInt) -> bool:
-    """Whether no two facets pass an edge the same way, from the keys of the corners (F, 3) of a balanced mesh."""
-    forward = []
-    for some in np.array_split(tag, len(tag) // _FACETS_AT_ONCE + 1):
-        keys = np.ascontiguousarray(some.T)
-        after = keys[[1, 2, 0]]
-        up = keys < after
-        forward.append(directed_keys(keys[up], after[up]))
-    every = np.concatenate(forward)
-    return len(welded(every)[1]) == len(every)
+            one, other = corners[begin], corners[end]
+            key[some, begin] = directed_keys(np.minimum(one, other), np.maximum(one, other))
+            upward[some, begin] = one < other
+    return key.ravel(), upward.ravel()
 
 
 def connected(triangles: Float) -> Int:
@@ -105,18 +92,21 @@ def corner_keys(corner: Float) -> _UInt:
 
 
 def keys_of(x: Float, y: Float, z: Float) -> _UInt:
-    """(n,) the same from columns (n,) of coordinates."""
-    bits = [(column + 0.0).view(np.uint64) for column in (x, y, z)]  # adding zero turns -0.0 into 0.0
-    keys = bits[0]
-    keys *= np.uint64(0x9E3779B97F4A7C15)
-    keys ^= keys >> np.uint64(29)
-    keys += bits[1]
-    keys *= np.uint64(0xBF58476D1CE4E5B9)
+    """(n,) the same from columns (n,) of coordinates.
+
+    A product carries a bit to higher ones only. Coordinates of symmetric parts differ in their highest bit, the sign,
+    and in the last ones that 32-bit files have: turned so that both stand low, either changes most bits of the key.
+    """
+    keys = np.zeros(len(x), np.uint64)
+    for column, factor in zip((x, y, z), _FACTORS[:3], strict=True):
+        bits = (column + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0
+        keys ^= bits << np.uint64(23)
+        keys ^= bits >> np.uint64(41)
+        keys *= factor
+        keys ^= keys >> np.uint64(29)
+    keys *= _FACTORS[3]
     keys ^= keys >> np.uint64(32)
-    keys += bits[2]
-    keys *= np.uint64(0x94D049BB133111EB)
-    keys ^= keys >> np.uint64(31)
-    return np.asarray(keys)
+    return keys
 
 
 def edge_keys(tag: _UInt) -> _UInt:

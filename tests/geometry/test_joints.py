@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from printer_slicer.geometry import Int
 from printer_slicer.geometry.joints import close_groups, cycles, linked, welded
+from printer_slicer.geometry.planes import corner_keys
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -19,6 +20,9 @@ def same_partition(one: Int, other: Int) -> bool:
     """Whether two numberings put the same items together."""
     pairs = len(np.unique(np.stack([one, other]), axis=1).T)
     return len(np.unique(one)) == len(np.unique(other)) == pairs
+
+
+SIGNS = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
 
 
 @settings(deadline=None, max_examples=60)
@@ -98,3 +102,20 @@ def test_cycles_number_the_steps_from_the_lowest_item(seed: int, n: int) -> None
         at = following[at]
     assert (lowest <= np.arange(n)).all()
     assert pytest.approx(steps[lowest]) == 0
+
+
+@pytest.mark.parametrize("steps", [1, 4, 16, 32])
+def test_corners_of_symmetric_parts_have_keys_of_their_own(steps: int) -> None:
+    """Mirrored, and a few 32-bit steps apart, as rounding leaves them."""
+    rng = np.random.default_rng(steps)
+    single = rng.uniform(-20, 20, (20_000, 3)).astype(np.float32)
+    near = single.copy()
+    for _ in range(steps):
+        near = np.nextafter(near, np.float32(100) * np.sign(near))
+    mixed = np.where(rng.random(single.shape) < 0.5, single, near)
+    points = (
+        np.concatenate([part * sign for part in (single, near, mixed) for sign in SIGNS]).astype(float) + 0.0
+    )
+    unique = np.unique(points, axis=0)
+
+    assert len(np.unique(corner_keys(unique))) == len(unique)
