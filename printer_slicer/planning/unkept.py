@@ -133,12 +133,12 @@ class _Plan:
     def _why_thick(self, layer: int) -> str:
         """What keeps a layer from being thin enough."""
         plan, thinnest = self._plan, self._profile.thinnest
-        asked = self._why_there(float(plan.bottom[layer]), float(plan.top[layer]), otherwise="")
-        if asked:
-            return asked
         if plan.height[layer] <= thinnest + _ROUNDING:
             best = self._share * thinnest
             return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {best:g} mm"
+        asked = self._why_there(float(plan.bottom[layer]), float(plan.top[layer]), otherwise="")
+        if asked:
+            return asked
         if plan.planner != "optimal":
             return f"planner {plan.planner!r} measures the error of a layer in another way"
         return "the heights allowed do not divide what lies between flats more finely"
