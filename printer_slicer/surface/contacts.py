@@ -29,11 +29,13 @@ from printer_slicer.geometry.joints import welded
 from printer_slicer.geometry.planes import edge_keys, keys_of
 from printer_slicer.model import Bool, Float, Int, Mesh
 
-__all__ = ["Contacts", "find_contacts"]
+__all__ = ["Contacts", "Envelope", "find_contacts"]
 
 _LEVEL: Final = 1e-9  # sine of the slope under which a direction counts as horizontal
 _NO_AREA: Final = 1e-12  # of its longest edge squared: such a facet has no normal worth the name
 _AT_ONCE: Final = 1 << 15  # facets whose columns stay in the processor's cache
+_BIN: Final = 0.01  # mm
+_MOST_BINS: Final = 1 << 16
 _Keys = NDArray[np.uint64]
 _NEXT: Final = [1, 2, 0]
 _BEFORE: Final = [2, 0, 1]
@@ -70,6 +72,60 @@ class Contacts:
         return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
 
 
+class Envelope:
+    """The steepest rise at every height, in bins of z: what lies under it everywhere adds nothing to any run.
+
+    A contact counts in a run from its lowest z on, or from the start of the run if it reaches over that; so does each
+    other one. Where others that are steeper cover all of its heights, whatever it would add they add too. They may
+    themselves be covered by others; the steepest of all stay.
+    """
+
+    def __init__(self, bottom: float, size: float, n: int) -> None:
+        self._bottom, self._size, self._n = bottom, size, n
+        # Covers of 2^k bins, by k and the first of them, as they are painted in `runs`.
+        self._covers = np.zeros((n.bit_length(), n))
+        self._least: list[Float] = [np.zeros(n)]
+
+    @classmethod
+    def over(cls, bottom: float, top: float) -> Envelope:
+        """An empty one for a part between two heights, mm."""
+        n = int(np.clip((top - bottom) / _BIN, 1, _MOST_BINS))
+        return cls(bottom, max((top - bottom) / n, 1e-12), n)
+
+    def add(self, low: Float, high: Float, rise: Float) -> None:
+        """Contacts (n,) that cover whole bins."""
+        first = np.maximum(np.ceil((low - self._bottom) / self._size).astype(np.int64), 0)
+        last = np.minimum(np.floor((high - self._bottom) / self._size).astype(np.int64), self._n) - 1
+        some = np.flatnonzero(first <= last)
+        first, last, rise = first[some], last[some], rise[some]
+        level = np.frexp((last - first + 1).astype(np.float64))[1].astype(np.int64) - 1
+        np.maximum.at(self._covers, (level, first), rise)
+        np.maximum.at(self._covers, (level, last + 1 - (1 << level)), rise)
+        steepest = self._covers.copy()
+        for k in range(len(steepest) - 1, 0, -1):
+            half = 1 << (k - 1)
+            np.maximum(steepest[k - 1], steepest[k], out=steepest[k - 1])
+            np.maximum(steepest[k - 1, half:], steepest[k, :-half], out=steepest[k - 1, half:])
+        # The least of 2^k bins from each on.
+        self._least = [steepest[0]]
+        for k in range(len(self._covers) - 1):
+            shorter = self._least[-1]
+            self._least.append(np.minimum(shorter[: -(1 << k)], shorter[1 << k :]))
+
+    def shows(self, low: Float, high: Float, rise: Float) -> Bool:
+        """(n,) which contacts are not under it everywhere; flats and extrema are not."""
+        first, last = (
+            np.clip(np.floor((z - self._bottom) / self._size).astype(np.int64), 0, self._n - 1)
+            for z in (low, high)
+        )
+        level = np.frexp((last - first + 1).astype(np.float64))[1].astype(np.int64) - 1
+        least = np.zeros(len(rise))
+        for k, table in enumerate(self._least):
+            some = np.flatnonzero(level == k)
+            least[some] = np.minimum(table[first[some]], table[last[some] + 1 - (1 << k)])
+        return np.asarray((rise >= least) | (rise > 1 - _LEVEL))
+
+
 class _Marks(NamedTuple):
     """Edges or corners of one block that may add a contact, as far as the block knows, and those that none has.
 
@@ -94,10 +150,10 @@ class _Marks(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """What one block of facets says: rise, lowest and highest z of each facet, the surface, and marks.
+    """What one block of facets says: each facet, the surface, and marks.
 
     Attributes:
-        facets: (3, n) rise, low and high.
+        facets: (4, n) lowest and highest z, rise, and number of each.
         area: mm².
         marks: ridges and valleys by 3 f + c, where facet f has the edge after its corner c; peaks and pits, which are
             corners, by 3 f + c.
@@ -114,8 +170,13 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     Args:
         mesh: the part; any triangles will do.
     """
-    blocks = [_block(mesh.triangles, at) for at in range(0, max(mesh.n_facets, 1), _AT_ONCE)]
-    rise, low, high = np.concatenate([block.facets for block in blocks], axis=1)
+    envelope = Envelope.over(*mesh.bounds[:, 2].tolist())
+    blocks = []
+    for at in range(0, max(mesh.n_facets, 1), _AT_ONCE):
+        block = _block(mesh.triangles, at)
+        envelope.add(*block.facets[:3])
+        blocks.append(block._replace(facets=block.facets[:, envelope.shows(*block.facets[:3])]))
+    low, high, rise, facet = np.concatenate([block.facets for block in blocks], axis=1)
     ridges, valleys, peaks, pits = (
         _Marks.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
     )
@@ -128,8 +189,9 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     low = np.concatenate([low, np.minimum(start[:, 2], end[:, 2]), tip])
     high = np.concatenate([high, np.maximum(start[:, 2], end[:, 2]), tip])
     rise = np.concatenate([rise, steep, np.ones(len(corners))])
-    source = np.concatenate([np.arange(mesh.n_facets), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
-    order = np.flatnonzero(rise > _LEVEL)
+    source = np.concatenate([facet.astype(np.int64), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
+    envelope.add(low, high, rise)
+    order = np.flatnonzero((rise > _LEVEL) & envelope.shows(low, high, rise))
     order = order[np.argsort(low[order], kind="stable")]
     return Contacts(low[order], high[order], rise[order], source[order]), area
 
@@ -158,7 +220,8 @@ def _block(triangles: Float, begin: int) -> _Block:
         *_marked(edge_keys(tag), steeper, (inward > slack, inward < -slack), begin, in_two=True),
         *_marked(tag, None, (_beside_higher(z, tag), _beside_higher(-z, tag)), begin, in_two=False),
     )
-    return _Block(np.stack([rise, z.min(axis=0), z.max(axis=0)]), float(size.sum()) / 2, marks)
+    number = np.arange(begin, begin + len(rise), dtype=np.float64)
+    return _Block(np.stack([z.min(axis=0), z.max(axis=0), rise, number]), float(size.sum()) / 2, marks)
 
 
 def _marked(

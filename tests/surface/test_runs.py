@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.model import Float, Int, Mesh
-from printer_slicer.surface.contacts import Contacts, find_contacts
+from printer_slicer.surface.contacts import Contacts, Envelope, find_contacts
 from printer_slicer.surface.runs import painted, run_bounds, runs_by_length, steepest
 from tests.parts import box, cone, pyramid, sheared_prism, sphere, step_pyramid
 
@@ -218,6 +218,28 @@ def test_runs_that_leave_the_cells_end_with_the_last_one() -> None:
 
     assert table[1] == pytest.approx(0.5 * 0.1 * np.array([5, 5, 5, 5, 5, 5, 4, 3, 2, 1, 0]))
     assert table[0] == pytest.approx(0.5 * 0.1 * np.array([2] * 9 + [1, 0]))
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.integers(1, 400))
+def test_what_lies_under_the_envelope_adds_nothing_to_any_run(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    low = rng.uniform(0, 1, n)
+    high = np.minimum(low + rng.choice([0.0, 0.02, 0.07, 0.5], n) * rng.random(n), 1.0)
+    every = contacts_of(low, high, rng.uniform(0.05, 1, n))
+    envelope = Envelope.over(0.0, 1.0)
+    for some in np.array_split(np.arange(n), 3):
+        envelope.add(every.low[some], every.high[some], every.rise[some])
+    shown = envelope.shows(every.low, every.high, every.rise)
+    few = Contacts(*(getattr(every, name)[shown] for name in ("low", "high", "rise", "source")))
+    start = np.sort(rng.uniform(0, 0.9, 30))
+    end = np.minimum(start + rng.uniform(0, 0.3, 30), np.append(start[1:], 1.0))
+
+    assert shown.sum() < n or n < 100
+    assert run_bounds(few, start, end) == pytest.approx(run_bounds(every, start, end), abs=1e-12)
+    assert run_bounds(few.mirrored(), -end[::-1], -start[::-1]) == pytest.approx(
+        run_bounds(every.mirrored(), -end[::-1], -start[::-1]), abs=1e-12
+    )
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
