@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import MeshError, OutputError, PrinterSlicerError, UsageError
 from printer_slicer.healing import repair
-from printer_slicer.mesh_io import export_stl, load_mesh
+from printer_slicer.mesh_io import export_stl, load_mesh, load_model
 from printer_slicer.model import Mesh
 
 BOX = np.array(trimesh.creation.box((2.0, 3.0, 4.0)).triangles)
@@ -125,6 +125,43 @@ def test_several_solids_in_a_file_are_one_part(tmp_path: Path) -> None:
 @pytest.mark.parametrize("tail", [b"\0" * 500, b"made by a program"])
 def test_a_tail_without_facets_is_ignored(tmp_path: Path, tail: bytes) -> None:
     assert np.array_equal(load_mesh(write(tmp_path, binary_stl(BOX) + tail)).triangles, BOX)
+
+
+TEXT = b"COLOR=200,200,200 created 2019-01-01 00:00:00, 12 facets, UNITS=MM\r\n" * 40
+COLOURS = np.random.default_rng(3).integers(0, 256, 4 * 1000, dtype=np.uint8).tobytes()
+
+
+@pytest.mark.parametrize("length", [50, 99, 1000, 2500])
+@pytest.mark.parametrize(
+    "tail", [TEXT, b"0 " * 2000, b"F7A0" * 1000, COLOURS, b"\x80\x80\x80\xff" * 1000, b"\0\0\x80\x7f" * 1000]
+)
+def test_a_tail_that_can_be_no_facets_is_left_out_and_told(tmp_path: Path, tail: bytes, length: int) -> None:
+    model = load_model(write(tmp_path, binary_stl(BOX) + tail[:length]))
+
+    assert np.array_equal(model.mesh.triangles, BOX)
+    assert model.notes == (f"{length} bytes after the last facet can be no facets and are left out",)
+
+
+@pytest.mark.parametrize("padding", [b"", bytes(500), bytes(500_000), TEXT[:2500], COLOURS[:2500]])
+@pytest.mark.parametrize("second", [binary_stl(BOX + 20), binary_stl(BOX + 20)[84:], binary_stl(BOX)[84:134]])
+def test_facets_in_a_tail_are_never_left_out(tmp_path: Path, padding: bytes, second: bytes) -> None:
+    """Another STL behind the first, or facets that the header does not count; also behind other things."""
+    more = np.concatenate([BOX + shift for shift in range(8)])  # as many as what is before them
+    second = second if len(padding) < 600 or not padding.strip(b"\0") else binary_stl(more)[84:]
+    message = fault(write(tmp_path, binary_stl(BOX) + padding + second))
+
+    assert "announces 12 facets" in message
+
+
+def test_a_coordinate_too_far_out_is_named_with_what_to_do(tmp_path: Path) -> None:
+    far = (BOX + 1) * np.array([1e8, 1, 1])
+    path = write(tmp_path, binary_stl(far))
+
+    message = fault(path)
+    assert "has the coordinate 2e+08" in message
+    assert "--units" in message
+    assert load_mesh(path, units="micron").size[0] == pytest.approx(2e5)
+    assert "--units" not in fault(write(tmp_path, binary_stl(BOX * 1e30)))
 
 
 def test_a_cut_off_binary_stl_tells_how_many_facets_are_left(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import json
 import os
 import re
 from dataclasses import dataclass, replace
-from math import inf, sqrt
+from math import ceil, inf, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -258,6 +258,7 @@ def _facts(
         "rounding": round(rounded.error, _DIGITS),
         # Without a limit points are only left out; JSON has no number for that.
         "spacing": arguments.resample if arguments.resample != inf else None,
+        "farthest_apart": round(rounded.longest_edge() * _unit(target), _DIGITS),
         "at_most_off": off | {"together": round(sum(off.values()), _DIGITS)},
         "rings_left_out": rounded.lost,
         "notes": _notes(sections, rounded, target),
@@ -266,9 +267,12 @@ def _facts(
 
 def _rounded(sections: Sections, target: _Target) -> Rounded:
     """The contours as the file has them."""
-    if target.kind == "slc":
-        return in_float32(sections.solid)
-    return on_grid(sections.solid, CLI_UNITS if target.kind == "cli" else 10.0**-SVG_DIGITS)
+    return in_float32(sections.solid) if target.kind == "slc" else on_grid(sections.solid, _unit(target))
+
+
+def _unit(target: _Target) -> float:
+    """Mm that the numbers of the file mean."""
+    return {"slc": 1.0, "cli": CLI_UNITS}.get(target.kind, 10.0**-SVG_DIGITS)
 
 
 def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
@@ -301,7 +305,8 @@ def _sentences(facts: dict[str, Any]) -> list[str]:
         f"contours are at most {off['together']:.3g} mm from the section at the cut: {', '.join(parts)}",
     ]
     if facts["spacing"] is not None:
-        lines.append(f"points are at most {facts['spacing']:g} mm apart")
+        apart = ceil(facts["farthest_apart"] * 1e4 - 1e-5) / 1e4  # never less than it is
+        lines.append(f"points are at most {f'{apart:.4f}'.rstrip('0').rstrip('.')} mm apart, as written")
     if facts["empty_layers"]:
         many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
         lines.append(f"{many} empty")

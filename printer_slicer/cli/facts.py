@@ -34,7 +34,7 @@ _MOST_PLACES = 10
 
 
 def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Certificate) -> dict[str, Any]:
-    """Everything worth knowing, ready for JSON; places are told as the file has them.
+    """Everything worth knowing, ready for JSON; places as scaled and turned, before the plate is moved to the bed.
 
     Args:
         stages: the sliced part.
@@ -118,7 +118,7 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
 
 
 def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
-    """What was put right in a mesh, ready for JSON; lengths in mm, places in the file's coordinates."""
+    """What was put right in a mesh, ready for JSON; lengths and places in mm, the parts as scaled and turned."""
     return [
         {
             "kind": one.kind,
@@ -176,7 +176,7 @@ def certificate_facts(
         certificate: of the plan.
         part: as it was placed.
         profile: what it was planned with.
-        shift: (3,) mm from the placed part to the file's coordinates, in which places are told.
+        shift: (3,) mm from the placed part to where it was scaled and turned, in which places are told.
         seconds: modelled time of the moves.
     """
     worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance

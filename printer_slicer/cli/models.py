@@ -70,7 +70,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
             model.mesh, scale=arguments.scale or 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
         )
         warnings += [f"{path.name}: {note}" for note in model.notes]
-        doubts = model.doubts(room) if arguments.scale is None else ""
+        doubts = model.doubts(room) if arguments.scale is None and arguments.units is None else ""
         # A part that does not fit is refused when it is placed, with the same advice.
         warnings += [doubts] if doubts and (mesh.size <= room).all() else []
         models.append(_facts(model))

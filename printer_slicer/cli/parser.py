@@ -276,7 +276,8 @@ def _contours(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         "--resample",
         metavar="MM",
         type=float,
-        help="points at most this far apart, off by at most the setting resolution; default: as they are",
+        help="points at most this far apart, but for the rounding of the file, which is told; off by at most the"
+        " setting resolution; default: as they are",
     )
     _common(parser)
     parser.set_defaults(run=_later("contours", "contours_command"))

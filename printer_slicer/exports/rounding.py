@@ -63,6 +63,13 @@ class Rounded:
         index[start[1:] - 1] = self.ring_start[:-1]
         return self.xy[index], start.tolist()
 
+    def longest_edge(self) -> float:
+        """The greatest distance between neighbouring points, in what `xy` is in; 0 where there is none."""
+        xy, start = self.closed()
+        length = np.hypot(*np.diff(xy.astype(np.float64), axis=0).T)
+        length[np.array(start[1:-1], dtype=np.int64) - 1] = 0.0  # from the end of a ring to the next one
+        return float(length.max(initial=0.0))
+
 
 def on_grid(areas: Areas, units: float) -> Rounded:
     """Areas in whole multiples of `units` mm, each coordinate at most half a unit from where it was."""

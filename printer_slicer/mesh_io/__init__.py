@@ -1,7 +1,7 @@
 """A file becomes a `Mesh`, and a `Mesh` a file.
 
 One module per format; `reading` chooses between them, and `soundness` judges what came out. STL is read here block by
-block, 3MF and AMF as streams of XML, GLB from its arrays; OBJ, PLY and OFF go through trimesh, STEP through
+block, 3MF and AMF as streams of XML, GLB, PLY and OFF from their arrays; OBJ goes through trimesh, STEP through
 OpenCASCADE, each imported only then.
 
 What a file may contain and still be a part: it has facets, all coordinates are finite, and it extends in x, y and z.

@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError, OutputError
 from printer_slicer.mesh_io.limits import check_facets
-from printer_slicer.mesh_io.soundness import BLOCK, COPY_AGAIN, EXPORT_AGAIN, blocks
+from printer_slicer.mesh_io.soundness import BLOCK, COPY_AGAIN, EXPORT_AGAIN, LARGEST, blocks
 
 if TYPE_CHECKING:
     import os
@@ -23,6 +23,10 @@ __all__ = ["announces_its_size", "export_stl", "read_binary_stl"]
 FACET: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER_SIZE: Final = 84
 """80 bytes of anything and the number of facets."""
+
+PRINTABLE: Final = bytes(range(32, 127)) + b"\t\r\n"
+SPOT: Final = 1e-6
+"""mm; no facet is smaller. Digits and blanks, read as floats, are."""
 
 UNCOUNTED: Final = (0, 0xFFFFFFFF)
 """What programs that write while they compute leave in place of the number of facets."""
@@ -44,8 +48,9 @@ def _n_announced(source: Source) -> int:
 def read_binary_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
     """(F, 3, 3) corners of a binary STL, and what deserves a look.
 
-    A tail after the last facet is allowed where it holds no facets. A header without a number (0 or all ones) is
-    allowed where nothing but whole facets follows.
+    A tail after the last facet is allowed where it holds no facets: where it is zeros, printable text, or mostly
+    numbers that are no coordinates. A header without a number (0 or all ones) is allowed where nothing but whole
+    facets follows.
 
     Raises:
         MeshError: the number of facets is neither that of the header nor left open, or this is no STL at all.
@@ -60,11 +65,14 @@ def read_binary_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
         notes.append(f"the header does not count the facets; all {n_present} in the file are read")
         n_announced = n_present
     tail = source.size - HEADER_SIZE - n_announced * FACET.itemsize
-    if tail < 0 or (tail >= FACET.itemsize and not _only_zeros(source, tail)):
+    has_more = tail >= FACET.itemsize and not _only_zeros(source, tail)
+    if tail < 0 or (has_more and _may_be_facets(source, tail)):
         raise MeshError(
             f"{path}: the header announces {n_announced} facets, but the file holds {n_present}",
             remedy=COPY_AGAIN,
         )
+    if has_more:
+        notes.append(f"{tail} bytes after the last facet can be no facets and are left out")
     check_facets(n_announced, path, limits)
     return _corners(source, n_announced), notes
 
@@ -96,6 +104,28 @@ def _only_zeros(source: Source, length: int) -> bool:
         if chunk.strip(b"\0"):
             return False
     return True
+
+
+def _may_be_facets(source: Source, length: int) -> bool:
+    """Whether so many bytes at the end of the file may be facets, or another binary STL."""
+    source.file.seek(source.size - length)
+    header = HEADER_SIZE
+    while len(piece := source.file.read(BLOCK * FACET.itemsize)) >= FACET.itemsize:
+        if piece.translate(None, PRINTABLE) and any(_mostly_facets(piece[skip:]) for skip in (0, header)):
+            return True
+        header = HEADER_SIZE % FACET.itemsize
+    return False
+
+
+def _mostly_facets(piece: bytes) -> bool:
+    """Whether at least half of the records that are not zeros have finite corners within what is read, not in one spot.
+
+    Bytes that mean something else are, as 32-bit floats, spread over 76 powers of ten.
+    """
+    corners = np.frombuffer(piece, FACET, len(piece) // FACET.itemsize)["corners"].astype(np.float64)
+    near = (np.abs(corners) < LARGEST).all(axis=(1, 2))
+    n_facets = np.count_nonzero(near & (np.ptp(corners, axis=1) > SPOT).any(axis=1))
+    return bool(0 < n_facets >= np.count_nonzero(corners.any(axis=(1, 2))) / 2)
 
 
 def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:

@@ -1,10 +1,9 @@
-"""OBJ, PLY and OFF, read by trimesh, which is imported only here and only then: that import takes half a second."""
+"""Formats that are read as a whole: PLY and OFF here, OBJ by trimesh, whose import takes half a second."""
 
 from __future__ import annotations
 
 import io
 import logging
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
@@ -14,6 +13,8 @@ import numpy as np
 from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.mesh_io.files import without_byte_order_mark
 from printer_slicer.mesh_io.limits import check_facets
+from printer_slicer.mesh_io.off import read_off
+from printer_slicer.mesh_io.ply import read_ply
 from printer_slicer.mesh_io.soundness import COPY_AGAIN
 
 if TYPE_CHECKING:
@@ -22,31 +23,18 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
     from printer_slicer.model import Float
 
-__all__ = ["OTHERS", "read_other"]
-
-OTHERS: Final = ("obj", "ply", "off")
-"""Formats that trimesh reads."""
+__all__ = ["read_other"]
 
 
 def read_other(data: bytes, kind: str, path: Path, limits: Limits) -> Float:
-    """(F, 3, 3) corners of a file that trimesh can read, in the file's unit.
+    """(F, 3, 3) corners of an OBJ, PLY or OFF, in the file's unit.
 
     Raises:
-        UsageError: trimesh is not installed.
+        UsageError: trimesh is needed and not installed.
         MeshError: it is no sound file.
     """
     try:
-        with _silence():
-            import trimesh  # noqa: PLC0415 - takes half a second, and most parts are STL
-
-            text = without_byte_order_mark(data)
-            _check_counts(text, kind)
-            loaded: Any = trimesh.load(
-                io.BytesIO(text), file_type=kind, force="scene", process=False, skip_materials=True
-            )
-            meshes = [one for one in loaded.geometry.values() if isinstance(one, trimesh.Trimesh)]
-            check_facets(sum(len(one.faces) for one in meshes), path, limits)
-            parts = [np.zeros((0, 3, 3)), *(_corners(one) for one in meshes)]
+        return _READERS[kind](without_byte_order_mark(data), path, limits)
     except ImportError as error:
         raise UsageError(
             f"{path}: reading .{kind} needs a module that is not there: {error}",
@@ -54,10 +42,22 @@ def read_other(data: bytes, kind: str, path: Path, limits: Limits) -> Float:
         ) from error
     except MeshError:
         raise
-    except Exception as error:  # three readers fail in all ways there are
+    except Exception as error:  # trimesh fails in all ways there are
         reason = str(error).partition("\n")[0][:200] or type(error).__name__
         raise MeshError(f"{path}: not a sound .{kind} file: {reason}", remedy=COPY_AGAIN) from error
-    return np.concatenate(parts)
+
+
+def _read_obj(data: bytes, path: Path, limits: Limits) -> Float:
+    """The facets of all objects; trimesh is imported only here and only then."""
+    with _silence():
+        import trimesh  # noqa: PLC0415 - takes half a second, and most parts are STL
+
+        loaded: Any = trimesh.load(
+            io.BytesIO(data), file_type="obj", force="scene", process=False, skip_materials=True
+        )
+        meshes = [one for one in loaded.geometry.values() if isinstance(one, trimesh.Trimesh)]
+        check_facets(sum(len(one.faces) for one in meshes), path, limits)
+        return np.concatenate([np.zeros((0, 3, 3)), *(_corners(one) for one in meshes)])
 
 
 def _corners(mesh: Any) -> Float:
@@ -73,18 +73,6 @@ def _corners(mesh: Any) -> Float:
     return corners
 
 
-def _check_counts(data: bytes, kind: str) -> None:
-    """Refuse numbers of vertices and facets that cannot be in so few bytes, before room is made for them."""
-    counts: list[bytes] = []
-    if kind == "ply":
-        counts = re.findall(rb"(?m)^\s*element\s+\S+\s+(\S+)", data[: data.find(b"end_header") % (1 << 16)])
-    elif kind == "off":
-        counts = re.sub(rb"#[^\n]*", b"", data[: 1 << 16]).split()[1:4]
-    for count in counts:
-        if not 0 <= int(count) <= len(data):
-            raise ValueError(f"{int(count)} elements in {len(data)} bytes")
-
-
 @contextmanager
 def _silence() -> Iterator[None]:
     """What trimesh logs about a file is told by our own errors, or nobody's concern."""
@@ -95,3 +83,6 @@ def _silence() -> Iterator[None]:
             yield
     finally:
         log.disabled = before
+
+
+_READERS: Final = {"obj": _read_obj, "ply": read_ply, "off": read_off}

@@ -123,7 +123,7 @@ def load_model(
     unit = checked_unit(units) if units is not None else None
     with opened(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _kind(source)
-        triangles, own_unit, notes = _READERS.get(kind, _read_with_trimesh)(source, kind, unit, limits)
+        triangles, own_unit, notes = _READERS.get(kind, _read_other)(source, kind, unit, limits)
         kept, n_folded = sound(triangles, path)
     return Model(Mesh(kept, path.stem), path, kind, own_unit, n_folded, tuple(notes))
 
@@ -199,7 +199,7 @@ def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> 
     return read_step(source.whole(limits.text_bytes), source.path, limits)
 
 
-def _read_with_trimesh(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_other(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.others import read_other  # noqa: PLC0415
 
     triangles = read_other(source.whole(limits.text_bytes), kind, source.path, limits)

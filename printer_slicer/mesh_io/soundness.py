@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.units import UNITS
 from printer_slicer.model import Mesh
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.model import Float
 
-__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "blocks", "sound"]
+__all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "blocks", "sound"]
 
 BLOCK: Final = 1 << 13
 """Facets looked at together: 0.6 MiB of float64, which stays in the cache."""
@@ -24,6 +25,10 @@ LARGEST: Final = 1e7
 """mm; a coordinate beyond 10 km is damage, and its cube would drown the volume."""
 
 EXPORT_AGAIN: Final = "Export the part again from the program that made it."
+TOO_FAR: Final = (
+    "Coordinates up to 10 km are read: say with --units what the numbers mean, if not mm,"
+    " or move the part to the origin in the program that made it, and export it again."
+)
 COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again."
 
 
@@ -68,7 +73,7 @@ def _unfolded(triangles: Float, path: Path) -> Float:
             wild = int(np.flatnonzero(~(np.abs(flat) < LARGEST))[0])
             raise MeshError(
                 f"{path}: facet {block.start + wild // 9 + 1} of {len(triangles)} has the coordinate {flat[wild]:g}",
-                remedy=EXPORT_AGAIN,
+                remedy=TOO_FAR if abs(flat[wild]) < LARGEST / UNITS["micron"] else EXPORT_AGAIN,
             )
         folded = _folded(part)
         if folded.any():

@@ -161,8 +161,7 @@ def read_three_mf(archive: Archive, limits: Limits, unit: str | None) -> tuple[F
     path, start = archive.path, _start(archive, limits)
     first = _read(archive, limits, start)
     own_unit = unit or named_unit(first.unit, path)
-    bodies, kinds = dict(first.shelf.bodies), dict(first.kinds)
-    _read_more(archive, limits, start, bodies, kinds)
+    bodies, kinds = _with_more(archive, limits, start, first)
     modifiers = read_modifiers(archive, limits)
     notes = modifiers.taken_from(bodies, start)
     _without_other_kinds(bodies, kinds, notes)
@@ -181,15 +180,21 @@ def _read(archive: Archive, limits: Limits, part: str) -> _Model:
     return reader.model
 
 
-def _read_more(
-    archive: Archive, limits: Limits, start: str, bodies: dict[Hashable, Body], kinds: dict[Hashable, str]
-) -> None:
-    """The model files that the first one takes objects from; these must not take from others in turn."""
-    wanted = {use.key[0] for body in bodies.values() for use in body.parts if isinstance(use.key, tuple)}
+def _with_more(
+    archive: Archive, limits: Limits, start: str, first: _Model
+) -> tuple[dict[Hashable, Body], dict[Hashable, str]]:
+    """Objects and their kinds, also of the model files that the first one takes objects from, as items or components.
+
+    These must not take from others in turn.
+    """
+    bodies, kinds = dict(first.shelf.bodies), dict(first.kinds)
+    uses = [*first.items, *(use for body in bodies.values() for use in body.parts)]
+    wanted = {use.key[0] for use in uses if isinstance(use.key, tuple)}
     for part in sorted(wanted - {start}):
         model = _read(archive, limits, part)
         bodies |= model.shelf.bodies
         kinds |= model.kinds
+    return bodies, kinds
 
 
 def _start(archive: Archive, limits: Limits) -> str:

@@ -52,6 +52,8 @@ SMALL: Final = 3.0
 """mm; a part that is nowhere larger than this is more often one of that many inches."""
 SMALLEST_MEANT: Final = 1.0
 """mm; nobody means a part that is nowhere larger than this."""
+THINNEST_MEANT: Final = 0.1
+"""mm; nobody means a part of which an edge is shorter: no nozzle prints that."""
 LARGEST_MEANT: Final = 2000.0
 """mm; larger than the bed of any but the rarest printers; the limit where the printer is not known."""
 
@@ -94,7 +96,7 @@ def likely_unit(size: Float, unit: str, room: Float | None = None) -> str:
 
     A part that extends at most 0.5 mm in x, y and z is doubted, as is one of at most 3 mm, which is taken for inches
     first, and one that does not fit the room. The guess is the first unit, in the order in which such files are seen,
-    that makes the part larger than 1 mm and smaller than the room.
+    that makes the part larger than 1 mm, no edge of its envelope shorter than 0.1 mm, and all smaller than the room.
 
     Args:
         size: (3,) edges of the part's envelope, mm, as it was read.
@@ -114,7 +116,8 @@ def likely_unit(size: Float, unit: str, room: Float | None = None) -> str:
         factor = UNITS[other] / UNITS[unit]
         if factor == 1 or (factor > 1) != too_small:
             continue
-        if max(edges) * factor >= SMALLEST_MEANT and _fits(edges, factor, limits):
+        thick = max(edges) * factor >= SMALLEST_MEANT and min(edges) * factor >= THINNEST_MEANT
+        if thick and _fits(edges, factor, limits):
             return other
     return ""
 

@@ -168,6 +168,7 @@ def test_a_tiny_part_is_told_with_a_guess(tmp_path: Path) -> None:
     )
     assert fact(outcome)["warnings"][0].startswith(warning)
     assert typed("slice", model, "--units", "inch", *QUICK).err == ""
+    assert typed("slice", model, "--units", "mm", *QUICK).err == ""
     assert typed("slice", model, "--scale", "25.4", *QUICK).err == ""
 
 
@@ -190,6 +191,13 @@ def test_a_part_of_three_metres_is_refused_with_a_guess(tmp_path: Path) -> None:
     )
     outcome = typed("slice", model, "--units", "m", *QUICK)
     assert is_message(outcome, "--scale 0.0073% would just fit", "--units micron")
+
+
+def test_a_long_thin_part_is_not_taken_for_micrometres(tmp_path: Path) -> None:
+    outcome = typed("slice", part(tmp_path, "a.stl", (0, 0, 0), (3000, 10, 10)), *QUICK)
+
+    assert is_message(outcome, "3000 x 10 x 10", "--scale 7.3% would just fit")
+    assert "micron" not in outcome.err
 
 
 # What cannot be

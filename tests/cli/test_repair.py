@@ -56,6 +56,20 @@ def test_every_command_tells_what_was_put_right(command: list[str], tmp_path: Pa
         assert repair["area_guessed_mm2"] > 0
 
 
+def test_places_of_repairs_are_those_of_the_part_as_scaled_and_turned(tmp_path: Path) -> None:
+    export_stl(without(box((3, 5, 10), (7, 20, 30)), 0), tmp_path / "open.stl")
+    places = []
+    for flags in ((), ("--center", "50,60"), ("--units", "cm"), ("--scale", "2", "--rotate", "90")):
+        said = typed("slice", tmp_path / "open.stl", "--json", *flags, *QUICK, "-o", tmp_path / "a.gcode")
+        places.append(np.array(json.loads(said.out)["repairs"][0]["places"][0]))
+    plain, placed, tens, turned = places
+
+    assert ((plain >= [7, 20, 30]) & (plain <= [10, 25, 40])).all()
+    assert placed.tolist() == plain.tolist()
+    assert tens == pytest.approx(10 * plain, abs=0.01)
+    assert turned == pytest.approx(2 * plain[[1, 0, 2]] * [-1, 1, 1], abs=0.01)
+
+
 def test_gaps_that_only_sections_can_close_are_told_and_refused_when_that_is_asked_for(
     tmp_path: Path,
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import struct
 from argparse import Namespace
 from contextlib import redirect_stdout
@@ -179,11 +180,37 @@ def test_smoothing_and_resampling_are_told_with_their_bounds(tmp_path: Path) -> 
     assert off["together"] == pytest.approx(0.075 + off["rounded"])
     assert facts["spacing"] == 1.0
     assert "smoothed 0.05" in text
-    assert "at most 1 mm apart" in text
-    for layer in read_svg(path.read_bytes())[2]:
-        for ring in layer.rings:
-            step = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
-            assert step.max() <= 1.0 + 0.0015
+    assert "mm apart, as written" in text
+    assert facts["farthest_apart"] <= 1.0 + 0.0015
+
+
+@pytest.mark.parametrize(
+    ("name", "binary"), [("a.svg", False), ("a.cli", False), ("a.cli", True), ("a.slc", False)]
+)
+def test_how_far_apart_points_are_is_true_of_the_numbers_in_the_file(
+    name: str, binary: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    text, facts = done(PARTS / "vase.stl", path, resample=0.7, binary=binary)
+    farthest = 0.0
+    for ring in rings_in(path):
+        farthest = max(farthest, float(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).max()))
+    (told,) = re.findall(r"points are at most ([\d.]+) mm apart, as written", text)
+
+    assert facts["farthest_apart"] == pytest.approx(farthest, abs=1e-8)
+    assert farthest - 1e-8 <= float(told) < farthest + 1e-4
+    assert 0.69 < farthest <= 0.7 + 0.0015
+
+
+def rings_in(path: Path) -> list[np.ndarray]:
+    """All contours of a file."""
+    data = path.read_bytes()
+    if path.suffix == ".svg":
+        return [ring for layer in read_svg(data)[2] for ring in layer.rings]
+    file = read_cli(data) if path.suffix == ".cli" else None
+    if file:
+        return [points for _, polylines in file.layers for _, points in polylines]
+    return [points for _, polylines in read_slc(data).layers for points in polylines]
 
 
 def test_without_flags_nothing_is_smoothed_and_only_the_rounding_is_told(tmp_path: Path) -> None:

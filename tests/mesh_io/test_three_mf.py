@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ MIRRORED = (-1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
 
 
 def read(
-    folder: Path, model: str, more: dict[str, str | bytes] | None = None, units: str | None = None
+    folder: Path, model: str, more: Mapping[str, str | bytes] | None = None, units: str | None = None
 ) -> Model:
     return load_model(write(folder, three_mf(model, more), "part.3mf"), units=units)
 
@@ -121,6 +122,28 @@ def test_objects_that_are_no_model_are_left_out_and_told(tmp_path: Path, kind: s
 
     assert model.mesh.n_facets == 12
     assert model.notes == (f"object 2 is of type '{kind}' and left out",)
+
+
+def test_items_may_be_objects_of_another_model_file(tmp_path: Path) -> None:
+    """Also where the first file has an object of the same number, and where the other one groups its own."""
+    there = model_xml({1: mesh_xml(CORNERS + 50), 2: group(component(1, MOVED))}, "")
+    text = model_xml(
+        {1: mesh_xml()},
+        item(1) + item(1, MOVED, ' p:path="/3D/o.model"') + item(2, (), ' p:path="3D/O.model"'),
+    )
+    triangles = read(tmp_path, text, {"3D/o.model": there}).mesh.triangles
+
+    assert np.array_equal(triangles[:12], BOX)
+    assert np.array_equal(triangles[12:24], BOX + 50 + MOVED[9:])
+    assert np.array_equal(triangles[24:], triangles[12:24])
+
+
+def test_a_first_model_file_may_hold_nothing_but_items(tmp_path: Path) -> None:
+    text = model_xml({}, item(1, (), ' p:path="/3D/o.model"'))
+    model = read(tmp_path, text, {"3D/o.model": model_xml({1: mesh_xml()}, "")})
+
+    assert np.array_equal(model.mesh.triangles, BOX)
+    assert "the archive has no '3d/o.model'" in fault(tmp_path, three_mf(text))
 
 
 def test_metadata_colours_and_unknown_elements_are_ignored(tmp_path: Path) -> None:

@@ -53,14 +53,22 @@ def test_a_guess_is_another_unit_in_which_the_part_fits(largest: float, ratio: f
     if guess:
         assert guess != unit
         assert (size * UNITS[guess] / UNITS[unit] <= ROOM + 1e-6).all()
+        assert (size * UNITS[guess] / UNITS[unit] >= 0.1 - 1e-9).all()
         assert f"--units {guess}" in unit_advice(size, unit, ROOM)
     if 3 < largest <= 220:
         assert guess == ""
 
 
+def test_no_guess_makes_an_edge_too_thin_to_print() -> None:
+    assert likely_unit(np.array([3000.0, 10.0, 10.0]), "mm", ROOM) == ""
+    assert likely_unit(np.array([3000.0, 100.0, 100.0]), "mm", ROOM) == "micron"
+    assert likely_unit(np.array([0.04, 0.03, 1e-6]), "mm", ROOM) == ""
+    assert "--scale" in unit_advice(np.array([0.04, 0.03, 1e-6]), "mm", ROOM)
+
+
 def test_without_a_printer_two_metres_are_too_much() -> None:
-    assert likely_unit(np.array([2001.0, 10, 10]), "m") == "mm"
-    assert likely_unit(np.array([1999.0, 10, 10]), "m") == ""
+    assert likely_unit(np.array([2001.0, 500, 500]), "m") == "mm"
+    assert likely_unit(np.array([1999.0, 500, 500]), "m") == ""
 
 
 def test_a_small_part_without_a_guess_is_told_to_be_scaled() -> None:

@@ -18,6 +18,8 @@ __all__ = [
     "BOX",
     "CORNERS",
     "FACES",
+    "MIXED",
+    "QUADS",
     "amf",
     "amf_mesh",
     "ascii_stl",
@@ -30,7 +32,9 @@ __all__ = [
     "model_xml",
     "obj",
     "off",
+    "off_of",
     "ply",
+    "ply_of",
     "three_mf",
     "write",
     "zipped",
@@ -46,6 +50,9 @@ FACES = np.array(
     ]
 )  # fmt: skip
 """(12, 3) its facets, outside out."""
+QUADS = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+MIXED = [[0, 2, 3], [0, 3, 1], *QUADS[1:3], [2, 6, 7], [2, 7, 3], *QUADS[4:]]
+"""Two sides of two triangles, four of one quad."""
 BOX: Float = CORNERS[FACES]
 """(12, 3, 3)"""
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -201,6 +208,41 @@ def off() -> str:
     return "OFF\n8 12 0\n" + points + "".join(f"3 {a} {b} {c}\n" for a, b, c in FACES.tolist())
 
 
+def off_of(vertices: Float, faces: list[list[int]], more: str = "") -> str:
+    points = "".join(f"{x} {y} {z}{more}\n" for x, y, z in vertices.tolist())
+    lines = "".join(f"{len(face)} {' '.join(map(str, face))}{more}\n" for face in faces)
+    return f"OFF\n{len(vertices)} {len(faces)} 0\n{points}{lines}"
+
+
+def ply_of(vertices: Float, faces: list[list[int]], kind: str, *, extras: bool = False) -> bytes:
+    """As a PLY; with extras there are other columns, lists and elements between those that matter."""
+    head = [f"ply\nformat {kind} 1.0\ncomment made by hand\nelement vertex {len(vertices)}"]
+    head += ["property double x\nproperty double y\nproperty double z"]
+    head += ["property uchar red"] * extras
+    if extras:
+        head += ["element material 2\nproperty list ushort short flags\nproperty float shine"]
+    head += [f"element face {len(faces)}"]
+    head += ["property short group"] * extras
+    head += ["property list uchar uint vertex_indices"]
+    head += ["property list uint float texcoord"] * extras
+    rows: list[list[tuple[str, float]]] = [
+        [*(("d", x) for x in point), *[("B", 7)] * extras] for point in vertices.tolist()
+    ]
+    if extras:
+        rows += [[("H", 1), ("h", -5), ("f", 0.5)], [("H", 3), ("h", 1), ("h", 2), ("h", 3), ("f", 0.5)]]
+    for face in faces:
+        row: list[tuple[str, float]] = [("h", -1)] * extras
+        row += [("B", len(face)), *(("I", corner) for corner in face)]
+        row += [("I", 2 * len(face)), *[("f", 0.25)] * (2 * len(face))] if extras else []
+        rows.append(row)
+    if kind == "ascii":
+        body = "".join(" ".join(str(value) for _, value in row) + "\n" for row in rows).encode()
+    else:
+        order = "<" if "little" in kind else ">"
+        body = b"".join(struct.pack(order + code, value) for row in rows for code, value in row)
+    return "\n".join([*head, "end_header", ""]).encode() + body
+
+
 def every_format() -> dict[str, bytes]:
     """Name -> a good file of every kind that is read without an extra."""
     grouped = model_xml(
@@ -227,5 +269,7 @@ def every_format() -> dict[str, bytes]:
         "ascii.ply": ply(),
         "binary.ply": ply(binary=True),
         "part.off": off().encode(),
+        "mixed.ply": ply_of(CORNERS, MIXED, "binary_big_endian", extras=True),
+        "mixed.off": off_of(CORNERS, MIXED).encode(),
         "part.glb": glb_box(),
     }
