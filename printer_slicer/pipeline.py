@@ -41,8 +41,8 @@ class Stages:
 
     Attributes:
         part: repaired and placed.
-        repairs: what was put right, placed as in the file.
-        shift: (3,) mm from the placed part to where the file has it.
+        repairs: what was put right, at the places of the mesh that was given.
+        shift: (3,) mm from the placed part to where that mesh was.
     """
 
     part: Mesh
