@@ -17,6 +17,7 @@ __all__ = ["Unkept", "unkept_rules"]
 
 _ROUNDING: Final = 1e-6  # mm
 _FINE: Final = 0.0025  # mm; planners need not tell heights apart more finely
+_UNDIVIDED: Final = "the heights allowed do not divide what lies between flats more finely"
 _BLIND: Final = ("uniform", "area")  # planners that promise neither a tolerance nor flats
 
 
@@ -72,9 +73,12 @@ class _Plan:
         plan, bound = self._plan, self._certificate.bound
         over = bound > tolerances(self._profile, plan.bottom, plan.top) + _ROUNDING
         causes = [self._why_thick(i) if over[i] else "" for i in range(plan.n_layers)]
-        for first, end in _runs(over, causes):
+        # Thinnest layers, and those between them that meet flats, are one stretch.
+        kinds = ["thin" if cause in (self._thinnest, _UNDIVIDED) else cause for cause in causes]
+        for first, end in _runs(over, kinds):
             low, high = float(plan.bottom[first]), float(plan.top[end - 1])
-            yield Unkept("tolerance", low, high, float(bound[first:end].max()), causes[first])
+            worst = first + int(bound[first:end].argmax())
+            yield Unkept("tolerance", low, high, float(bound[worst]), causes[worst])
         missing = self._certificate.missing
         if missing > self._profile.quality.tolerance + _ROUNDING:
             top = float(plan.top[-1])
@@ -130,18 +134,25 @@ class _Plan:
         plan = self._plan
         return np.asarray((plan.top > stretch.low + self._near) & (plan.bottom < stretch.high - self._near))
 
+    @property
+    def _thinnest(self) -> str:
+        """What the thinnest layers can do."""
+        thinnest = self._profile.thinnest
+        return (
+            f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {self._share * thinnest:g} mm"
+        )
+
     def _why_thick(self, layer: int) -> str:
         """What keeps a layer from being thin enough."""
-        plan, thinnest = self._plan, self._profile.thinnest
-        if plan.height[layer] <= thinnest + _ROUNDING:
-            best = self._share * thinnest
-            return f"with layers of {thinnest:g} mm, the thinnest allowed, it can be {best:g} mm"
+        plan = self._plan
+        if plan.height[layer] <= self._profile.thinnest + _ROUNDING:
+            return self._thinnest
         asked = self._why_there(float(plan.bottom[layer]), float(plan.top[layer]), otherwise="")
         if asked:
             return asked
         if plan.planner != "optimal":
             return f"planner {plan.planner!r} measures the error of a layer in another way"
-        return "the heights allowed do not divide what lies between flats more finely"
+        return _UNDIVIDED
 
     def _why_other(self, layer: int, stretch: HeightRange) -> str:
         """What keeps a layer from the height of its range."""
