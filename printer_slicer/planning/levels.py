@@ -74,11 +74,11 @@ def levels_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> list[Le
 
 
 def _excess(bound: Float, limit: Float, most: Float) -> Float:
-    """(A,) mm by which bounds are over their limit.
+    """(A,) mm by which bounds are over their limit, to a nanometre: 32-bit files must not decide between plans.
 
     A layer that can be wrong by no more than the limit, by its height alone, is not, rounding or not.
     """
-    over = bound - limit
+    over = np.round(bound - limit, 6)
     over[(most <= limit + _ROUNDING) | (over <= _ROUNDING)] = 0.0
     return np.asarray(over)
 

@@ -50,6 +50,7 @@ __all__ = ["plan_optimal"]
 # Tables take coordinates just below a border for being on it: where the exact bound of a layer in a plan turns out to
 # break the tolerance, it is put into the table and a plan is looked for again, this many times at most.
 _ROUNDS: Final = 20
+_MOST_ARCS: Final = 50_000_000  # of about 70 bytes
 _DIGITS: Final = 9  # of the dearest layer's cost
 _LAYER: Final = 1e-6  # of the dearest layer: of plans that cost the same, the one of fewer layers
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
@@ -83,6 +84,12 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
     """The best plan of the layers that the list allows, or of all that the printer can print; None without one."""
     surface = read_surface(mesh)
     lattice = Lattice.of(steps, [stretch.layer_height for stretch in ranges_of(profile)])
+    if lattice.n * len(steps.allowed) > _MOST_ARCS:
+        raise PlanError(
+            f"{mesh.name}: {lattice.n} heights at which layers may end, and {len(steps.allowed)} heights of layers, are"
+            " too many to choose from",
+            remedy="a coarser layer_step, a list of heights, or a coarser printer.z_step",
+        )
     arcs = Arcs.over(mesh, lattice, steps, profile, everywhere=everywhere)
     for _ in range(_ROUNDS):
         layers = _Search(mesh, arcs, profile, levels_of(mesh, arcs, steps, profile)).best()

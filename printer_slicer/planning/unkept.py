@@ -18,6 +18,7 @@ __all__ = ["Unkept", "unkept_rules"]
 _ROUNDING: Final = 1e-6  # mm
 _FINE: Final = 0.0025  # mm; planners need not tell heights apart more finely
 _UNDIVIDED: Final = "the heights allowed do not divide what lies between flats more finely"
+_UNLED: Final = "no heights allowed lead to it within the tolerance"
 _BLIND: Final = ("uniform", "area")  # planners that promise neither a tolerance nor flats
 
 
@@ -118,9 +119,9 @@ class _Plan:
             for z in (stretch.low, stretch.high):
                 off = float(np.abs(np.append(0.0, plan.top) - z).min())
                 if 0 < z < top and off > self._near:
-                    yield Unkept(
-                        "range end", z, z, off, self._why_first(z, z) or "no heights allowed lead to it"
-                    )
+                    asked = f"layers of {stretch.layer_height:g} mm do not lead to it"
+                    why = self._why_first(z, z) or (asked if stretch.layer_height else _UNLED)
+                    yield Unkept("range end", z, z, off, why)
             other = np.abs(plan.height - stretch.layer_height) > _ROUNDING
             other &= self._inside(stretch) & (stretch.layer_height > 0)
             causes = [self._why_other(i, stretch) for i in range(plan.n_layers)]
@@ -170,7 +171,7 @@ class _Plan:
         self,
         low: float,
         high: float,
-        otherwise: str = "no heights that may be used here lead to it",
+        otherwise: str = _UNLED,
     ) -> str:
         """What was asked for that decides over a stretch of z."""
         if first := self._why_first(low, high):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from printer_slicer.errors import PlanError
 from printer_slicer.model import Float, LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.unkept import unkept_rules
@@ -114,3 +115,29 @@ def test_a_flat_just_over_a_first_layer_that_is_set_names_that_layer() -> None:
     assert found == {
         ("flat", "it is nearer to the first layer than the thinnest layer of the printer, 0.08 mm")
     }
+
+
+def roof(ledge: float) -> Mesh:
+    """A shallow roof of two slopes with a level ledge between them, as a file of 32-bit numbers has it."""
+    mesh = frusta([40, 34, 26, 12], [ledge, 1e-9, 0.6])
+    return Mesh(mesh.triangles.astype(np.float32).astype(np.float64), "roof")
+
+
+@pytest.mark.parametrize("ledge", [0.75, 0.76, 0.87, 0.94, 1.05])
+def test_the_dust_of_files_does_not_decide_against_a_flat(ledge: float) -> None:
+    """A first layer breaks the tolerance whatever comes after it; the flat can be met all the same."""
+    wanted = optimal(tolerance=0.05, first_layer_height=0.2, layer_heights=(0.1, 0.2, 0.3), min_layer=0.1)
+    mesh = roof(ledge)
+    plan = plan_layers(mesh, wanted)
+
+    assert (bound(mesh, plan)[0] > 0.05) == (bound(mesh, plan).max() > 0.05)
+    assert np.abs(plan.top - ledge).min() <= 0.00125 + 1e-6
+
+
+def test_more_layers_than_memory_holds_are_refused_with_a_remedy() -> None:
+    wanted = optimal(z_step=0.0005, layer_step=0.0005, bed_z=300)
+    tall = Mesh(sphere(4).triangles * [1, 1, 249 / sphere(4).height], "tall")
+
+    with pytest.raises(PlanError, match="too many to choose from") as refused:
+        plan_layers(tall, wanted)
+    assert "layer_step" in (refused.value.remedy or "")
