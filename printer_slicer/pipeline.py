@@ -19,7 +19,7 @@ from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls, perimeter_paths
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
-from printer_slicer.profile import OptimalPlanner, Profile, profile_with
+from printer_slicer.profile import Profile, profile_with
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, read_surface
@@ -102,8 +102,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     Raises:
         PartError: the part cannot be divided into layers.
     """
-    plan, planner = plan_layers(part, profile), profile.quality.planner
-    budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
+    plan, budget = plan_layers(part, profile), profile.dials.time_budget
     if not budget:
         return plan
 

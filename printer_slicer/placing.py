@@ -5,7 +5,7 @@ Everything works block by block: of a large mesh there is never more than the on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, isfinite, radians, sin
 from typing import Final
@@ -14,12 +14,12 @@ import numpy as np
 
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
+from printer_slicer.mesh_io.soundness import blocks
 from printer_slicer.model import Float, Mesh
 from printer_slicer.profile import Printer
 
 __all__ = ["IN_THE_MIDDLE", "Placement", "joined", "place", "transformed"]
 
-_BLOCK: Final = 1 << 13  # facets
 _SLACK: Final = 1e-6  # mm
 _QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 """Cosine and sine of angles that must leave flats flat."""
@@ -62,7 +62,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         by[2] = -low[2]
     _check_place(mesh.name, low + by, high + by, printer)
     placed = np.zeros_like(mesh.triangles)
-    for block in _blocks(mesh.n_facets):
+    for block in blocks(mesh.n_facets):
         # To a nanometre: where the part was drawn must not decide ties between points that are the same but for
         # rounding.
         np.add(mesh.triangles[block], by, out=placed[block])
@@ -137,7 +137,7 @@ def transformed(
         return mesh
     made = np.zeros_like(mesh.triangles)
     plain = np.array_equal(matrix, np.diag(np.diag(matrix)))
-    for block in _blocks(mesh.n_facets):
+    for block in blocks(mesh.n_facets):
         part = mesh.triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
     return Mesh(made, mesh.name)
@@ -165,8 +165,3 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
         return meshes[0]
     name = f"{meshes[0].name} and {len(meshes) - 1} more"
     return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name)
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    for start in range(0, count, _BLOCK):
-        yield slice(start, start + _BLOCK)

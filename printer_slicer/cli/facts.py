@@ -11,7 +11,7 @@ from printer_slicer.model import Float, LayerPlan, Mesh, Program, Repairs, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.planning.unkept import unkept_rules
-from printer_slicer.profile import OptimalPlanner, Profile
+from printer_slicer.profile import Profile
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.surface import Certificate, find_flats
 
@@ -188,7 +188,7 @@ def certificate_facts(
         "layers": plan.n_layers,
         "thicknesses": len(set(plan.height.tolist())),
         "tolerance_mm": tolerance,
-        "ranges": len(getattr(profile.quality.planner, "ranges", ())),
+        "ranges": len(profile.dials.ranges),
         "max_error_mm": round(certificate.max_error, 6),
         "mean_error_mm": round(certificate.mean_error, 6),
         "volume_error_mm3": round(certificate.volume_error, 3),
@@ -218,8 +218,7 @@ def certificate_facts(
 
 def _budget_facts(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
     """The time budget as an unkept rule, where there is one and the moves take longer."""
-    planner = profile.quality.planner
-    budget = planner.time_budget if isinstance(planner, OptimalPlanner) else 0.0
+    budget = profile.dials.time_budget
     if not 0 < budget < seconds:
         return []
     whole = {"rule": "time_budget", "from": 0.0, "to": round(float(plan.top[-1]), 6)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 
 from printer_slicer.cli.common import (
@@ -16,7 +15,7 @@ from printer_slicer.cli.common import (
     write_file,
 )
 from printer_slicer.cli.facts import facts_of, sentences
-from printer_slicer.cli.models import repaired_plate
+from printer_slicer.cli.models import plate_from
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import Program
@@ -31,7 +30,8 @@ def slice_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     refuse_mixing(arguments)
     with stages(arguments) as report:
-        mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
+        report("loading")
+        mesh, plate = plate_from(arguments, profile.printer, report)
         output = arguments.output or arguments.models[0].with_suffix(".gcode")
         for path in arguments.models:
             refuse_same(output, path)
@@ -40,7 +40,6 @@ def slice_command(arguments: argparse.Namespace) -> int:
         stage = slice_stages(
             meshes.pop(), profile, placement=plate.placement, report=report, strict=arguments.strict
         )
-        stage = replace(stage, repairs=replace(stage.repairs, done=repairs.done + stage.repairs.done))
         program = stage.program
         report("writing")
         seconds = float(move_seconds(program, profile).sum())

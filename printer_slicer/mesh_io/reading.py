@@ -14,7 +14,7 @@ from printer_slicer.mesh_io.ascii_stl import looks_like_ascii_stl, read_ascii_st
 from printer_slicer.mesh_io.binary_stl import announces_its_size, read_binary_stl
 from printer_slicer.mesh_io.files import Progress, Source, opened
 from printer_slicer.mesh_io.limits import LIMITS, Limits
-from printer_slicer.mesh_io.soundness import BLOCK, sound
+from printer_slicer.mesh_io.soundness import blocks, sound
 from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
 from printer_slicer.model import Mesh
 
@@ -218,6 +218,6 @@ _READERS: Final = {
 def _scaled(triangles: Float, unit: str) -> Float:
     """The triangles in mm, in place."""
     if UNITS[unit] != 1:
-        for start in range(0, len(triangles), BLOCK):
-            triangles[start : start + BLOCK] *= UNITS[unit]
+        for block in blocks(len(triangles)):
+            triangles[block] *= UNITS[unit]
     return triangles

@@ -17,12 +17,13 @@ import numpy as np
 
 from printer_slicer.model import Bool, Float, Int, Mesh
 from printer_slicer.planning.steps import Steps
-from printer_slicer.profile import HeightRange, OptimalPlanner, Profile
+from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import find_flats, read_surface
 
-__all__ = ["Lattice", "Row", "borders_of", "event_planes", "ranges_of", "reaches", "rows_of"]
+__all__ = ["FINE", "Lattice", "Row", "borders_of", "event_planes", "reaches", "rows_of"]
 
-_FINE: Final = 0.0025  # mm; heights need not be told apart more finely to end on an event plane
+FINE: Final = 0.0025
+"""mm; heights need not be told apart more finely to end on an event plane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Lattice:
     @property
     def cells(self) -> int:
         """Cells in a unit: an even number, each no larger than 0.0025 mm."""
-        return 2 * max(int(np.ceil(self.unit / (2 * _FINE) - 1e-6)), 1)
+        return 2 * max(int(np.ceil(self.unit / (2 * FINE) - 1e-6)), 1)
 
     @property
     def cell(self) -> float:
@@ -60,7 +61,7 @@ class Lattice:
         wanted = [steps.of(height) for height in more]
         common = gcd(*steps.allowed.tolist(), *wanted, steps.first)
         fits = [
-            d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= _FINE + 1e-9)
+            d for d in range(1, common + 1) if common % d == 0 and (d == 1 or d * steps.size <= FINE + 1e-9)
         ]
         size = fits[-1]
         n = round(steps.part / size)
@@ -98,15 +99,9 @@ class Row(NamedTuple):
     free: Bool
 
 
-def ranges_of(profile: Profile) -> tuple[HeightRange, ...]:
-    """The stretches of z with rules of their own."""
-    planner = profile.quality.planner
-    return planner.ranges if isinstance(planner, OptimalPlanner) else ()
-
-
 def borders_of(profile: Profile, height: float) -> Float:
     """(n,) mm, where ranges begin and end within a part of this height."""
-    ends = [z for stretch in ranges_of(profile) for z in (stretch.low, stretch.high)]
+    ends = [z for stretch in profile.dials.ranges for z in (stretch.low, stretch.high)]
     return np.array([z for z in ends if 0 < z < height], np.float64)
 
 
@@ -146,7 +141,7 @@ def rows_of(
         end = np.arange(height, lattice.n + 1)
         start = end - height
         listed = np.full(len(end), height in allowed)
-        for stretch in ranges_of(profile):
+        for stretch in profile.dials.ranges:
             if stretch.layer_height and lattice.units(stretch.layer_height) == height:
                 listed |= reaches(stretch, lattice, start, end)
         free = listed | event[end] | event[start]

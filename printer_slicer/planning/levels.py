@@ -8,9 +8,9 @@ import numpy as np
 
 from printer_slicer.model import Bool, Float, Int, Mesh
 from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.lattice import borders_of, ranges_of, reaches
+from printer_slicer.planning.lattice import borders_of, reaches
 from printer_slicer.planning.steps import Steps, tolerances
-from printer_slicer.profile import OptimalPlanner, Profile
+from printer_slicer.profile import Profile
 from printer_slicer.surface import find_flats
 
 __all__ = ["ODD", "Level", "levels_of", "underrated"]
@@ -55,13 +55,14 @@ def levels_of(mesh: Mesh, arcs: Arcs, steps: Steps, profile: Profile) -> list[Le
     possible: Float = np.asarray(np.where(tolerance < certain, 2 * certain, tolerance), np.float64)
     most: Float = np.asarray(share * mm)
     over, beyond = _excess(arcs.bound, tolerance, most), _excess(arcs.bound, possible, most)
+    chosen = (start > 0) | (steps.first == 0)  # not the first layer, where that is set
     other = np.zeros(len(start))
-    for stretch in ranges_of(profile):
+    for stretch in profile.dials.ranges:
         if stretch.layer_height:
-            inside = reaches(stretch, lattice, start, end) & ((start > 0) | (steps.first == 0))
+            inside = reaches(stretch, lattice, start, end) & chosen
             other += inside & (height != lattice.units(stretch.layer_height))
     units = height * lattice.steps
-    outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & ((start > 0) | (steps.first == 0))
+    outside = ((units < steps.allowed[0]) | (units > steps.allowed[-1])) & chosen
     levels = [
         Level(1e14, np.asarray(~arcs.free, np.float64)),
         Level(1e12, other),
@@ -98,7 +99,7 @@ def underrated(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> Bool
 
 def _tolerances(arcs: Arcs, profile: Profile) -> Float:
     """(A,) mm, the tolerance of every layer."""
-    if not any(stretch.tolerance for stretch in ranges_of(profile)):
+    if not any(stretch.tolerance for stretch in profile.dials.ranges):
         return np.broadcast_to(np.float64(profile.quality.tolerance), arcs.graph.start.shape)
     start, end = (np.asarray(arcs.lattice.unit * nodes) for nodes in (arcs.graph.start, arcs.graph.end))
     return tolerances(profile, start, end)
@@ -106,14 +107,14 @@ def _tolerances(arcs: Arcs, profile: Profile) -> Float:
 
 def _missed(mesh: Mesh, arcs: Arcs, profile: Profile) -> Float:
     """(A,) the flats and borders of ranges that lie within a layer, large flats twice."""
-    lattice, planner = arcs.lattice, profile.quality.planner
+    lattice = arcs.lattice
     flats, areas = find_flats(mesh)
     borders = borders_of(profile, mesh.height)
     place = np.concatenate([flats, borders]) / lattice.unit
     weight = np.concatenate([1 + areas / max(areas.sum(initial=0.0), 1e-9), np.full(len(borders), 2.0)])
     # A contained flat belongs to the node over it or under it, whichever leaves the layer on its side.
     least = 0.5 if profile.quality.containment == "mid" else 1.0
-    snap = max((planner.snap_tolerance if isinstance(planner, OptimalPlanner) else 0.0) / lattice.unit, least)
+    snap = max(profile.dials.snap_tolerance / lattice.unit, least)
     lowest, highest = np.ceil(place - snap - 1e-6), np.floor(place + snap + 1e-6)
     inside = (lowest > 0) & (highest < lattice.n)
     started, ended = (

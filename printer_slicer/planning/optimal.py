@@ -31,7 +31,7 @@ import numpy as np
 from printer_slicer.errors import PlanError
 from printer_slicer.model import Float, Int, LayerPlan, Mesh
 from printer_slicer.planning.arcs import Arcs
-from printer_slicer.planning.lattice import Lattice, ranges_of
+from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.levels import ODD, Level, levels_of, underrated
 from printer_slicer.planning.path import (
     Graph,
@@ -42,7 +42,7 @@ from printer_slicer.planning.path import (
     kept_by,
 )
 from printer_slicer.planning.steps import Steps, fill
-from printer_slicer.profile import OptimalPlanner, Profile
+from printer_slicer.profile import Profile
 from printer_slicer.surface import layer_bounds, read_surface
 
 __all__ = ["plan_optimal"]
@@ -83,7 +83,7 @@ def plan_optimal(mesh: Mesh, profile: Profile) -> LayerPlan:
 def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) -> LayerPlan | None:
     """The best plan of the layers that the list allows, or of all that the printer can print; None without one."""
     surface = read_surface(mesh)
-    lattice = Lattice.of(steps, [stretch.layer_height for stretch in ranges_of(profile)])
+    lattice = Lattice.of(steps, [stretch.layer_height for stretch in profile.dials.ranges])
     if lattice.n * len(steps.allowed) > _MOST_ARCS:
         raise PlanError(
             f"{mesh.name}: {lattice.n} heights at which layers may end, and {len(steps.allowed)} heights of layers, are"
@@ -108,8 +108,7 @@ class _Search:
     """The objective of one plan, over the layers that its part may have and what they break."""
 
     def __init__(self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level]) -> None:
-        planner = profile.quality.planner
-        self._settings = planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+        self._settings = profile.dials
         self._mesh, self._thickest = mesh, profile.thickest
         self._arcs, self._levels = arcs, levels
         # Any plan of these keeps the rules as well as they can be kept.

@@ -85,10 +85,21 @@ def cheapest(graph: Graph, cost: Float) -> Int | None:
         return None
     chain, k = [], graph.n
     while k > 0:
-        a, b = graph.begin[k : k + 2].tolist()
-        chain.append(a + int((best[graph.start[a:b]] + cost[a:b]).argmin()))
+        chain.append(_arc_to(graph, k, best, cost))
         k = int(graph.start[chain[-1]])
     return np.array(chain[::-1], np.int64)
+
+
+def _arc_to(graph: Graph, node: int, best: Float, cost: Float) -> int:
+    """The arc by which a node is reached at least cost, where (n + 1,) the nodes below it are at `best`."""
+    a, b = graph.begin[node : node + 2].tolist()
+    return int(a + (best[graph.start[a:b]] + cost[a:b]).argmin())
+
+
+def _through(graph: Graph, cost: Float) -> tuple[Float, float]:
+    """(A,) the cost of the cheapest plan through each arc, and of the cheapest plan of all."""
+    up, down = _settled(graph, cost), _settled(*_upside_down(graph, cost))[::-1]
+    return up[graph.start] + cost + down[graph.end], float(up[-1])
 
 
 def _settled(graph: Graph, cost: Float) -> Float:
@@ -123,11 +134,10 @@ def kept_by(graph: Graph, levels: Sequence[Float]) -> Int:
     if np.isfinite(_settled(graph.of(free), np.zeros(len(free)))[-1]):
         return free
     for level in levels:
-        some, cost = graph.of(kept), level[kept]
-        up, down = _settled(some, cost), _settled(*_upside_down(some, cost))[::-1]
-        if not np.isfinite(up[-1]):
+        through, least = _through(graph.of(kept), level[kept])
+        if not np.isfinite(least):
             return np.zeros(0, np.int64)
-        kept = kept[up[some.start] + cost + down[some.end] <= up[-1] * (1 + _ALIKE)]
+        kept = kept[through <= least * (1 + _ALIKE)]
     return kept if levels else np.zeros(0, np.int64)
 
 
@@ -234,13 +244,12 @@ def cheapest_few(graph: Graph, cost: Float, most: int) -> Int | None:
         lambda charged: cheapest(graph, charged), cost, np.ones_like(cost), most, fewest
     )
     # With this price on every layer: what the best plan can cost at most, and what any plan costs at least.
-    charged = cost + price
-    up, down = _settled(graph, charged), _settled(*_upside_down(graph, charged))[::-1]
-    spare = float(cost[few].sum()) + price * most - up[-1]
-    rounding = _SAME * (abs(up[-1]) + abs(spare))
+    through, least = _through(graph, cost + price)
+    spare = float(cost[few].sum()) + price * most - least
+    rounding = _SAME * (abs(least) + abs(spare))
     if spare <= rounding:
         return few
-    kept = np.flatnonzero(up[graph.start] + charged + down[graph.end] <= up[-1] + spare + rounding)
+    kept = np.flatnonzero(through <= least + spare + rounding)
     found = _counted(_between(graph, kept), cost[kept], most)
     return few if found is None else kept[found]
 
@@ -277,7 +286,6 @@ def _counted(graph: Graph, cost: Float, most: int) -> Int | None:
         return None
     chain, k = [], graph.n
     for table in tables[:count][::-1]:
-        a, b = graph.begin[k : k + 2].tolist()
-        chain.append(a + int((table[graph.start[a:b]] + cost[a:b]).argmin()))
+        chain.append(_arc_to(graph, k, table, cost))
         k = int(graph.start[chain[-1]])
     return np.array(chain[::-1], np.int64)

@@ -21,7 +21,7 @@ import numpy as np
 from printer_slicer.model import Bool, Float, Int, Mesh
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
-from printer_slicer.surface.runs import painted
+from printer_slicer.surface.covers import painted
 
 __all__ = ["Slopes", "cusp_height", "nearest_step", "thickest_within"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.errors import PlanError
 from printer_slicer.model import Float, Int, LayerPlan, Mesh
-from printer_slicer.profile import OptimalPlanner, Profile
+from printer_slicer.profile import Profile
 
 __all__ = ["Steps", "fill", "tolerances"]
 
@@ -23,9 +23,8 @@ def tolerances(profile: Profile, bottom: Float, top: Float) -> Float:
         bottom: mm.
         top: mm, of the same shape.
     """
-    planner = profile.quality.planner
     inside, tolerance = np.zeros(bottom.shape, np.bool_), np.full(bottom.shape, np.inf)
-    for stretch in planner.ranges if isinstance(planner, OptimalPlanner) else ():
+    for stretch in profile.dials.ranges:
         if stretch.tolerance:
             low, high = stretch.low, stretch.high
             inside |= (bottom >= low - _BORDER) & (top <= high + _BORDER)

@@ -9,14 +9,14 @@ from typing import Final, Literal
 import numpy as np
 
 from printer_slicer.model import Bool, Mesh
+from printer_slicer.planning.lattice import FINE
 from printer_slicer.planning.steps import tolerances
-from printer_slicer.profile import HeightRange, OptimalPlanner, Profile
+from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import Certificate, find_flats
 
 __all__ = ["Unkept", "unkept_rules"]
 
 _ROUNDING: Final = 1e-6  # mm
-_FINE: Final = 0.0025  # mm; planners need not tell heights apart more finely
 _UNDIVIDED: Final = "the heights allowed do not divide what lies between flats more finely"
 _UNLED: Final = "no heights allowed lead to it within the tolerance"
 _BLIND: Final = ("uniform", "area")  # planners that promise neither a tolerance nor flats
@@ -62,12 +62,11 @@ class _Plan:
     """A plan beside what was asked of it."""
 
     def __init__(self, mesh: Mesh, certificate: Certificate, profile: Profile) -> None:
-        planner = profile.quality.planner
-        self._settings = planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+        self._settings = profile.dials
         self._mesh, self._certificate, self._profile = mesh, certificate, profile
         self._plan, self._first = certificate.plan, profile.quality.first_layer_height
         share = 0.5 if self._plan.containment == "mid" else 1.0
-        self._share, self._near = share, share * max(profile.printer.z_step, _FINE) + _ROUNDING
+        self._share, self._near = share, share * max(profile.printer.z_step, FINE) + _ROUNDING
 
     def bounds(self) -> Iterator[Unkept]:
         """Layers whose certified error is over the tolerance."""
@@ -89,7 +88,7 @@ class _Plan:
         """Flats that no layer ends on."""
         ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
         off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
-        missed = off > max(self._settings.snap_tolerance, self._near, _FINE) + _ROUNDING
+        missed = off > max(self._settings.snap_tolerance, self._near, FINE) + _ROUNDING
         met = np.concatenate([[0.0, self._first, self._mesh.height], flats[~missed]])
         for z, far in zip(flats[missed].tolist(), off[missed].tolist(), strict=True):
             other = float(met[np.abs(met - z).argmin()])

@@ -292,6 +292,12 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     quality: Quality
 
     @property
+    def dials(self) -> OptimalPlanner:
+        """The dials of the planner `optimal`; as they usually are where another planner is chosen."""
+        planner = self.quality.planner
+        return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+
+    @property
     def extrusion_width(self) -> float:
         """Width of a bead, mm, with the default filled in."""
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter

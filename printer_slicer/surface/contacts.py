@@ -28,14 +28,13 @@ from printer_slicer.geometry import frozen_array
 from printer_slicer.geometry.joints import welded
 from printer_slicer.geometry.planes import edge_keys, keys_of
 from printer_slicer.model import Bool, Float, Int, Mesh
+from printer_slicer.surface.envelope import Envelope
 
-__all__ = ["Contacts", "Envelope", "find_contacts"]
+__all__ = ["Contacts", "find_contacts"]
 
 _LEVEL: Final = 1e-9  # sine of the slope under which a direction counts as horizontal
 _NO_AREA: Final = 1e-12  # of its longest edge squared: such a facet has no normal worth the name
 _AT_ONCE: Final = 1 << 15  # facets whose columns stay in the processor's cache
-_BIN: Final = 0.01  # mm
-_MOST_BINS: Final = 1 << 16
 _Keys = NDArray[np.uint64]
 _NEXT: Final = [1, 2, 0]
 _BEFORE: Final = [2, 0, 1]
@@ -70,60 +69,6 @@ class Contacts:
         """The same seen upside down: z becomes -z."""
         order = np.argsort(-self.high, kind="stable")
         return Contacts(-self.high[order], -self.low[order], self.rise[order], self.source[order])
-
-
-class Envelope:
-    """The steepest rise at every height, in bins of z: what lies under it everywhere adds nothing to any run.
-
-    A contact counts in a run from its lowest z on, or from the start of the run if it reaches over that; so does each
-    other one. Where others that are steeper cover all of its heights, whatever it would add they add too. They may
-    themselves be covered by others; the steepest of all stay.
-    """
-
-    def __init__(self, bottom: float, size: float, n: int) -> None:
-        self._bottom, self._size, self._n = bottom, size, n
-        # Covers of 2^k bins, by k and the first of them, as they are painted in `runs`.
-        self._covers = np.zeros((n.bit_length(), n))
-        self._least: list[Float] = [np.zeros(n)]
-
-    @classmethod
-    def over(cls, bottom: float, top: float) -> Envelope:
-        """An empty one for a part between two heights, mm."""
-        n = int(np.clip((top - bottom) / _BIN, 1, _MOST_BINS))
-        return cls(bottom, max((top - bottom) / n, 1e-12), n)
-
-    def add(self, low: Float, high: Float, rise: Float) -> None:
-        """Contacts (n,) that cover whole bins."""
-        first = np.maximum(np.ceil((low - self._bottom) / self._size).astype(np.int64), 0)
-        last = np.minimum(np.floor((high - self._bottom) / self._size).astype(np.int64), self._n) - 1
-        some = np.flatnonzero(first <= last)
-        first, last, rise = first[some], last[some], rise[some]
-        level = np.frexp((last - first + 1).astype(np.float64))[1].astype(np.int64) - 1
-        np.maximum.at(self._covers, (level, first), rise)
-        np.maximum.at(self._covers, (level, last + 1 - (1 << level)), rise)
-        steepest = self._covers.copy()
-        for k in range(len(steepest) - 1, 0, -1):
-            half = 1 << (k - 1)
-            np.maximum(steepest[k - 1], steepest[k], out=steepest[k - 1])
-            np.maximum(steepest[k - 1, half:], steepest[k, :-half], out=steepest[k - 1, half:])
-        # The least of 2^k bins from each on.
-        self._least = [steepest[0]]
-        for k in range(len(self._covers) - 1):
-            shorter = self._least[-1]
-            self._least.append(np.minimum(shorter[: -(1 << k)], shorter[1 << k :]))
-
-    def shows(self, low: Float, high: Float, rise: Float) -> Bool:
-        """(n,) which contacts are not under it everywhere; flats and extrema are not."""
-        first, last = (
-            np.clip(np.floor((z - self._bottom) / self._size).astype(np.int64), 0, self._n - 1)
-            for z in (low, high)
-        )
-        level = np.frexp((last - first + 1).astype(np.float64))[1].astype(np.int64) - 1
-        least = np.zeros(len(rise))
-        for k, table in enumerate(self._least):
-            some = np.flatnonzero(level == k)
-            least[some] = np.minimum(table[first[some]], table[last[some] + 1 - (1 << k)])
-        return np.asarray((rise >= least) | (rise > 1 - _LEVEL))
 
 
 class _Marks(NamedTuple):
@@ -175,7 +120,7 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     for at in range(0, max(mesh.n_facets, 1), _AT_ONCE):
         block = _block(mesh.triangles, at)
         envelope.add(*block.facets[:3])
-        blocks.append(block._replace(facets=block.facets[:, envelope.shows(*block.facets[:3])]))
+        blocks.append(block._replace(facets=block.facets[:, _matters(envelope, *block.facets[:3])]))
     low, high, rise, facet = np.concatenate([block.facets for block in blocks], axis=1)
     ridges, valleys, peaks, pits = (
         _Marks.kept(marks) for marks in zip(*(block.marks for block in blocks), strict=True)
@@ -191,9 +136,14 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     rise = np.concatenate([rise, steep, np.ones(len(corners))])
     source = np.concatenate([facet.astype(np.int64), mesh.n_facets + edges, 4 * mesh.n_facets + corners])
     envelope.add(low, high, rise)
-    order = np.flatnonzero((rise > _LEVEL) & envelope.shows(low, high, rise))
+    order = np.flatnonzero((rise > _LEVEL) & _matters(envelope, low, high, rise))
     order = order[np.argsort(low[order], kind="stable")]
     return Contacts(low[order], high[order], rise[order], source[order]), area
+
+
+def _matters(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bool:
+    """(n,) contacts that add to some run; flats and extrema are kept, for they are events."""
+    return envelope.shows(low, high, rise) | (rise > 1 - _LEVEL)
 
 
 def _block(triangles: Float, begin: int) -> _Block:

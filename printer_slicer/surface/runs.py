@@ -25,8 +25,9 @@ import numpy as np
 from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Float, Int
 from printer_slicer.surface.contacts import Contacts
+from printer_slicer.surface.covers import painted
 
-__all__ = ["painted", "run_bounds", "runs_by_length", "steepest"]
+__all__ = ["run_bounds", "runs_by_length", "steepest"]
 
 # Coordinates this near to the border of a cell, mm, lie on it but for the rounding of 32-bit files.
 _SAME = 5e-6
@@ -149,23 +150,3 @@ def _in_cells(low: Float, last: Int, rise: Float, n_cells: int) -> tuple[Float, 
     highest = least.copy()
     np.maximum.at(highest, cell, rise)
     return least, highest, least + np.bincount(cell, weights=gain, minlength=n_cells)
-
-
-def painted(first: Int, last: Int, value: Float, n: int) -> Float:
-    """(n,) the largest of the values, all at least 0, whose range `first` to `last` (inclusive) covers each place.
-
-    A range is covered by two overlapping ones whose length is a power of two; those are noted by length and start, and
-    handed down from each length to its half.
-    """
-    if len(first) == 0:
-        return np.zeros(n)
-    # frexp is exact for integers: length = m * 2^e with 0.5 <= m < 1, so e - 1 is floor(log2(length)).
-    level = np.frexp((last - first + 1).astype(np.float64))[1].astype(np.int64) - 1
-    notes = np.zeros((int(level.max()) + 1, n))
-    np.maximum.at(notes, (level, first), value)
-    np.maximum.at(notes, (level, last + 1 - (1 << level)), value)
-    for p in range(len(notes) - 1, 0, -1):
-        half = 1 << (p - 1)
-        np.maximum(notes[p - 1], notes[p], out=notes[p - 1])
-        np.maximum(notes[p - 1, half:], notes[p, :-half], out=notes[p - 1, half:])
-    return np.asarray(notes[0])

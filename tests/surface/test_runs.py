@@ -12,8 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.model import Float, Int, Mesh
-from printer_slicer.surface.contacts import Contacts, Envelope, find_contacts
-from printer_slicer.surface.runs import painted, run_bounds, runs_by_length, steepest
+from printer_slicer.surface.contacts import Contacts, find_contacts
+from printer_slicer.surface.covers import painted
+from printer_slicer.surface.envelope import Envelope
+from printer_slicer.surface.runs import run_bounds, runs_by_length, steepest
 from tests.parts import box, cone, pyramid, sheared_prism, sphere, step_pyramid
 
 PARTS: Final[Mapping[str, Mesh]] = {
