@@ -32,15 +32,18 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
     """
     rows = _rows(paths, sections, profile)
+    beads = _beads_of(paths, rows)
+    role = np.append(np.where(rows.kind == _BEAD, paths.role[rows.path], Role.TRAVEL), Role.TRAVEL)
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + _APPROACH]),
         xyz=_positions(paths, rows),
-        filament=_filament(paths, rows, profile),
-        speed=_speeds(paths, rows, profile),
+        filament=_filament(rows, beads, profile),
+        speed=_speeds(paths, rows, beads, profile),
         layer=np.append(paths.layer[rows.path], paths.layer[-1:]),
-        role=np.append(np.where(rows.kind == _BEAD, paths.role[rows.path], Role.TRAVEL), Role.TRAVEL),
-        width=np.append(np.where(rows.kind == _BEAD, paths.width[rows.path], 0.0), 0.0),
+        role=role,
+        width=_spread(beads.width, rows),
+        height=_spread(beads.height, rows),
     )
     program = _slowed(program, profile)
     events = _heat(program, profile.material) + _fans(program, profile)
@@ -134,24 +137,53 @@ def _positions(paths: Toolpaths, rows: _Rows) -> Float:
     return xyz
 
 
-def _filament(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Beads:
+    """What the moves lay that are beads, in their order.
+
+    Attributes:
+        length: (B,) mm.
+        width: (B,) mm, in the mean along the bead.
+        height: (B,) mm.
+    """
+
+    length: Float
+    width: Float
+    height: Float
+
+    @property
+    def cross_section(self) -> Float:
+        """(B,) mm²; it grows evenly with the width, so that of the mean width is the mean one."""
+        return bead.cross_section(self.width, self.height)
+
+
+def _beads_of(paths: Toolpaths, rows: _Rows) -> _Beads:
+    is_bead = rows.kind == _BEAD
+    end, path = rows.point[is_bead], rows.path[is_bead]
+    begin = np.where(np.diff(path, prepend=-1) > 0, paths.start[:-1][path], np.append(0, end[:-1]))
+    length = np.hypot(*(paths.xy[end] - paths.xy[begin]).T)
+    return _Beads(length, (paths.width[begin] + paths.width[end]) / 2, paths.height[path])
+
+
+def _spread(values: Float, rows: _Rows) -> Float:
+    """(K + 1,) values (B,) of the beads at their moves; 0 at the others."""
+    result = np.zeros(len(rows.path) + 1)
+    result[:-1][rows.kind == _BEAD] = values
+    return result
+
+
+def _filament(rows: _Rows, beads: _Beads, profile: Profile) -> Float:
     """(K + 1,) filament fed by each move, mm."""
     printer, material = profile.printer, profile.material
-    fed = np.zeros(len(rows.path) + 1)
-    is_bead = rows.kind == _BEAD
-    end, path = paths.xy[rows.point[is_bead]], rows.path[is_bead]
-    starts = np.flatnonzero(np.diff(path, prepend=-1) > 0)
-    begin = np.concatenate([np.zeros((1, 2)), end[:-1]])[: len(end)]
-    begin[starts] = rows.begin[path[starts]]
-    per_mm = bead.filament_per_mm(paths.width, paths.plan.height[paths.layer], material.filament_diameter)
-    fed[:-1][is_bead] = np.hypot(*(end - begin).T) * (per_mm * material.flow_ratio)[path]
+    per_mm = bead.filament_per_mm(beads.width, beads.height, material.filament_diameter)
+    fed = _spread(beads.length * (per_mm * material.flow_ratio), rows)
     fed[:-1][rows.kind == _RETRACT] = -printer.retract_length
     fed[:-1][rows.kind == _DERETRACT] = printer.retract_length
     fed[-1] = -printer.retract_length
     return fed
 
 
-def _speeds(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
+def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> Float:
     """(K + 1,) speed of each move, mm/s."""
     printer, speeds, material = profile.printer, profile.quality.speeds, profile.material
     of_role = np.zeros(len(Role))
@@ -164,11 +196,12 @@ def _speeds(paths: Toolpaths, rows: _Rows, profile: Profile) -> Float:
     of_role[Role.SPARSE] = speeds.sparse
     wanted = of_role[paths.role]
     wanted = np.where(paths.layer == 0, np.minimum(wanted, speeds.first_layer), wanted)
-    cross_section = bead.cross_section(paths.width, paths.plan.height[paths.layer]) * material.flow_ratio
-    wanted = np.minimum(wanted, material.max_flow / cross_section)
+    is_bead = rows.kind == _BEAD
+    flowing = material.max_flow / (beads.cross_section * material.flow_ratio)
     z_speed = min(speeds.travel, printer.max_speed_z)
     lead = np.array([printer.retract_speed, z_speed, speeds.travel, z_speed, printer.deretract_speed, 0.0])
-    speed = np.where(rows.kind == _BEAD, wanted[rows.path], lead[rows.kind])
+    speed = lead[rows.kind]
+    speed[is_bead] = np.minimum(wanted[rows.path[is_bead]], flowing)
     return np.append(speed, printer.retract_speed)
 
 

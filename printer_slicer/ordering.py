@@ -148,13 +148,15 @@ class _Route:
         turned_around = (~closed & (turn == 1))[owner]
         rotated = np.where(closed[owner], (step + turn[owner]) % np.maximum(size[owner], 1), step)
         within = np.where(turned_around, size[owner] - 1 - step, rotated)
+        point = paths.start[taken][owner] + within
         return Toolpaths(
             paths.plan,
-            paths.xy[paths.start[taken][owner] + within],
+            paths.xy[point],
+            paths.width[point],
             start,
             paths.layer[taken],
             paths.role[taken],
-            paths.width[taken],
+            paths.height[taken],
             closed,
         )
 

@@ -516,6 +516,7 @@ def only_travels() -> Program:
         layer=np.array([0, 0, 1]),
         role=np.array([Role.TRAVEL, Role.OUTER_PERIMETER, Role.TRAVEL]),
         width=np.array([0.0, 0.45, 0.0]),
+        height=np.array([0.0, 0.2, 0.0]),
     )
 
 

@@ -80,7 +80,7 @@ def test_neighbouring_solid_lines_lie_one_spacing_of_their_own_layer_apart(role:
     for layer in range(6):
         angle = 0.0 if role == Role.BRIDGE else np.pi / 2 * (layer % 2)
         gaps = np.diff(rows(paths, layer, angle))
-        width = paths.width[paths.layer == layer]
+        width = paths.width[np.repeat(paths.layer, np.diff(paths.start)) == layer]
         assert gaps == pytest.approx(width[0] - height[layer] * (1 - np.pi / 4), abs=1e-4)
         assert (width == width[0]).all()
         assert width[0] == pytest.approx(WIDTH, rel=0.05)  # so that a whole number of beads fills 12 or 9 mm
@@ -126,7 +126,7 @@ def test_centre_lines_stay_half_a_bead_inside_their_region_but_for_the_overlap()
         regions = solid_only([rectangle(12, 9)])
         paths = infill_paths(regions, plain(infill_overlap=overlap))
         for i in range(paths.n_paths):
-            gap = float(bead.spacing(paths.width[i], paths.plan.height[paths.layer[i]]))
+            gap = float(bead.spacing(paths.width[paths.start[i]], paths.plan.height[paths.layer[i]]))
             inset = gap / 2 - overlap * WIDTH
             low, high = paths.path(i).min(axis=0), paths.path(i).max(axis=0)
             assert (low >= inset - 1e-4).all()

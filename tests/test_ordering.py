@@ -60,7 +60,7 @@ def identity(paths: Toolpaths, index: int) -> tuple[object, ...]:
     return (
         *paths.layer[[index]],
         *paths.role[[index]],
-        *paths.width[[index]],
+        *np.unique(paths.width[paths.start[index] : paths.start[index + 1]]),
         *paths.closed[[index]],
         *points,
     )

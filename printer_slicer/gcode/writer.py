@@ -88,11 +88,15 @@ def _notes(program: Program, dialect: Dialect) -> dict[int, list[str]]:
             lines += [dialect.nozzle(event.nozzle)] if event.nozzle is not None else []
             lines += [dialect.bed(event.bed)] if event.bed is not None else []
     beads = np.flatnonzero(program.role != Role.TRAVEL)
-    role, width = program.role[beads], program.width[beads]
+    role, width, thick = program.role[beads], program.width[beads], program.height[beads]
     new_role = np.diff(role, prepend=-1) != 0
     new_width = np.diff(width, prepend=-1.0) != 0
-    for i in np.flatnonzero(new_role | new_width).tolist():
+    of_layer = program.layer[beads]
+    usual = np.where(np.diff(of_layer, prepend=-1) > 0, height[of_layer], np.append(0.0, thick[:-1]))
+    new_height = thick != usual  # a new layer has told its own
+    for i in np.flatnonzero(new_role | new_width | new_height).tolist():
         lines = notes.setdefault(int(beads[i]), [])
+        lines += [f";HEIGHT:{number(float(thick[i]))}"] if new_height[i] else []
         lines += [f";TYPE:{TYPE_NAMES[Role(int(role[i]))]}"] if new_role[i] else []
         lines += [f";WIDTH:{number(float(width[i]))}"] if new_width[i] else []
     return notes

@@ -31,7 +31,6 @@ def grid_lines(area: Areas, spacing: Float, angle: Float, turn: Float) -> tuple[
         parts.append((xy, np.diff(start), layer))
     layer = np.concatenate([part[2] for part in parts])
     order = np.argsort(layer, kind="stable")
-    xy, size = reordered(
-        np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), order
-    )
+    sizes = np.concatenate([part[1] for part in parts])
+    (xy,), size = reordered((np.concatenate([part[0] for part in parts]),), sizes, order)
     return xy, size, layer[order]

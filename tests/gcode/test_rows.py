@@ -33,6 +33,7 @@ def program(
         np.zeros(count, np.int64),
         np.broadcast_to(np.asarray(role, dtype=np.int64), (count,)).copy(),
         np.full(count, 0.4),
+        np.full(count, 0.2),
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from printer_slicer.gcode import FLAVOURS, spoken, write_gcode
 from printer_slicer.gcode.writer import TYPE_NAMES
-from printer_slicer.model import Bool, Fan, Float, Heat, Int, Program, Role
+from printer_slicer.model import Bool, Fan, Float, Heat, Int, LayerPlan, Program, Role
 from printer_slicer.pipeline import gcode_of, slice_part
 from printer_slicer.profile import Profile, profile_with
 from tests.parts import box, joined, profile, sphere, two_boxes
@@ -333,3 +333,23 @@ def test_no_move_feeds_faster_than_the_nozzle_melts(printer: str) -> None:
     flow = (fed / np.maximum(way, 1e-9) * speed)[beads] * np.pi * material.filament_diameter**2 / 4
     # Positions are rounded to 1 µm, so a bead of 0.05 mm may be 2 % longer in the program than in the text.
     assert flow.max() <= material.max_flow * 1.03
+
+
+def test_beads_that_are_not_as_high_as_their_layer_say_so() -> None:
+    """One bead of 0.3 mm in a layer of 0.2, then one as high as the layer again, then the next layer."""
+    plan = LayerPlan.from_tops(np.array([0.2, 0.4]))
+    program = Program(
+        plan,
+        np.zeros(3),
+        np.array([(1, 0, 0.2), (2, 0, 0.2), (3, 0, 0.2), (4, 0, 0.4)], dtype=float),
+        filament=np.ones(4),
+        speed=np.full(4, 20.0),
+        layer=np.array([0, 0, 0, 1]),
+        role=np.full(4, int(Role.SPARSE)),
+        width=np.full(4, 0.5),
+        height=np.array([0.2, 0.3, 0.2, 0.2]),
+    )
+
+    text = write_gcode(program, wanted("marlin_220", relative=True)).decode()
+
+    assert re.findall(r"^;HEIGHT:(.*)$", text, re.MULTILINE) == ["0.2", "0.3", "0.2", "0.2"]

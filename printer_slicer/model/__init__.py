@@ -1,0 +1,34 @@
+"""The values that flow: Mesh -> LayerPlan -> Sections -> Walls, Regions -> Toolpaths -> Program.
+
+All are frozen and hold read-only arrays. Letters in shapes: F facets, L layers, R rings, M paths, N points, K moves.
+Lengths are mm, times s, speeds mm/s, temperatures °C.
+"""
+
+from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections, Walls
+from printer_slicer.model.part import Faults, Mesh, Repair, Repairs
+from printer_slicer.model.paths import Event, Fan, Heat, Program, Role, Toolpaths, reordered
+
+__all__ = [
+    "Areas",
+    "Bool",
+    "Contours",
+    "Event",
+    "Fan",
+    "Faults",
+    "Float",
+    "Gap",
+    "Heat",
+    "Int",
+    "LayerPlan",
+    "Mesh",
+    "Program",
+    "Regions",
+    "Repair",
+    "Repairs",
+    "Role",
+    "Sections",
+    "Toolpaths",
+    "Walls",
+    "reordered",
+]

@@ -1,0 +1,172 @@
+"""The layers: where they end, what of the part is in them, and what each place of it is for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Float, Int, frozen_array
+
+__all__ = ["Contours", "Gap", "LayerPlan", "Regions", "Sections", "Walls"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayerPlan:
+    """Where the layers end and where the mesh is cut for each.
+
+    Attributes:
+        top: (L,) z of the top of each layer, strictly increasing; the nozzle prints at this height.
+        cut: (L,) z at which the mesh is cut for each layer, within the layer.
+        planner: name of the strategy that made the plan.
+        containment: "mid": a layer has the section at `cut`; "positive": everything that the part covers anywhere
+            between bottom and top; "negative": only what it covers everywhere between them.
+    """
+
+    top: Float
+    cut: Float
+    planner: str = ""
+    containment: str = "mid"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "top", frozen_array(self.top, np.float64, (-1,)))
+        object.__setattr__(self, "cut", frozen_array(self.cut, np.float64, (len(self.top),)))
+
+    @classmethod
+    def from_tops(cls, top: Float, planner: str = "", *, cut_ratio: float = 0.5) -> LayerPlan:
+        """A plan cut at `cut_ratio` of each layer's height: 0 bottom, 0.5 middle, 1 top."""
+        bottom = np.concatenate([[0.0], top[:-1]])
+        return cls(top, bottom + cut_ratio * (top - bottom), planner)
+
+    @property
+    def n_layers(self) -> int:
+        """Number of layers."""
+        return len(self.top)
+
+    @property
+    def bottom(self) -> Float:
+        """(L,) z of the bottom of each layer."""
+        return np.concatenate([[0.0], self.top[:-1]])
+
+    @property
+    def height(self) -> Float:
+        """(L,) layer heights."""
+        # Rounded to 0.1 nm: differences of tops carry floating-point dust that would make equal layers unequal.
+        return np.round(self.top - self.bottom, 7)
+
+    def runs(self) -> list[tuple[int, float]]:
+        """Consecutive layers of equal height: [(count, height in mm), ...]."""
+        heights = np.round(self.height, 6)
+        starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
+        counts = np.diff(np.append(starts, len(heights)))
+        return [(int(n), float(heights[i])) for n, i in zip(counts, starts, strict=True)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contours:
+    """The contour of every layer as the mesh gives it, before and after it is put in order.
+
+    Attributes:
+        segments: (S, 2, 2) mm, one per facet and plane, in the order of the facets, solid to the left: the raw contour.
+        segment_layer: (S,) layer of each segment.
+        joined: the same segments joined tail to head into closed rings, every point kept.
+        repaired: `joined` without repeated and collinear points: the repaired contour.
+    """
+
+    segments: Float
+    segment_layer: Int
+    joined: Areas
+    repaired: Areas
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "segments", frozen_array(self.segments, np.float64, (-1, 2, 2)))
+        n_segments = len(self.segments)
+        object.__setattr__(self, "segment_layer", frozen_array(self.segment_layer, np.int64, (n_segments,)))
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A place where the mesh is open: the contour of a layer had to be closed over `width` mm."""
+
+    layer: int
+    x: float
+    y: float
+    z: float
+    width: float
+
+    @property
+    def area(self) -> float:
+        """Mm² by which the section is off if the missing wall stays within the circle over the gap: half a disc."""
+        return float(np.pi / 8 * self.width**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sections:
+    """The solid area of the part in each layer, simplified to the resolution of the profile.
+
+    Attributes:
+        plan: the layers.
+        solid: clean areas.
+        open_edges: edges that the cut planes cross and that lack a neighbour, or whose neighbour faces the other way.
+        gaps: where contours were closed over such edges, widest first.
+        turned: what contours run around the wrong way, as a shell that crosses itself does, or a void that reaches out
+            of the solid; it is left out. Its own rings run clockwise. None where there is nothing of it.
+    """
+
+    plan: LayerPlan
+    solid: Areas
+    open_edges: int = 0
+    gaps: tuple[Gap, ...] = ()
+    turned: Areas | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walls:
+    """Centre lines of the perimeters, and what is left inside them.
+
+    Attributes:
+        plan: the layers.
+        width: (L,) extrusion width of each layer's perimeters.
+        loops: centre lines, outermost first; one `Areas` per depth.
+        inside: the area that skins and infill have to fill.
+        lost: (L,) mm² of each section outside the walls and between them that is too narrow for a bead and stays empty.
+    """
+
+    plan: LayerPlan
+    width: Float
+    loops: tuple[Areas, ...]
+    inside: Areas
+    lost: Float
+
+    def __post_init__(self) -> None:
+        for name in ("width", "lost"):
+            object.__setattr__(
+                self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regions:
+    """What is inside the walls, by purpose; no overlap within a layer.
+
+    Attributes:
+        plan: the layers.
+        bottom_skin: solid, on the bed.
+        bridge: solid, nothing but air below.
+        top_skin: solid, nothing above.
+        solid: solid, within the shell thickness of a surface but not at it.
+        sparse: to be filled with the infill pattern.
+        bridge_angle: (L,) radians; the direction in which most bridge lines rest on something at both ends.
+    """
+
+    plan: LayerPlan
+    bottom_skin: Areas
+    bridge: Areas
+    top_skin: Areas
+    solid: Areas
+    sparse: Areas
+    bridge_angle: Float
+
+    def __post_init__(self) -> None:
+        angle = frozen_array(self.bridge_angle, np.float64, (self.plan.n_layers,))
+        object.__setattr__(self, "bridge_angle", angle)

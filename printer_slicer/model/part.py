@@ -1,0 +1,133 @@
+"""The part: its surface, and what was put right in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Float, frozen_array
+
+__all__ = ["Faults", "Mesh", "Repair", "Repairs"]
+
+_BLOCK = 1 << 12  # facets: what fits the cache
+
+
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class Mesh:
+    """The surface of the part as loose triangles, as an STL file has them.
+
+    Neighbours share the coordinates of their corners exactly.
+
+    Attributes:
+        triangles: (F, 3, 3) mm; corners counter-clockwise seen from outside.
+        name: what to call the part in messages.
+    """
+
+    triangles: Float
+    name: str = "part"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
+
+    @property
+    def n_facets(self) -> int:
+        """Number of facets."""
+        return len(self.triangles)
+
+    @property
+    def bounds(self) -> Float:
+        """(2, 3) lowest and highest corner of the envelope, mm."""
+        # Axis by axis: reducing strided columns is twenty times faster than reducing rows of three.
+        columns = [self.triangles[:, :, axis] for axis in range(3)]
+        return np.array([[column.min() for column in columns], [column.max() for column in columns]])
+
+    @property
+    def size(self) -> Float:
+        """(3,) edge lengths of the envelope, mm."""
+        low, high = self.bounds
+        return np.asarray(high - low)
+
+    @property
+    def height(self) -> float:
+        """Top of the part over z = 0, mm."""
+        return float(self.triangles[:, :, 2].max())
+
+    @property
+    def volume(self) -> float:
+        """Signed volume, mm³; negative when the facets face inward."""
+        # In blocks, coordinate by coordinate: seven times as fast as whole arrays, and no second copy of a large mesh.
+        # Seen from the middle of the first facet: turned inside out, an open mesh has exactly the opposite volume too.
+        middle = self.triangles[:1].mean(axis=(0, 1)) if self.n_facets else np.zeros(3)
+        total, origin = 0.0, np.tile(middle, 3)[:, None]
+        for start in range(0, self.n_facets, _BLOCK):
+            block = self.triangles[start : start + _BLOCK].reshape(-1, 9)
+            a, b, c = np.subtract(block.T, origin, order="C").reshape(3, 3, -1)
+            total += sum(float(a[i] @ (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2])) for i in range(3))
+        return total / 6
+
+    def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
+        """The same part, shifted by (x, y, z) mm."""
+        return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Faults:
+    """What keeps a mesh from bounding a solid, each as middle points (n, 3) of edges, mm.
+
+    Attributes:
+        open_edges: edges with a facet on one side only.
+        flipped_edges: edges whose two facets face opposite ways.
+        crowded_edges: edges that more than two facets share; solids that touch along an edge have them too.
+    """
+
+    open_edges: Float
+    flipped_edges: Float
+    crowded_edges: Float
+
+    def __post_init__(self) -> None:
+        for name in ("open_edges", "flipped_edges", "crowded_edges"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (-1, 3)))
+
+    @property
+    def count(self) -> int:
+        """How many edges in all."""
+        return len(self.open_edges) + len(self.flipped_edges) + len(self.crowded_edges)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repair:
+    """What was done to a mesh for one reason.
+
+    Attributes:
+        kind: what, in words: "facets turned round".
+        places: (n, 3) mm, one for each time it was done.
+        widest: the farthest that a corner was moved, or the largest hole that was closed, mm; 0 where neither.
+        area: mm² of surface that was guessed.
+    """
+
+    kind: str
+    places: Float
+    widest: float = 0.0
+    area: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "places", frozen_array(self.places, np.float64, (-1, 3)))
+
+    @property
+    def count(self) -> int:
+        """How often."""
+        return len(self.places)
+
+
+@dataclass(frozen=True, slots=True)
+class Repairs:
+    """All that was done to a mesh before it was cut, in the order in which it was done; `sound`: it was one shell."""
+
+    done: tuple[Repair, ...] = ()
+    sound: bool = False
+
+    @property
+    def count(self) -> int:
+        """How many places in all."""
+        return sum(repair.count for repair in self.done)

@@ -1,0 +1,209 @@
+"""What is printed: paths, then moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model.layers import LayerPlan
+
+__all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
+
+
+class Role(IntEnum):
+    """Why a bead is laid. The order is the order in which the parts of one island are printed."""
+
+    TRAVEL = 0
+    SKIRT = 1
+    BRIM = 2
+    INNER_PERIMETER = 3
+    OUTER_PERIMETER = 4
+    BRIDGE = 5
+    BOTTOM_SKIN = 6
+    SOLID = 7
+    TOP_SKIN = 8
+    SPARSE = 9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Toolpaths:
+    """Polylines to print: path `i` is `xy[start[i]:start[i + 1]]`.
+
+    Attributes:
+        plan: the layers; the nozzle prints each path at the top of its layer.
+        xy: (N, 2) mm; a closed path does not repeat its first point.
+        width: (N,) extrusion width at each point; between two points it changes evenly.
+        start: (M + 1,) where each path begins.
+        layer: (M,) ascending.
+        role: (M,) a `Role` each.
+        height: (M,) how high the bead is: the layer's height, unless it reaches down through several layers or is
+            squeezed less.
+        closed: (M,) whether the path returns to its first point.
+    """
+
+    plan: LayerPlan
+    xy: Float
+    width: Float
+    start: Int
+    layer: Int
+    role: Int
+    height: Float
+    closed: Bool
+
+    def __post_init__(self) -> None:
+        n_points, n_paths = len(self.xy), len(self.layer)
+        for name, dtype, shape in (
+            ("xy", np.float64, (-1, 2)),
+            ("width", np.float64, (n_points,)),
+            ("start", np.int64, (n_paths + 1,)),
+            ("layer", np.int64, (n_paths,)),
+            ("role", np.int64, (n_paths,)),
+            ("height", np.float64, (n_paths,)),
+            ("closed", np.bool_, (n_paths,)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @classmethod
+    def gathered(  # noqa: PLR0913 - one argument per column
+        cls,
+        plan: LayerPlan,
+        *,
+        xy: Float,
+        size: Int,
+        layer: Int,
+        role: Int,
+        width: Float,
+        closed: bool | Bool,
+        height: Float | None = None,
+    ) -> Toolpaths:
+        """Paths given one after the other with `size` (M,) points each, in any order of layers.
+
+        `width` is (N,) for each point or (M,) for each path; `height` (M,) is the layer's where it is not given.
+        """
+        flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
+        heights = plan.height[layer] if height is None else height
+        widths = width if len(width) == len(xy) else np.repeat(width, size)
+        if (np.diff(layer) < 0).any():
+            order = np.argsort(layer, kind="stable")
+            (xy, widths), size = reordered((xy, widths), size, order)
+            layer, role, flags, heights = layer[order], role[order], flags[order], heights[order]
+        start = np.concatenate([[0], np.cumsum(size)])
+        return cls(plan, xy, widths, start, layer, role, heights, flags)
+
+    @classmethod
+    def joined(cls, plan: LayerPlan, parts: Sequence[Toolpaths]) -> Toolpaths:
+        """All paths of several values, by layer; within a layer in the order of `parts`."""
+        return cls.gathered(
+            plan,
+            xy=np.concatenate([part.xy for part in parts]),
+            size=np.concatenate([np.diff(part.start) for part in parts]),
+            layer=np.concatenate([part.layer for part in parts]),
+            role=np.concatenate([part.role for part in parts]),
+            width=np.concatenate([part.width for part in parts]),
+            closed=np.concatenate([part.closed for part in parts]),
+            height=np.concatenate([part.height for part in parts]),
+        )
+
+    @property
+    def n_paths(self) -> int:
+        """Number of paths."""
+        return len(self.layer)
+
+    def path(self, index: int) -> Float:
+        """(n, 2) the points of one path."""
+        return self.xy[self.start[index] : self.start[index + 1]]
+
+
+def reordered(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Float], Int]:
+    """Ragged columns and sizes with their items in another order."""
+    first, counts = (np.cumsum(size) - size)[order], size[order]
+    chosen = consecutive(first, counts)
+    return [column[chosen] for column in columns], counts
+
+
+@dataclass(frozen=True, slots=True)
+class Fan:
+    """Set the part fan before move `index`; `ratio` 0 to 1."""
+
+    index: int
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class Heat:
+    """Set a temperature before move `index`; None leaves that heater as it is."""
+
+    index: int
+    nozzle: float | None = None
+    bed: float | None = None
+
+
+Event = Fan | Heat
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Program:
+    """Moves before they become text: straight lines from one position to the next.
+
+    Attributes:
+        plan: the layers.
+        origin: (3,) position of the nozzle before the first move.
+        xyz: (K, 3) position at the end of each move.
+        filament: (K,) mm of filament fed during the move; negative retracts.
+        speed: (K,) along the path; along the filament for moves that only turn the extruder.
+        layer: (K,) ascending.
+        role: (K,) a `Role` each; TRAVEL for everything that lays no bead.
+        width: (K,) extrusion width, in the mean along the move, 0 for TRAVEL.
+        height: (K,) how high the bead is, 0 for TRAVEL.
+        events: fan and heater changes, by ascending index.
+    """
+
+    plan: LayerPlan
+    origin: Float
+    xyz: Float
+    filament: Float
+    speed: Float
+    layer: Int
+    role: Int
+    width: Float
+    height: Float
+    events: tuple[Event, ...] = ()
+
+    def __post_init__(self) -> None:
+        n_moves = len(self.xyz)
+        for name, dtype, shape in (
+            ("origin", np.float64, (3,)),
+            ("xyz", np.float64, (-1, 3)),
+            ("filament", np.float64, (n_moves,)),
+            ("speed", np.float64, (n_moves,)),
+            ("layer", np.int64, (n_moves,)),
+            ("role", np.int64, (n_moves,)),
+            ("width", np.float64, (n_moves,)),
+            ("height", np.float64, (n_moves,)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @property
+    def n_moves(self) -> int:
+        """Number of moves."""
+        return len(self.xyz)
+
+    @property
+    def start(self) -> Float:
+        """(K, 3) position at the beginning of each move."""
+        return np.concatenate([self.origin[None], self.xyz[:-1]])
+
+    @property
+    def printed(self) -> Int:
+        """The layers that hold plastic; those where the part is narrower than a bead do not."""
+        return np.unique(self.layer[self.role != Role.TRAVEL])
+
+    @property
+    def filament_used(self) -> float:
+        """Filament in the beads, mm."""
+        return float(self.filament[self.role != Role.TRAVEL].sum())
