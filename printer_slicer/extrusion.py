@@ -126,7 +126,7 @@ def _positions(paths: Toolpaths, rows: _Rows) -> Float:
     """(K + 1, 3) where each move ends."""
     z = paths.plan.top[paths.layer]
     xyz = np.zeros((len(rows.path) + 1, 3))
-    xyz[:-1, :2] = paths.xy[rows.point]
+    xyz[:-1, :2] = paths.xy.take(rows.point, axis=0)
     stays = rows.kind <= _LIFT
     xyz[:-1, :2][stays] = rows.leave[rows.path[stays]]
     lifted = (rows.kind == _LIFT) | (rows.kind == _TRAVEL)
@@ -161,7 +161,7 @@ def _beads_of(paths: Toolpaths, rows: _Rows) -> _Beads:
     is_bead = rows.kind == _BEAD
     end, path = rows.point[is_bead], rows.path[is_bead]
     begin = np.where(np.diff(path, prepend=-1) > 0, paths.start[:-1][path], np.append(0, end[:-1]))
-    length = np.hypot(*(paths.xy[end] - paths.xy[begin]).T)
+    length = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T)
     return _Beads(length, (paths.width[begin] + paths.width[end]) / 2, paths.height[path])
 
 

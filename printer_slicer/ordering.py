@@ -151,8 +151,8 @@ class _Route:
         point = paths.start[taken][owner] + within
         return Toolpaths(
             paths.plan,
-            paths.xy[point],
-            paths.width[point],
+            paths.xy.take(point, axis=0),
+            paths.width.take(point),
             start,
             paths.layer[taken],
             paths.role[taken],

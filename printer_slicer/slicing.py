@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
+from printer_slicer.geometry.areas import placed
 from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
 from printer_slicer.geometry.crossing import Crossings, cross
 from printer_slicer.geometry.joints import cycles
@@ -166,8 +167,7 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
     start = np.concatenate([[0], np.cumsum(size)])
     place_of_ring = np.zeros(n_nodes, np.int64)
     place_of_ring[first] = start[:-1]
-    xy = np.zeros((n_nodes, 2))
-    xy[place_of_ring[ring] + rank] = crossings.xy
+    xy = placed(crossings.xy, place_of_ring.take(ring) + rank)
     rings = Areas(xy, start, crossings.plane[first], plan.n_layers)
     if not len(chords.tail):
         return rings, []

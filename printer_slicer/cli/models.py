@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from printer_slicer.cli.common import visible
+from printer_slicer.cli.memory import keep_memory
 from printer_slicer.errors import UsageError
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
@@ -62,6 +63,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     Raises:
         UsageError, MeshError: a file cannot be read, or is no part.
     """
+    keep_memory()
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     models, meshes, warnings = [], [], []
     for path in arguments.models:

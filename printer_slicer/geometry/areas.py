@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Areas", "Bool", "Float", "Int", "Lines", "consecutive", "frozen_array", "per_layer"]
+__all__ = ["Areas", "Bool", "Float", "Int", "Lines", "consecutive", "frozen_array", "per_layer", "placed"]
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -50,6 +50,16 @@ def consecutive(first: Int, count: Int) -> Int:
     """`first[i], first[i] + 1, ...` (`count[i]` numbers) for every i, one after the other."""
     before = np.cumsum(count) - count
     return np.asarray(np.arange(int(count.sum())) + np.repeat(first - before, count))
+
+
+def placed(xy: Float, place: Int) -> Float:
+    """(n, 2) points, each at its place: a permutation of them.
+
+    A point is stored as one complex number, at a sixth of the cost of two numbers.
+    """
+    result = np.zeros(len(xy), np.complex128)
+    result[place] = np.ascontiguousarray(xy).view(np.complex128).ravel()
+    return result.view(np.float64).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +147,8 @@ class Areas:
             return np.zeros(0)
         x, y = np.ascontiguousarray(self.xy.T)
         following = self.following
-        return np.add.reduceat(np.hypot(x[following] - x, y[following] - y), self.ring_start[:-1])
+        sides = np.hypot(x.take(following) - x, y.take(following) - y)
+        return np.add.reduceat(sides, self.ring_start[:-1])
 
     def select(self, keep: Bool) -> Areas:
         """Only the rings for which `keep` (R,) is true."""
@@ -148,7 +159,7 @@ class Areas:
         sizes = np.diff(self.ring_start)[rings]
         start = np.concatenate([[0], np.cumsum(sizes)])
         points = consecutive(self.ring_start[rings], sizes)
-        return Areas(self.xy[points], start, self.ring_layer[rings], self.n_layers)
+        return Areas(self.xy.take(points, axis=0), start, self.ring_layer[rings], self.n_layers)
 
     def merge(self, other: Areas) -> Areas:
         """The rings of both stacks side by side; nothing is cut or joined where they overlap.
@@ -164,7 +175,7 @@ class Areas:
         order = np.argsort(layer, kind="stable")
         first = np.concatenate([self.ring_start[:-1], other.ring_start[:-1] + len(self.xy)])[order]
         sizes = np.concatenate([np.diff(self.ring_start), np.diff(other.ring_start)])[order]
-        points = np.concatenate([self.xy, other.xy])[consecutive(first, sizes)]
+        points = np.concatenate([self.xy, other.xy]).take(consecutive(first, sizes), axis=0)
         return Areas(points, np.concatenate([[0], np.cumsum(sizes)]), layer[order], self.n_layers)
 
 

@@ -78,7 +78,7 @@ def section_areas(triangles: Float, planes: Float) -> Float:
     """
     total = np.zeros(len(planes))
     for part in _parts(triangles, planes):
-        tail, head = part.xy[part.tail], part.xy[part.head]
+        tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
         twice = tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0]
         total += np.bincount(part.plane[part.tail], weights=twice, minlength=len(planes)) / 2
     return total
@@ -90,7 +90,7 @@ def _parts(triangles: Float, planes: Float) -> Iterator[Crossings]:
     for corner in range(3):
         level[corner] = np.searchsorted(planes, np.ascontiguousarray(triangles[:, corner, 2]), side="right")
     for facets, low, high in _by_planes(level, len(planes)):
-        yield _crossed(triangles[facets], level[:, facets], planes, low, high)
+        yield _crossed(triangles.take(facets, axis=0), level.take(facets, axis=1), planes, low, high)
 
 
 def _by_planes(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
@@ -130,20 +130,25 @@ def _crossed(triangles: Float, level: Index, planes: Float, low: int, high: int)
     after = clipped[[1, 2, 0]]
     rising, falling = _half_edges(clipped < after), _half_edges(clipped > after, turned=True)
     tag = keys_of(x.ravel(), y.ravel(), z.ravel())
-    key = np.concatenate([directed_keys(tag[side.low], tag[side.high]) for side in (rising, falling)])
+    key = np.concatenate(
+        [directed_keys(tag.take(side.low), tag.take(side.high)) for side in (rising, falling)]
+    )
     edge_of_rising, edge_of_falling, chosen, alone = _paired(key, len(rising.item))
-    ends = [np.concatenate([one, other])[chosen] for one, other in zip(rising[1:], falling[1:], strict=True)]
+    ends = [
+        np.concatenate([one, other]).take(chosen) for one, other in zip(rising[1:], falling[1:], strict=True)
+    ]
     flat = clipped.ravel()
-    first, last = flat[ends[0]], flat[ends[1]]
+    first, last = flat.take(ends[0]), flat.take(ends[1])
     base = np.cumsum(last - first) - last  # node of (edge, plane) is base[edge] + plane
     owner, place = spread(last - first)
-    plane = first[owner] + place
-    xy = _interpolate((x.ravel(), y.ravel(), z.ravel()), ends[0][owner], ends[1][owner], planes[plane])
+    plane = first.take(owner) + place
+    low_end, high_end = ends[0].take(owner), ends[1].take(owner)
+    xy = _interpolate((x.ravel(), y.ravel(), z.ravel()), low_end, high_end, planes.take(plane))
     bottom = np.minimum(np.minimum(clipped[0], clipped[1]), clipped[2])
     top = np.maximum(np.maximum(clipped[0], clipped[1]), clipped[2])
     slot = np.cumsum(top - bottom) - top  # slot of (facet, plane) is slot[facet] + plane
-    head = _nodes(rising, flat, slot, base[edge_of_rising])
-    tail = _nodes(falling, flat, slot, base[edge_of_falling])
+    head = _nodes(rising, flat, slot, base.take(edge_of_rising))
+    tail = _nodes(falling, flat, slot, base.take(edge_of_falling))
     # An edge through planes of several parts counts where it begins.
     unpaired = int((level.ravel()[ends[0][alone]] >= low).sum())
     return Crossings(xy, plane.astype(np.int64), tail, head, unpaired, np.array([0, len(xy)]))
@@ -157,26 +162,26 @@ def _half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
     return _HalfEdges(item, after, item) if turned else _HalfEdges(item, item, after)
 
 
-def _nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int) -> Int:
+def _nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
     """(S,) the node that each facet-plane pair has on its rising (or falling) side."""
-    first = level[half_edges.low]
-    owner, place = spread(level[half_edges.high] - first)
-    plane = first[owner] + place
+    first = level.take(half_edges.low)
+    owner, place = spread(level.take(half_edges.high) - first)
+    plane = first.take(owner) + place
     nodes = np.zeros(len(owner), np.int64)
-    nodes[slot[half_edges.item % len(slot)][owner] + plane] = base[owner] + plane
+    nodes[slot.take(half_edges.item % len(slot)).take(owner) + plane] = base.take(owner) + plane
     return nodes
 
 
 def _interpolate(corner: tuple[Float, Float, Float], low: Int, high: Int, z: Float) -> Float:
     """(n, 2) where the edges from `low` to `high` corners reach height `z`; exact at both ends."""
     *across, zs = corner
-    bottom = zs[low]
-    ratio = (z - bottom) / (zs[high] - bottom)
+    bottom = zs.take(low)
+    ratio = (z - bottom) / (zs.take(high) - bottom)
     # Rounding of the sum must not make a corner that lies on the plane differ from its own coordinates.
     on_plane = np.flatnonzero(ratio == 1)
     xy = np.zeros((len(z), 2))
     for axis, column in enumerate(across):
-        start, end = column[low], column[high]
+        start, end = column.take(low), column.take(high)
         value = start + ratio * (end - start)
         value[on_plane] = end[on_plane]
         xy[:, axis] = value

@@ -260,7 +260,7 @@ def _boxes(areas: Areas) -> tuple[Float, Float]:
     low = np.full((areas.n_layers, 2), np.inf)
     high = -low
     used, first_ring = np.unique(areas.ring_layer, return_index=True)
-    if len(used):
-        low[used] = np.minimum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
-        high[used] = np.maximum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
+    for axis, column in enumerate(np.ascontiguousarray(areas.xy.T) if len(used) else ()):
+        low[used, axis] = np.minimum.reduceat(column, areas.ring_start[first_ring])
+        high[used, axis] = np.maximum.reduceat(column, areas.ring_start[first_ring])
     return low, high

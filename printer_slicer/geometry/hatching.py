@@ -43,9 +43,9 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
     # farther apart than they are wide. It blurs places by under 0.001 µm, less than the grid of the outlines.
     rank = layer * (row.max() - row.min() + 1) + (row - row.min())
     order = np.argsort(rank * (u.max() - u.min() + 1.0) + (u - u.min()))
-    layer, row, u = layer[order[::2]], row[order[::2]], u[order].reshape(-1, 2)
-    long = u[:, 1] > u[:, 0]
-    layer, row, u = layer[long], row[long], u[long]
+    layer, row, u = layer.take(order[::2]), row.take(order[::2]), u.take(order).reshape(-1, 2)
+    long = np.flatnonzero(u[:, 1] > u[:, 0])
+    layer, row, u = layer.take(long), row.take(long), u.take(long, axis=0)
     v = ((row + phases[layer]) * spacings[layer])[:, None]
     cos, sin = axis[layer, :, None].transpose(1, 0, 2)
     return Lines(np.stack([u * cos - v * sin, u * sin + v * cos], axis=2), layer, row, u)
@@ -54,7 +54,7 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
 def _crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple[Int, Int, Float]:
     """Layer, row and place along the row of every crossing of an outline and a row."""
     layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
-    (x, y), (cos, sin) = areas.xy.T, axis[layer].T
+    (x, y), (cos, sin) = areas.xy.T, axis.take(layer, axis=0).T
     u = x * cos + y * sin
     # Heights in rows: row j is at j. Levels are whole, so what crosses what is decided without rounding.
     height = (y * cos - x * sin) / spacing[layer] - phase[layer]
@@ -97,7 +97,8 @@ def chain_rows(lines: Lines, *, max_turn: float | Float) -> tuple[Float, Int, In
     # Pieces of one zigzag lie behind each other here; their first lines say where they belong in the stack.
     pieces = np.argsort(order[begin])
     order = order[consecutive(begin[pieces], sizes[pieces])]
-    ends = np.where(backward[order, None, None], lines.ends[order, ::-1], lines.ends[order])
+    ends = lines.ends.take(order, axis=0)
+    ends = np.where(backward[order, None, None], ends[:, ::-1], ends)
     start = np.append(0, np.cumsum(2 * sizes[pieces]))
     return ends.reshape(-1, 2), start, lines.layer[order[start[:-1] // 2]]
 
@@ -146,7 +147,7 @@ def _turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float) -> tu
     """(S,) whether a line is joined to the one above it, and whether it is run backward."""
     limit = np.asarray(max_turn, dtype=np.float64)
     limit = limit[lines.layer] if limit.ndim else limit
-    step = lines.ends[above] - lines.ends
+    step = lines.ends.take(above, axis=0) - lines.ends
     near = (above >= 0)[:, None] & (np.hypot(step[..., 0], step[..., 1]) <= np.reshape(limit, (-1, 1)))
     odd = (lines.row - lines.row[lowest]) % 2 == 1
     # Columns: a zigzag whose lowest line is run forward turns at its right end first, at the left one of the

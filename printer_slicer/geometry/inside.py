@@ -54,7 +54,7 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
     ways_of = np.searchsorted(layer, np.arange(outlines.n_layers + 1))
     for k in np.unique(layer).tolist():
         points = slice(int(ring_points[k]), int(ring_points[k + 1]))
-        a, b = outlines.xy[points], outlines.xy[following[points]]
+        a, b = outlines.xy[points], outlines.xy.take(following[points], axis=0)
         here = np.arange(int(ways_of[k]), int(ways_of[k + 1]))
         result[here] = _crossed_here(begin[here], end[here], a, b)
     return result

@@ -42,10 +42,10 @@ def welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
         one.append(firsts + np.int32(block.start))
         total += len(firsts)
     of_block = np.concatenate(one)
-    overall, firsts = _welded(key[of_block])
+    overall, firsts = _welded(key.take(of_block))
     for block in blocks:
-        number[block] = overall[number[block]]
-    return number, of_block[firsts]
+        number[block] = overall.take(number[block])
+    return number, of_block.take(firsts)
 
 
 def _welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
@@ -62,14 +62,14 @@ def _welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
             table[((rest[piece] * factor) >> shift).view(np.int64)] = left[piece]
         lost = []
         for piece in pieces:
-            winner = table[((rest[piece] * factor) >> shift).view(np.int64)]
+            winner = table.take(((rest[piece] * factor) >> shift).view(np.int64))
             owner[left[piece]] = winner
-            lost.append(np.flatnonzero(key[winner] != rest[piece]) + piece.start)
+            lost.append(np.flatnonzero(key.take(winner) != rest[piece]) + piece.start)
         again = np.concatenate(lost)
-        left, rest, attempt = left[again], rest[again], attempt + 1
+        left, rest, attempt = left.take(again), rest.take(again), attempt + 1
     is_first = owner == np.arange(n, dtype=np.int32)
     number = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
-    return number[owner], np.flatnonzero(is_first).astype(np.int32)
+    return number.take(owner), np.flatnonzero(is_first).astype(np.int32)
 
 
 def linked(members: Index | Int, n: int) -> Int:
@@ -83,28 +83,27 @@ def linked(members: Index | Int, n: int) -> Int:
     left of the links joins fewer and fewer items.
     """
     label = np.arange(n, dtype=np.int32)
-    itself, columns = label.copy(), [np.asarray(column, np.int32) for column in members]
-    while columns and len(columns[0]):
-        lowest = columns[0]
-        for column in columns[1:]:
-            lowest = np.minimum(lowest, column)
+    itself = label.copy()
+    columns = [np.asarray(column, np.int32) for column in members]
+    one, other = (np.concatenate([np.zeros(0, np.int32), *some]) for some in (columns[:-1], columns[1:]))
+    while len(one):
+        # Links are mostly given by rising items: written backward, each item is left with its lowest.
+        low, high = np.minimum(one, other)[::-1], np.maximum(one, other)[::-1]
         parent = itself.copy()
-        for column in columns:
-            higher = np.flatnonzero(column > lowest)
-            parent[column[higher]] = lowest[higher]
+        parent[high] = low
         parent = _ends(parent)
-        label = parent[label]
-        columns = [parent[column] for column in columns]
-        apart = np.flatnonzero(np.any([column != columns[0] for column in columns[1:]], axis=0))
-        columns = [column[apart] for column in columns]
+        label = parent.take(label)
+        one, other = parent.take(low), parent.take(high)
+        apart = np.flatnonzero(one != other)
+        one, other = one.take(apart), other.take(apart)
     number = np.cumsum(label == itself) - 1
-    return np.asarray(number[label], np.int64)
+    return np.asarray(number.take(label), np.int64)
 
 
 def _ends(parent: Index) -> Index:
     """(n,) where chains of parents end; parents are never higher than their children."""
     while True:
-        further = parent[parent]
+        further = parent.take(parent)
         if np.array_equal(further, parent):
             return parent
         parent = further
@@ -139,10 +138,10 @@ def _lowest(following: Int | Index) -> Index:
     jump = following.astype(np.int32)
     lowest: Index = np.arange(len(following), dtype=np.int32)
     while True:
-        better = np.minimum(lowest, lowest[jump])
+        better = np.minimum(lowest, lowest.take(jump))
         if np.array_equal(better, lowest):
             return lowest
-        lowest, jump = better, jump[jump]
+        lowest, jump = better, jump.take(jump)
 
 
 def cycles(following: Int) -> tuple[Int, Int]:
@@ -155,9 +154,9 @@ def cycles(following: Int) -> tuple[Int, Int]:
     jump = np.where(is_first[following], itself, following.astype(np.int32))
     steps = (jump != itself).astype(np.int32)
     while True:
-        ahead = steps[jump]
+        ahead = steps.take(jump)
         if not ahead.any():
             break
-        steps, jump = steps + ahead, jump[jump]
+        steps, jump = steps + ahead, jump.take(jump)
     length = np.bincount(lowest, minlength=n)
     return lowest.astype(np.int64), np.where(is_first, 0, length[lowest] - 1 - steps)

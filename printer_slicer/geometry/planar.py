@@ -212,7 +212,10 @@ def _from_leftmost(areas: Areas) -> Areas:
     size = np.repeat(sizes, sizes)
     place -= np.where(place >= size, size, 0)
     return Areas(
-        areas.xy[np.repeat(start, sizes) + place], areas.ring_start, areas.ring_layer, areas.n_layers
+        areas.xy.take(np.repeat(start, sizes) + place, axis=0),
+        areas.ring_start,
+        areas.ring_layer,
+        areas.n_layers,
     )
 
 
@@ -235,7 +238,7 @@ def _corners(areas: Areas) -> Bool:
     """(N,) whether a point differs from the one before; once all do, whether the outline turns there."""
     following, previous = areas.following, _previous(areas)
     x, y = np.ascontiguousarray(areas.xy.T)
-    ahead_x, ahead_y = x[following] - x, y[following] - y
+    ahead_x, ahead_y = x.take(following) - x, y.take(following) - y
     length = ahead_x**2 + ahead_y**2
     if not length.all():
         return np.asarray(length[previous] > 0)
@@ -256,7 +259,7 @@ def _only_points(areas: Areas, keep: Bool) -> Areas:
     whole = count >= 3
     keep = keep & np.repeat(whole, np.diff(areas.ring_start))
     start = np.append(0, np.cumsum(count[whole]))
-    return Areas(areas.xy[keep], start, areas.ring_layer[whole], areas.n_layers)
+    return Areas(areas.xy.compress(keep, axis=0), start, areas.ring_layer[whole], areas.n_layers)
 
 
 class SegmentTree:

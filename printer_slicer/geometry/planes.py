@@ -11,7 +11,6 @@ from printer_slicer.geometry.joints import linked, welded
 __all__ = [
     "connected",
     "corner_keys",
-    "directed_edges",
     "directed_keys",
     "edge_faults",
     "edge_keys",
@@ -23,7 +22,6 @@ _UInt = NDArray[np.uint64]
 _FACTORS = np.array(
     [0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD6E8FEB86659FD93], np.uint64
 )
-_FACETS_AT_ONCE = 1 << 15  # whose keys stay in the processor's cache
 _CORNERS_AT_ONCE = 3 << 15
 
 
@@ -31,7 +29,7 @@ def spread(count: Int) -> tuple[Int, Int]:
     """For items that own `count` slots each: the owner of every slot, and the slot's place within its owner."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.cumsum(count) - count
-    return owner, np.arange(len(owner)) - first[owner]
+    return owner, np.arange(len(owner)) - first.take(owner)
 
 
 def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
@@ -56,23 +54,6 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
         return np.asarray((triangles[facet, corner] + triangles[facet, (corner + 1) % 3]) / 2)
 
     return middles(count == 1), middles((count == 2) & (net != 0)), middles(count > 2)
-
-
-def directed_edges(tag: _UInt) -> tuple[_UInt, Bool]:
-    """The edge after each corner: (3 F,) its key, the same both ways, and whether it leads to the higher key.
-
-    Args:
-        tag: (F, 3) keys of the corners.
-    """
-    key, upward = np.zeros(tag.shape, np.uint64), np.zeros(tag.shape, np.bool_)
-    for at in range(0, len(tag), _FACETS_AT_ONCE):
-        some = slice(at, at + _FACETS_AT_ONCE)
-        corners = np.ascontiguousarray(tag[some].T)
-        for begin, end in ((0, 1), (1, 2), (2, 0)):
-            one, other = corners[begin], corners[end]
-            key[some, begin] = directed_keys(np.minimum(one, other), np.maximum(one, other))
-            upward[some, begin] = one < other
-    return key.ravel(), upward.ravel()
 
 
 def connected(triangles: Float) -> Int:

@@ -9,21 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
-import numpy as np
-from numpy.typing import NDArray
-
 from printer_slicer.errors import MeshError
-from printer_slicer.geometry.joints import linked, welded
-from printer_slicer.geometry.planes import corner_keys, directed_edges
 from printer_slicer.healing.duplicates import drop_duplicates, drop_sheets, join_corners
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import fill_holes
 from printer_slicer.healing.shells import face_alike, face_outward
+from printer_slicer.healing.soundness import is_sound
 from printer_slicer.model import Mesh, Repair, Repairs
 
 __all__ = ["refuse_repaired", "repair"]
 
-_HOLLOW = 1e-6  # of what is under all facets: a surface and its reverse hold nothing but rounding
 _Step = Callable[[Facets], tuple[Facets, list[Repair]]]
 _sound: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
 """What came out of here, which needs not go through again, and whether it was sound to begin with."""
@@ -66,36 +61,8 @@ def refuse_repaired(name: str, repairs: Repairs) -> None:
         )
 
 
-def _is_sound(mesh: Mesh) -> bool:
-    """Whether it is one closed surface that faces outward. This costs a quarter of cutting it."""
-    if not _is_one_shell(corner_keys(mesh.triangles.reshape(-1, 3)).reshape(-1, 3)):
-        return False
-    # Over every facet stands a column from the lowest corner; those under facets that look down count negative.
-    (ax, bx, cx), (ay, by, cy), zs = mesh.triangles.transpose(2, 1, 0)
-    columns = (zs.sum(axis=0) - 3 * zs.min()) * ((bx - ax) * (cy - ay) - (cx - ax) * (by - ay))
-    return float(columns.sum()) > _HOLLOW * float(np.abs(columns).sum())
-
-
-def _is_one_shell(tag: NDArray[np.uint64]) -> bool:
-    """Whether every edge has one facet on each side and facets hang together by edges, from the keys of corners (F, 3).
-
-    Bodies that touch in a corner or an edge are not one: each has a side of its own that faces outward.
-    """
-    key, upward = directed_edges(tag)
-    n_edges = len(key) // 2
-    if 2 * n_edges != len(key) or np.count_nonzero(upward) != n_edges:
-        return False
-    number, firsts = welded(key)
-    if len(firsts) != n_edges:
-        return False
-    beside = np.full((2, n_edges), -1, np.int32)
-    for side, which in enumerate((np.flatnonzero(upward), np.flatnonzero(~upward))):
-        beside[side, number[which]] = which // 3
-    return int(beside.min()) >= 0 and int(linked(beside, len(tag)).max()) == 0
-
-
 def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
-    if _is_sound(mesh):
+    if is_sound(mesh.triangles):
         return mesh, Repairs(sound=True)
     facets = Facets.read(mesh.triangles)
     steps: list[_Step] = [

@@ -123,7 +123,7 @@ def reordered(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Flo
     """Ragged columns and sizes with their items in another order."""
     first, counts = (np.cumsum(size) - size)[order], size[order]
     chosen = consecutive(first, counts)
-    return [column[chosen] for column in columns], counts
+    return [column.take(chosen, axis=0) for column in columns], counts
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,86 @@
+"""Whether a mesh needs no repair at all: one closed surface that faces outward. Nearly every part is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from printer_slicer.geometry.joints import Index, linked, welded
+from printer_slicer.geometry.planes import edge_keys, keys_of
+from printer_slicer.model import Bool, Float
+
+__all__ = ["is_sound"]
+
+_HOLLOW = 1e-6  # of what is under all facets: a surface and its reverse hold nothing but rounding
+_AT_ONCE = 1 << 15  # facets whose edges stay in the processor's cache
+_Keys = NDArray[np.uint64]
+
+
+class _Edges(NamedTuple):
+    """Edges that a block of facets has alone, and what hangs together within it.
+
+    Attributes:
+        key: (n,) of each edge, the same for both of its directions.
+        upward: (n,) whether the facet passes it towards the corner with the higher key.
+        piece: (n,) the piece of the block that the facet belongs to.
+        pieces: how many pieces the block has.
+    """
+
+    key: _Keys
+    upward: Bool
+    piece: Index
+    pieces: int
+
+
+def is_sound(triangles: Float) -> bool:
+    """Whether facets (F, 3, 3) are one closed surface that faces outward.
+
+    Every edge has one facet on each side, and facets hang together by edges: bodies that touch in a corner or an edge
+    are not one. Of an edge that one body touches itself along, block by block, either side may be seen alone.
+    """
+    blocks, volume, shaded = [], 0.0, 0.0
+    bottom = float(triangles[:, :, 2].min(initial=0.0))
+    for at in range(0, len(triangles), _AT_ONCE):
+        x, y, z = np.ascontiguousarray(triangles[at : at + _AT_ONCE].transpose(2, 1, 0))
+        blocks.append(_edges_of(keys_of(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
+        # Over every facet stands a column from the lowest corner; those under facets that look down count negative.
+        columns = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        columns *= z[0] + z[1] + z[2] - 3 * bottom
+        volume += float(columns.sum())
+        shaded += float(np.abs(columns).sum())
+    return volume > _HOLLOW * shaded and _close(blocks)
+
+
+def _edges_of(tag: _Keys) -> _Edges:
+    """What is left of a block when its facets are joined two by two, from the keys of the corners (3, n)."""
+    key, upward = edge_keys(tag).ravel(), (tag < tag[[1, 2, 0]]).ravel()
+    n = tag.shape[1]
+    number, firsts = welded(key)
+    passes = np.bincount(number, minlength=len(firsts)), np.bincount(number[upward], minlength=len(firsts))
+    joined = (passes[0] == 2) & (passes[1] == 1)
+    beside = np.zeros((2, len(firsts)), np.int32)
+    for side, which in enumerate((np.flatnonzero(upward), np.flatnonzero(~upward))):
+        beside[side, number[which]] = which % n
+    piece = linked(beside.compress(joined, axis=1), n)
+    alone = np.flatnonzero(~joined[number])
+    return _Edges(key[alone], upward[alone], piece[alone % n].astype(np.int32), int(piece.max()) + 1)
+
+
+def _close(blocks: list[_Edges]) -> bool:
+    """Whether the edges that blocks leave alone join all of their pieces to one, two by two."""
+    key = np.concatenate([block.key for block in blocks])
+    upward = np.concatenate([block.upward for block in blocks])
+    offset = np.cumsum([0, *(block.pieces for block in blocks)])
+    piece = np.concatenate([block.piece + first for block, first in zip(blocks, offset, strict=False)])
+    n_edges = len(key) // 2
+    if 2 * n_edges != len(key) or np.count_nonzero(upward) != n_edges:
+        return False
+    number, firsts = welded(key)
+    if len(firsts) != n_edges:
+        return False
+    beside = np.full((2, n_edges), -1, np.int32)
+    for side, which in enumerate((np.flatnonzero(upward), np.flatnonzero(~upward))):
+        beside[side, number[which]] = piece[which]
+    return int(beside.min(initial=0)) >= 0 and int(linked(beside, int(offset[-1])).max()) == 0

@@ -1,0 +1,32 @@
+"""Memory of arrays stays with the process once it was asked to keep it."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import resource, sys
+import numpy as np
+from printer_slicer.cli.memory import keep_memory
+
+if sys.argv[1] == "keep":
+    keep_memory()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    np.full(50_000_000, 1, np.uint8)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_arrays_made_again_and_again_ask_the_system_once() -> None:
+    faults = {
+        kind: int(subprocess.check_output([sys.executable, "-c", SCRIPT, kind], text=True))
+        for kind in ("keep", "hand_back")
+    }
+
+    assert 5 * faults["keep"] < faults["hand_back"]
