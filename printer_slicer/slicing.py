@@ -239,7 +239,8 @@ def _not_closed(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshE
     x, y = lowest[np.lexsort(lowest.T[::-1])[0]]
     z = plan.cut[planes.min()]
     return MeshError(
-        f"{name}: the surface is open: {why} at x {x:.2f} y {y:.2f} z {z:.2f} (loose ends at this height: {len(lowest)})",
+        f"{name}: the surface is open: {why} at x {x:.2f} y {y:.2f} z {z:.2f} "
+        f"(loose ends at this height: {len(lowest)})",
         remedy=_MEND,
     )
 

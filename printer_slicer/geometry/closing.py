@@ -148,7 +148,7 @@ def _with_others_around(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
     place -= cell
     at_border = (np.minimum(place, 1 - place) <= _AT_BORDER).any(axis=1)
     bits = len(node).bit_length() + 3
-    mixed = keys_of(*cell.T, loose.plane[node].astype(np.float64)) >> np.uint64(64 - bits)
+    mixed = keys_of(cell[:, 0], cell[:, 1], loose.plane[node].astype(np.float64)) >> np.uint64(64 - bits)
     is_tail, bucket = np.arange(len(node)) < len(loose.tails), mixed.view(np.int64)
     maybe = at_border
     for one in (is_tail, ~is_tail):
