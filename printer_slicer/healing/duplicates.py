@@ -17,7 +17,7 @@ _SMALL = 1e-4  # of the size of the part
 _NEAR_PLACE = 0.25  # mm
 _SHORTER = 0.1  # of the shortest edge
 _WIDE_CELLS = 64
-_AT_BORDER = 1 / 60  # of a wide cell; more than the reach, by more than coordinates are rounded
+_AT_BORDER = 1 / 30  # of a wide cell; more than two reaches, up to which corners may be joined
 _SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings to 32 bits
 
 
@@ -63,7 +63,7 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
 
 
 def _with_others_around(points: Float, reach: float) -> Bool:
-    """(n,) all points but those that surely have no other within reach along every axis; costs less than sorting them.
+    """(n,) all points but those that surely have no other within two reaches along every axis; cheaper than sorting.
 
     Two that are near lie in one wide cell, or the border between their cells is near to both.
     """

@@ -29,10 +29,10 @@ def test_corners_are_joined_as_if_all_were_compared(seed: int, far: float) -> No
     triangles = np.array(loose_facets(60, 3.0, seed).triangles) + far
     flat = triangles.reshape(-1, 3)
     reach = max(0.001, 4 * 2.0**-24 * (abs(far) + 30))
-    some, others = rng.permutation(len(flat))[:60].reshape(2, 30)
+    some, others = rng.permutation(np.arange(3, 90))[:30], rng.permutation(np.arange(90, 180))[:30]
     flat[some] = flat[others] + rng.uniform(-2 * reach, 2 * reach, (30, 3))
     # A short edge, for which nothing farther away is joined after that.
-    flat[1] = flat[0] + [6 * reach, 0, 0]
+    flat[1] = flat[0] + [4 * reach, 0, 0]
     reach = max(0.001, 4 * 2.0**-24 * float(np.abs(flat).max()))
 
     joined, _ = join_corners(Facets.read(triangles))
