@@ -15,6 +15,7 @@ import numpy as np
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import blocks
+from printer_slicer.mesh_io.units import SPOKEN
 from printer_slicer.model import Float, Mesh
 from printer_slicer.profile import Printer
 
@@ -33,13 +34,19 @@ class Placement:
         center: x and y on the bed, mm, where the middle of its envelope goes; None: the middle of the bed.
         as_placed: x and y of the file are x and y on the bed; `center` has no meaning then.
         drop: it is put down, or lifted, until it stands on z = 0; otherwise z of the file is z of the printer.
-        unit: what the numbers of the file were taken to mean, for advice on parts that do not fit; empty: not known.
+        unit: what the numbers of the file were taken to mean, for advice on parts that do not fit; empty: not known,
+            or nothing to doubt.
+        unit_given: whether a person said so.
+        scale: factors by which the part was made larger already, as they were written, such as "2", "50%" or "1,1,2";
+            for the same advice.
     """
 
     center: tuple[float, float] | None = None
     as_placed: bool = False
     drop: bool = True
     unit: str = "mm"
+    unit_given: bool = False
+    scale: str = ""
 
 
 IN_THE_MIDDLE: Final = Placement()
@@ -60,7 +67,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         by[:2] = np.asarray(middle) - (low + high)[:2] / 2
     if placement.drop:
         by[2] = -low[2]
-    _check_place(mesh.name, low + by, high + by, printer)
+    _check_place(mesh.name, low + by, high + by, printer, placement)
     placed = np.zeros_like(mesh.triangles)
     for block in blocks(mesh.n_facets):
         # To a nanometre: where the part was drawn must not decide ties between points that are the same but for
@@ -75,26 +82,48 @@ def _check_size(name: str, size: Float, printer: Printer, placement: Placement) 
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
     if not (size > room + _SLACK).any():
         return
-    percent = 100 * float((room / np.maximum(size, _SLACK)).min())
-    step = 10.0 ** (np.floor(np.log10(percent)) - 1)  # two digits are enough, and never too large
-    fits = f"--scale {np.floor(percent / step) * step:.2g}% would just fit"
+    fits = _rescaled(placement.scale or "100%", float((room / np.maximum(size, _SLACK)).min()))
     advice = unit_advice(size, placement.unit, room) if placement.unit in UNITS else ""
+    if not advice and placement.unit in UNITS and not placement.unit_given:
+        advice = f"is it in {SPOKEN[placement.unit]}?"
     raise PartError(
         f"{name}: {size[0]:.5g} x {size[1]:.5g} x {size[2]:.5g} mm does not fit {printer.name!r}, "
         f"which prints {room[0]:g} x {room[1]:g} x {room[2]:g} mm",
-        remedy=f"choose a larger printer, or scale the part: {fits}; {advice or 'is it in mm?'}",
+        remedy="; ".join(
+            [
+                f"choose a larger printer, or scale the part: --scale {fits} would just fit",
+                *([advice] if advice else []),
+            ]
+        ),
     )
 
 
-def _check_place(name: str, low: Float, high: Float, printer: Printer) -> None:
+def _rescaled(factors: str, by: float) -> str:
+    """Factors as they were written, each times another factor: two digits are enough, and never too large."""
+    made = []
+    for word in factors.split(","):
+        factor = by * float(word.strip().removesuffix("%"))
+        step = 10.0 ** (np.floor(np.log10(factor)) - 1)
+        made.append(
+            f"{np.floor(factor / step * (1 + 1e-12)) * step:.6g}{'%' if word.strip().endswith('%') else ''}"
+        )
+    return ",".join(made)
+
+
+def _check_place(name: str, low: Float, high: Float, printer: Printer, placement: Placement) -> None:
     """Refuse a part that is beside the bed or under it."""
+    flag, instead = (
+        ("--as-placed", "say where with --center")
+        if placement.as_placed
+        else ("--center", "name another place")
+    )
     corners = np.array(printer.corners, dtype=np.float64)
     for axis, letter in enumerate("xy"):
         if low[axis] < corners[0, axis] - _SLACK or high[axis] > corners[1, axis] + _SLACK:
             raise PartError(
                 f"{name}: reaches from {letter} {low[axis]:.5g} to {high[axis]:.5g} mm, but the bed of "
                 f"{printer.name!r} from {corners[0, axis]:g} to {corners[1, axis]:g} mm",
-                remedy="leave out --as-placed and --center for the middle of the bed, or name another place",
+                remedy=f"leave out {flag} for the middle of the bed, or {instead}",
             )
     if low[2] < -_SLACK:
         raise PartError(

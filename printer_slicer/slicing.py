@@ -187,35 +187,60 @@ def _cycles(following: Int, part: Int) -> tuple[Int, Int]:
 
 
 def _closed(following: Int, crossings: Crossings, plan: LayerPlan, name: str) -> Chords:
-    """Close all contours, in place: loose ends up to 1 mm apart first, then by chords that cross nothing."""
-    loose = LooseEnds.of(following, crossings.xy, crossings.plane)
-    tail, head = crossings.tail, crossings.head
-    try:
-        chords = close_near(loose, _CRACK)
-        left = loose.without(chords)
-        if len(left.tails):
-            begin = np.concatenate([crossings.xy[tail], crossings.xy[chords.tail]])
-            end = np.concatenate([crossings.xy[head], crossings.xy[chords.head]])
-            planes = np.concatenate([crossings.plane[tail], crossings.plane[chords.tail]])
-            long = close_by_chords(left, begin, end, planes)
-            chords, left = chords.merge(long), left.without(long)
-    except OverflowError:
-        raise _not_closed(name, loose, plan, "the surface is in shreds") from None
+    """Close all contours, in place, some planes at a time: what is in shreds is found before all of it is compared."""
+    chords, n_pairs = [Chords.none()], 0
+    for begin, end in pairwise(crossings.part.tolist()):
+        here = slice(begin, end)
+        part = np.where(following[here] < 0, -1, following[here] - begin)
+        loose = LooseEnds.of(part, crossings.xy[here], crossings.plane[here])
+        if len(loose.tails):
+            try:
+                found, left = _closed_part(part, loose, n_pairs)
+            except OverflowError:
+                raise _not_closed(name, loose, plan, "the surface is in shreds") from None
+            if len(found.tail) < len(loose.tails):
+                left = loose.without(found)
+                raise _not_closed(name, left, plan, "the contour cannot be closed without crossing itself")
+            n_pairs += left.n_pairs
+            following[found.tail + begin] = found.head + begin
+            chords.append(Chords(found.tail + begin, found.head + begin, found.width))
+    return Chords.merged(chords)
+
+
+def _closed_part(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords, LooseEnds]:
+    """Loose ends up to 1 mm apart first, then by chords that cross nothing.
+
+    Args:
+        following: of each node of some planes.
+        loose: those of them that begin or end nowhere.
+        n_pairs: compared by chords on other planes.
+
+    Returns:
+        Chords; and what was left to the second kind.
+
+    Raises:
+        OverflowError: there are too many to compare.
+    """
+    chords = close_near(loose, _CRACK)
+    left = loose.without(chords)
     if len(left.tails):
-        raise _not_closed(name, left, plan, "the contour cannot be closed without crossing itself")
-    following[chords.tail] = chords.head
-    return chords
+        tail = np.flatnonzero(following >= 0)
+        begin = np.concatenate([loose.xy[tail], loose.xy[chords.tail]])
+        end = np.concatenate([loose.xy[following[tail]], loose.xy[chords.head]])
+        planes = np.concatenate([loose.plane[tail], loose.plane[chords.tail]])
+        chords = Chords.merged([chords, close_by_chords(left, begin, end, planes, n_pairs)])
+    return chords, left
 
 
 def _not_closed(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
     """What to say where a contour stays open: at the end with the lowest z, x, y."""
     planes = loose.plane[loose.tails]
-    worst = loose.tails[np.lexsort((*loose.xy[loose.tails].T[::-1], planes))[0]]
-    x, y = loose.xy[worst]
-    z = plan.cut[loose.plane[worst]]
+    lowest = loose.xy[loose.tails[planes == planes.min()]]
+    x, y = lowest[np.lexsort(lowest.T[::-1])[0]]
+    z = plan.cut[planes.min()]
     return MeshError(
         f"{name}: the surface is open: {why} at x {x:.2f} y {y:.2f} z {z:.2f} "
-        f"(loose ends at this height: {np.bincount(planes)[loose.plane[worst]]})",
+        f"(loose ends at this height: {len(lowest)})",
         remedy=_MEND,
     )
 

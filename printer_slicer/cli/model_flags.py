@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 __all__ = ["add_models", "attached"]
 
@@ -97,7 +97,16 @@ def _numbers(text: str, counts: tuple[int, ...], example: str) -> list[float]:
     return numbers
 
 
-def _factors(text: str) -> tuple[float, float, float]:
+class _Factors(NamedTuple):
+    """Of --scale: along each axis, and as they were written."""
+
+    x: float
+    y: float
+    z: float
+    text: str
+
+
+def _factors(text: str) -> _Factors:
     """One factor for all axes or one for each, as numbers or percentages."""
     example = "a factor over 0 such as 2, 50% or 1,1,2"
     words = [word.strip() for word in text.split(",")]
@@ -109,7 +118,7 @@ def _factors(text: str) -> tuple[float, float, float]:
     if not all(factor > 0 for factor in factors):
         raise argparse.ArgumentTypeError(f"{text!r}: expected {example}; mirror a part where it was made")
     x, y, z = factors * 3 if len(factors) == 1 else factors
-    return x, y, z
+    return _Factors(x, y, z, text)
 
 
 def _angles(text: str) -> tuple[float, float, float]:

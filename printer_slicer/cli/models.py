@@ -65,25 +65,40 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     """
     keep_memory()
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
-    models, meshes, warnings = [], [], []
+    factors, models, meshes, warnings = arguments.scale, [], [], []
     for path in arguments.models:
         model = load_model(path, units=arguments.units, progress=_progress(report, path))
         mesh = transformed(
-            model.mesh, scale=arguments.scale or 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
+            model.mesh, scale=factors[:3] if factors else 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
         )
         warnings += [f"{path.name}: {note}" for note in model.notes]
-        doubts = model.doubts(room) if arguments.scale is None and arguments.units is None else ""
+        doubts = model.doubts(room) if factors is None and arguments.units is None else ""
         # A part that does not fit is refused when it is placed, with the same advice.
         warnings += [doubts] if doubts and (mesh.size <= room).all() else []
         models.append(_facts(model))
         meshes.append(mesh)
-    units = {one["unit"] for one in models} if arguments.scale is None else set()
-    placement = Placement(
-        arguments.center, arguments.as_placed, arguments.drop, units.pop() if len(units) == 1 else ""
-    )
+    placement = _placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
     warnings += _in_the_air(arguments.models, meshes, placement)
     warn(arguments, warnings)
     return joined(meshes), Plate(placement, tuple(warnings), tuple(models))
+
+
+def _placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
+    """Where the plate goes.
+
+    Args:
+        arguments: of the command line.
+        units: what the numbers of the files were taken to mean, and whether a file is certain of that.
+    """
+    unit, certain = units.pop() if len(units) == 1 and arguments.scale is None else ("", False)
+    return Placement(
+        arguments.center,
+        arguments.as_placed,
+        arguments.drop,
+        unit="" if certain else unit,
+        unit_given=arguments.units is not None,
+        scale=arguments.scale.text if arguments.scale else "",
+    )
 
 
 def repaired_plate(

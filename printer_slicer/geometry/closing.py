@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Bool, Float, Int
 from printer_slicer.geometry.inside import any_crossing
-from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.planes import keys_of, spread
 
 __all__ = ["Chords", "LooseEnds", "close_by_chords", "close_near"]
 
 _TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
 """mm; ends are looked for this near before they are looked for farther away, so that few are left for that."""
+_MOST_CELLS = 1 << 30  # in a row, and rows in a plane
+_WIDE_CELLS = 64
+_AT_BORDER = 1 / 60  # of a wide cell; more than the radius, by more than coordinates are rounded
 _PAIRS_PER_END = 20
 _MANY_PAIRS = 200_000
 """Where each loose end has more than so many others near it, and there are more than so many in all, or where more
@@ -43,6 +46,11 @@ class LooseEnds:
         is_head = np.ones(len(following), np.bool_)
         is_head[following[following >= 0]] = False
         return cls(xy, plane, np.flatnonzero(following < 0), np.flatnonzero(is_head))
+
+    @property
+    def n_pairs(self) -> int:
+        """Pairs of a tail and a head of the same plane."""
+        return int((np.bincount(self.plane[self.tails]) ** 2).sum())
 
     def without(self, joined: Chords) -> LooseEnds:
         """Those that are left when the chords are drawn."""
@@ -73,12 +81,13 @@ class Chords:
         """No chord."""
         return cls(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
-    def merge(self, other: Chords) -> Chords:
-        """Both together."""
-        return Chords(
-            np.concatenate([self.tail, other.tail]),
-            np.concatenate([self.head, other.head]),
-            np.concatenate([self.width, other.width]),
+    @classmethod
+    def merged(cls, some: Sequence[Chords]) -> Chords:
+        """All together."""
+        return cls(
+            np.concatenate([chords.tail for chords in some]),
+            np.concatenate([chords.head for chords in some]),
+            np.concatenate([chords.width for chords in some]),
         )
 
 
@@ -93,41 +102,74 @@ def close_near(loose: LooseEnds, reach: float) -> Chords:
         if not len(loose.tails):
             break
         found = _shortest_first(loose, *_near(loose, radius))
-        chords, loose = chords.merge(found), loose.without(found)
+        chords, loose = Chords.merged([chords, found]), loose.without(found)
     return chords
 
 
 def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
-    """All pairs (tail, head) of one plane not farther apart than the radius."""
-    xy, plane = loose.xy, loose.plane
-    cell = (
-        np.floor(xy[loose.tails] / radius).astype(np.int64),
-        np.floor(xy[loose.heads] / radius).astype(np.int64),
-    )
-    head_key = _cell_key(cell[1], plane[loose.heads])
-    order = np.argsort(head_key, kind="stable")
-    head_key, heads = head_key[order], loose.heads[order]
+    """All pairs (tail, head) of one plane not farther apart than the radius.
+
+    Cells are as wide as the radius and numbered by plane, row, column: the three cells of a row in which a near head
+    can lie follow one another. Tails ask in the order of their cells, so what is searched stays in the cache.
+
+    Raises:
+        OverflowError: too many to be compared.
+    """
+    tails, heads = _with_others_around(loose, radius)
+    if not len(tails) or not len(heads):
+        return tails[:0], heads[:0]
+    key, row = _cells(loose, np.concatenate([tails, heads]), radius)
+    by_tail, by_head = (np.argsort(part, kind="stable") for part in (key[: len(tails)], key[len(tails) :]))
+    tails, tail_key = tails[by_tail], key[: len(tails)][by_tail]
+    heads, head_key = heads[by_head], key[len(by_tail) :][by_head]
     found: list[tuple[Int, Int]] = []
     total = 0
-    for shift in np.ndindex(3, 3):
-        key = _cell_key(cell[0] + np.array(shift) - 1, plane[loose.tails])
-        first, last = np.searchsorted(head_key, key), np.searchsorted(head_key, key, side="right")
+    for shift in (-row, 0, row):
+        first = np.searchsorted(head_key, tail_key + (shift - 1))
+        last = np.searchsorted(head_key, tail_key + (shift + 1), side="right")
         total += int((last - first).sum())
-        if total > _PAIRS_PER_END * len(key) + _MANY_PAIRS:
+        if total > _PAIRS_PER_END * len(loose.tails) + _MANY_PAIRS:
             raise OverflowError
         owner, place = spread(last - first)
-        tail, head = loose.tails[owner], heads[first[owner] + place]
-        gap = xy[tail] - xy[head]
-        near = (plane[tail] == plane[head]) & ((gap**2).sum(axis=1) <= radius**2)
+        tail, head = tails[owner], heads[first[owner] + place]
+        near = ((loose.xy[tail] - loose.xy[head]) ** 2).sum(axis=1) <= radius**2
         found.append((tail[near], head[near]))
     return np.concatenate([tail for tail, _ in found]), np.concatenate([head for _, head in found])
 
 
-def _cell_key(cell: Int, plane: Int) -> NDArray[np.uint64]:
-    """(n,) one number for cell and plane; different ones may share it, so whoever uses it looks again."""
-    x, y = cell.T.astype(np.uint64)
-    mixed = x * np.uint64(0x9E3779B97F4A7C15) ^ y * np.uint64(0xC2B2AE3D27D4EB4F)
-    return np.asarray(mixed ^ plane.astype(np.uint64) * np.uint64(0x165667B19E3779F9))
+def _with_others_around(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
+    """Tails and heads but for those that surely have none of the others within the radius; costs less than sorting.
+
+    Two ends that are near lie in one wide cell, or the border between their cells is near to both.
+    """
+    node = np.concatenate([loose.tails, loose.heads])
+    place = loose.xy[node] / (_WIDE_CELLS * radius)
+    cell = np.floor(place)
+    place -= cell
+    at_border = (np.minimum(place, 1 - place) <= _AT_BORDER).any(axis=1)
+    bits = len(node).bit_length() + 3
+    mixed = keys_of(cell[:, 0], cell[:, 1], loose.plane[node].astype(np.float64)) >> np.uint64(64 - bits)
+    is_tail, bucket = np.arange(len(node)) < len(loose.tails), mixed.view(np.int64)
+    maybe = at_border
+    for one in (is_tail, ~is_tail):
+        there = np.zeros(1 << bits, np.bool_)
+        there[bucket[~one]] = True
+        maybe |= one & there[bucket]
+    return node[maybe & is_tail], node[maybe & ~is_tail]
+
+
+def _cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:
+    """(n,) the number of the cell of each node, and by how much it differs from that of the next row of its plane.
+
+    Rows and planes do not touch: the cell after the last one of a row is none of the next. Where 62 bits would not
+    do, cells are wider.
+    """
+    xy, plane = loose.xy[node], loose.plane[node]
+    row_length = 1 << (62 - (int(plane.max()) + 1).bit_length()) // 2
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    width = max(width, float((high - low).max()) / (row_length - 4))
+    column, row = np.floor((xy - low) / width).astype(np.int64).T + 1
+    return (plane * row_length + row) * row_length + column, row_length
 
 
 def _shortest_first(loose: LooseEnds, tail: Int, head: Int) -> Chords:
@@ -154,7 +196,9 @@ def _shortest_first(loose: LooseEnds, tail: Int, head: Int) -> Chords:
     return Chords(tail[chosen], head[chosen], width[chosen])
 
 
-def close_by_chords(loose: LooseEnds, begin: Float, end: Float, segment_plane: Int) -> Chords:
+def close_by_chords(
+    loose: LooseEnds, begin: Float, end: Float, segment_plane: Int, n_pairs: int = 0
+) -> Chords:
     """Chords of any length between loose ends of a plane: the shortest first that crosses nothing.
 
     Args:
@@ -162,6 +206,7 @@ def close_by_chords(loose: LooseEnds, begin: Float, end: Float, segment_plane: I
         begin: (S, 2) mm, where the segments of all contours begin.
         end: (S, 2) mm, where they end.
         segment_plane: (S,).
+        n_pairs: of ends compared on other planes, which count too.
 
     Returns:
         The chords; ends between which every chord would cross a contour are left loose, and so are those of all planes
@@ -172,7 +217,7 @@ def close_by_chords(loose: LooseEnds, begin: Float, end: Float, segment_plane: I
     """
     chords = Chords.none()
     planes, counts = np.unique(loose.plane[loose.tails], return_counts=True)
-    if (counts**2).sum() > _MANY_PAIRS:
+    if n_pairs + loose.n_pairs > _MANY_PAIRS:
         raise OverflowError
     order = np.argsort(segment_plane, kind="stable")
     begin, end, segment_plane = begin[order], end[order], segment_plane[order]
@@ -181,7 +226,7 @@ def close_by_chords(loose: LooseEnds, begin: Float, end: Float, segment_plane: I
         tails = loose.tails[loose.plane[loose.tails] == plane]
         heads = loose.heads[loose.plane[loose.heads] == plane]
         found = _uncrossed(loose.xy, tails, heads, begin[here], end[here])
-        chords = chords.merge(found)
+        chords = Chords.merged([chords, found])
         if len(found.tail) < count:
             break
     return chords

@@ -68,7 +68,7 @@ class Model:
             room: (3,) what the printer prints, mm; None: 2 m each way.
         """
         size = self.mesh.size
-        advice = unit_advice(size, self.unit, room)
+        advice = unit_advice(size, self.unit, room, certain=self.kind == "step")
         if not advice:
             return ""
         extent = " x ".join(f"{length:.4g}" for length in size.tolist())

@@ -26,7 +26,7 @@ LARGEST: Final = 1e7
 
 EXPORT_AGAIN: Final = "Export the part again from the program that made it."
 TOO_FAR: Final = (
-    "Coordinates up to 10 km are read: say with --units what the numbers mean, if not mm,"
+    "Coordinates up to 10 km are read: say with --units what the numbers mean, if that is something smaller,"
     " or move the part to the origin in the program that made it, and export it again."
 )
 COPY_AGAIN: Final = "Copy or download the file again; if that does not help, export the part again."

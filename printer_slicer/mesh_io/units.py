@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.model import Float
 
-__all__ = ["UNITS", "checked_unit", "likely_unit", "named_unit", "unit_advice"]
+__all__ = ["SPOKEN", "UNITS", "checked_unit", "likely_unit", "named_unit", "unit_advice"]
 
 UNITS: Final[Mapping[str, float]] = {
     "mm": 1.0,
@@ -126,17 +126,19 @@ def _fits(edges: list[float], factor: float, room: list[float]) -> bool:
     return all(edge * factor <= limit + 1e-6 for edge, limit in zip(edges, room, strict=True))
 
 
-def unit_advice(size: Float, unit: str, room: Float | None = None) -> str:
+def unit_advice(size: Float, unit: str, room: Float | None = None, *, certain: bool = False) -> str:
     """What to do about a part of doubtful size; empty when there is nothing to doubt, or nothing to advise.
 
     Args:
         size: (3,) edges of the part's envelope, mm, as it was read.
         unit: the key in UNITS that it was read with.
         room: (3,) what the printer prints, mm; None: 2 m each way.
+        certain: whether the file says itself what its numbers mean and --units is refused for it.
     """
     other = likely_unit(size, unit, room)
     if not other:
         largest = max(float(length) for length in size)
         return "make it larger with --scale" if largest <= TINY else ""
     made = " x ".join(f"{float(length) * UNITS[other] / UNITS[unit]:.4g}" for length in size)
-    return f"were the numbers of the file meant in {SPOKEN[other]}? --units {other} makes it {made} mm"
+    flag = f"--scale {UNITS[other] / UNITS[unit]:g}" if certain else f"--units {other}"
+    return f"were the numbers of the file meant in {SPOKEN[other]}? {flag} makes it {made} mm"

@@ -193,6 +193,51 @@ def test_a_part_of_three_metres_is_refused_with_a_guess(tmp_path: Path) -> None:
     assert is_message(outcome, "--scale 0.0073% would just fit", "--units micron")
 
 
+@pytest.mark.parametrize(
+    ("flags", "fits"),
+    [
+        (("--scale", "2"), "0.91"),
+        (("--scale", "200%"), "91%"),
+        (("--scale", "1,1,4"), "0.78,0.78,3.1"),
+        (("--scale", "2, 200%,50%"), "0.91,91%,22%"),
+        (("--scale", "1200%"), "91%"),
+        (("--units", "cm"), "9.1%"),
+        (("--units", "cm", "--scale", "20%"), "9.1%"),
+    ],
+    ids="".join,
+)
+def test_what_would_just_fit_can_be_given_in_place_of_what_was(
+    flags: tuple[str, ...], fits: str, tmp_path: Path
+) -> None:
+    model = part(tmp_path, "a.stl", (0, 0, 0), (240, 120, 80))
+    refused = typed("slice", model, *flags, *QUICK)
+
+    assert is_message(refused, "does not fit", f": --scale {fits} would just fit")
+    assert "is it in" not in refused.err
+    given = list(flags)
+    if "--scale" in flags:
+        given[given.index("--scale") + 1] = fits
+    else:
+        given += ["--scale", fits]
+    assert typed("contours", model, "-o", tmp_path / "x.svg", *given, *QUICK).code == 0
+
+
+def test_a_part_that_does_not_fit_is_asked_about_the_unit_it_was_taken_for(tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (0, 0, 0), (3000, 10, 10))
+
+    assert typed("slice", model, *QUICK).err.endswith("; is it in millimetres?\n")
+    assert typed("slice", model, "--units", "mm", *QUICK).err.endswith("would just fit\n")
+
+
+def test_only_flags_that_were_given_are_to_be_left_out(tmp_path: Path) -> None:
+    model = part(tmp_path, "a.stl", (-100, 0, 3), (-80, 20, 9))
+
+    as_placed = typed("slice", model, "--as-placed", *QUICK).err
+    assert "leave out --as-placed for the middle of the bed, or say where with --center" in as_placed
+    centered = typed("slice", model, "--center", "0,0", *QUICK).err
+    assert "leave out --center for the middle of the bed, or name another place" in centered
+
+
 def test_a_long_thin_part_is_not_taken_for_micrometres(tmp_path: Path) -> None:
     outcome = typed("slice", part(tmp_path, "a.stl", (0, 0, 0), (3000, 10, 10)), *QUICK)
 

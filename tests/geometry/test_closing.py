@@ -72,6 +72,28 @@ def test_on_a_lattice_full_of_ties_the_order_of_the_ends_decides_nothing(seed: i
     assert places(second, xy[moved]) == places(first, xy)
 
 
+@settings(deadline=None, max_examples=30)
+@given(seed=seeds, extent=st.sampled_from([0.3, 3.0, 30.0]), far=st.sampled_from([0.0, 1e5, -9e6]))
+def test_near_ends_are_found_wherever_the_part_stands(seed: int, extent: float, far: float) -> None:
+    """Among many ends far from each other, on planes with any number, at coordinates up to 10 km."""
+    xy, plane = scattered(seed, 30, extent)
+    xy, plane = np.round(xy, 6) + far, plane * 5000
+
+    assert pairs_of(close_near(ends(xy, plane), 1.0)) == greedy(xy, plane, 1.0)
+
+
+def test_ends_on_either_side_of_any_border_between_cells_are_near() -> None:
+    """Pairs 1 mm apart in steps of 0.37 mm along both axes; between pairs nothing is near."""
+    step = np.arange(400)
+    tails = np.column_stack([step * 10.37, step * 10.37])
+    heads = tails + np.column_stack([np.cos(step), np.sin(step)]) * 0.999999
+    xy, plane = np.stack([tails, heads], axis=1).reshape(-1, 2), np.zeros(800, np.int64)
+
+    chords = close_near(ends(xy, plane), 1.0)
+
+    assert pairs_of(chords) == {(2 * k, 2 * k + 1) for k in range(400)}
+
+
 def test_a_chord_goes_around_nothing_and_through_nothing() -> None:
     """The nearest beginning lies behind a segment, so the farther one is taken."""
     xy = np.array([(0.0, 0.0), (2.0, 0.0), (20.0, 0.0), (0.0, 3.0)])

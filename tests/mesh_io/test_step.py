@@ -45,6 +45,12 @@ def test_the_unit_of_a_step_file_cannot_be_changed(tmp_path: Path) -> None:
     assert "--scale" in caught.value.remedy
 
 
+def test_the_unit_of_a_step_file_is_doubted_with_a_flag_that_it_takes(tmp_path: Path) -> None:
+    doubts = load_model(write(tmp_path, step_box(1, 2, 2), "part.step")).doubts()
+
+    assert "in inches? --scale 25.4 makes it 25.4 x 50.8 x 50.8 mm" in doubts
+
+
 def test_without_the_package_the_command_that_installs_it_is_told(tmp_path: Path) -> None:
     path = write(tmp_path, step_box(2, 3, 4), "part.step")
     code = (
