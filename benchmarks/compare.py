@@ -1,6 +1,7 @@
 """Our `slice` against PrusaSlicer: whole processes side by side, same part, same settings.
 
-    python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--json FILE] [part ...]
+    python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--printer NAME] [--set KEY=VALUE]
+                                 [--json FILE] [part ...]
 
 One round runs each program once, one after the other, so that whatever else the machine does meets all of them; a ratio
 is taken within a round, and the median over the rounds is shown with its extremes. The first run of each is a warm-up.
@@ -112,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{PEER} is not installed: only our own times")
     results = []
     for model in _parts(options.models, options.parts):
-        results.append(_measure(model, peers, options.rounds, options.quality))
+        results.append(_measure(model, peers, options.rounds, _ours_of(options)))
         print(f"measured {results[-1].part}", file=sys.stderr)
     for name in peers or [""]:
         print("\n" + _table(results, name))
@@ -136,6 +137,10 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
     )
     parser.add_argument("--quality", default="standard", help="our quality profile (default standard)")
+    parser.add_argument("--printer", default="marlin_220", help="our printer profile (default marlin_220)")
+    parser.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="change one of our settings"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every single measurement")
     options = parser.parse_args(argv)
     if options.rounds < 1:
@@ -178,11 +183,17 @@ def _as_stl(path: Path) -> Path:
 # Measuring
 
 
-def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, quality: str) -> Result:
+def _ours_of(options: argparse.Namespace) -> list[str]:
+    """Arguments for our own program."""
+    changes = [word for change in options.set for word in ("--set", change)]
+    return ["--quality", options.quality, "--printer", options.printer, *changes]
+
+
+def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, settings: Sequence[str]) -> Result:
     """Warm up every program, then let them take turns."""
     result = Result(model.stem)
     outputs = {name: WORK / f"{model.stem}_{name}.gcode" for name in ("ours", *peers)}
-    commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), "--quality", quality)}
+    commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), *settings)}
     if not _warm_up(result, "ours", commands, outputs):
         return result
     common = _matched(_settings(outputs["ours"]))
