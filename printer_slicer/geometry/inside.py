@@ -8,9 +8,7 @@ from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
 __all__ = ["any_crossing", "crossed", "rings_around"]
 
-_STRIP = 5.0  # mm
-_WAYS_AT_ONCE = 16
-_FEW_PAIRS = 50_000  # of ways and edges; looking for the near ones would take longer
+_PAIRS_AT_ONCE = 1 << 18  # of ways and edges: what is compared stays small
 
 
 def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
@@ -47,34 +45,37 @@ def _inside(ring: Float, points: Float) -> Bool:
 
 
 def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
-    """(P,) whether the straight way from `begin` to `end` (P, 2) crosses a ring of its `layer` (P,) ascending."""
+    """(P,) whether the straight way from `begin` to `end` (P, 2) crosses a ring of its `layer` (P,).
+
+    An edge belongs to one of its ends only, so a way through a corner crosses exactly one of the corner's edges.
+    """
+    from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
+
     result = np.zeros(len(begin), np.bool_)
-    ring_points = outlines.ring_start[outlines.layer_start]
-    following = outlines.following
-    ways_of = np.searchsorted(layer, np.arange(outlines.n_layers + 1))
-    for k in np.unique(layer).tolist():
-        points = slice(int(ring_points[k]), int(ring_points[k + 1]))
-        a, b = outlines.xy[points], outlines.xy.take(following[points], axis=0)
-        here = np.arange(int(ways_of[k]), int(ways_of[k + 1]))
-        result[here] = _crossed_here(begin[here], end[here], a, b)
+    if not len(begin) or not outlines.n_rings:
+        return result
+    a, b = outlines.xy, outlines.xy.take(outlines.following, axis=0)
+    # Layers side by side, so that one tree serves all of them.
+    every = np.concatenate([begin, end, a])
+    pitch = float(every[:, 0].max() - every[:, 0].min()) + 1.0
+    edge_layer = np.repeat(outlines.ring_layer, np.diff(outlines.ring_start))
+    aside, way_aside = (np.multiply.outer(of * pitch, (1.0, 0.0)) for of in (edge_layer, layer))
+    tree = SegmentTree(np.stack([a + aside, b + aside], axis=1))
+    way, edge = tree.meeting(begin + way_aside, end + way_aside)
+    for some in np.array_split(np.arange(len(way)), len(way) // _PAIRS_AT_ONCE + 1):
+        result[way[some][_pairs_cross(begin, end, a, b, way[some], edge[some])]] = True
     return result
 
 
-def _crossed_here(begin: Float, end: Float, a: Float, b: Float) -> Bool:
-    """(P,) whether each way crosses one of the edges; few ways at a time, against the edges around them only."""
-    if len(begin) * len(a) <= _FEW_PAIRS:
-        return any_crossing(begin, end, a, b)
-    result = np.zeros(len(begin), np.bool_)
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    # Neighbours in a sequence of strips have a small box around them, which few edges meet.
-    middle = (begin + end) / 2
-    strips = np.floor(middle[:, 1] / _STRIP)
-    for some in np.array_split(np.lexsort((middle[:, 0], strips)), len(begin) // _WAYS_AT_ONCE + 1):
-        ends = np.concatenate([begin[some], end[some]])
-        near = ((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1)
-        if near.any():
-            result[some] = any_crossing(begin[some], end[some], a[near], b[near])
-    return result
+def _pairs_cross(begin: Float, end: Float, a: Float, b: Float, way: Int, edge: Int) -> Bool:  # noqa: PLR0917
+    """(n,) whether each way crosses its edge; see `any_crossing`."""
+    (dx, dy), (ex, ey) = (end - begin).take(way, axis=0).T, (b - a).take(edge, axis=0).T
+    gap_x, gap_y = (a.take(edge, axis=0) - begin.take(way, axis=0)).T
+    side_a = dx * gap_y - dy * gap_x
+    side_b = dx * (gap_y + ey) - dy * (gap_x + ex)
+    along, turn = gap_y * ex - gap_x * ey, dy * ex - dx * ey
+    along, turn = along * np.sign(turn), np.abs(turn)
+    return np.asarray(((side_a < 0) != (side_b < 0)) & (along > 0) & (along < turn))
 
 
 def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:
