@@ -5,7 +5,7 @@ Edge `i` of a stack runs from point `i` to the point after it around its ring.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -13,20 +13,19 @@ import numpy as np
 from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.geometry.nearest import distance_to_segments
 from printer_slicer.geometry.planar import SegmentTree
+from printer_slicer.geometry.planes import spread
 
 __all__ = ["clearance", "contacts"]
 
 _SAME: Final = 1e-9  # mm; what is nearer than this touches
-_AT_ONCE: Final = 8192  # edges to look around; in dense contours each may have thousands of others in reach
+_RUN: Final = 16  # edges that are looked for together
+_AT_ONCE: Final = 2048  # runs to look around; in dense contours each may have hundreds of others in reach
 
 
 def clearance(areas: Areas, reach: float) -> Float:
     """(N,) mm from each edge to the nearest edge of another ring of its layer, `reach` where none is nearer."""
-    ring = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
     result = np.full(len(areas.xy), reach)
-    for first, second in _near(areas, reach):
-        other = ring[first] != ring[second]
-        here, there = first[other], second[other]
+    for here, there in _near(areas, reach, same_ring=False):
         gap = _distance(areas, here, there)
         np.minimum.at(result, here, gap)
         np.minimum.at(result, there, gap)
@@ -35,11 +34,8 @@ def clearance(areas: Areas, reach: float) -> Float:
 
 def contacts(areas: Areas) -> tuple[Int, Int]:
     """Pairs of edges of the same ring that cross or touch, other than neighbours in the point that they share."""
-    ring = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
-    for first, second in _near(areas, _SAME):
-        same = ring[first] == ring[second]
-        here, there = first[same], second[same]
+    for here, there in _near(areas, _SAME, same_ring=True):
         meet = _meet(areas, here, there)
         found.append((here[meet], there[meet]))
     firsts, seconds = zip(*found, strict=True)
@@ -62,24 +58,68 @@ def _meet(areas: Areas, first: Int, second: Int) -> Bool:
     return np.asarray(gap <= _SAME)
 
 
-def _near(areas: Areas, reach: float) -> Iterator[tuple[Int, Int]]:
-    """Pairs of edges of one layer whose boxes are at most `reach` apart, the lower index first, some at a time."""
+def _near(areas: Areas, reach: float, *, same_ring: bool) -> Iterator[tuple[Int, Int]]:
+    """Pairs of edges of one layer whose boxes are at most `reach` apart, the lower index first, some at a time.
+
+    Edges that follow one another are near to each other, so runs of them are looked for, and then what is in the runs
+    is compared.
+
+    Args:
+        areas: the contours.
+        reach: mm.
+        same_ring: whether both edges of a pair are of the same ring, or of different ones.
+    """
     if not areas.n_rings:
         return
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    sizes = np.diff(areas.ring_start)
+    ring, number = spread(-(-sizes // _RUN))
+    first = areas.ring_start[ring] + number * _RUN
+    last = np.append(first[1:], len(areas.xy))
     begin, end = areas.xy, areas.xy[areas.following]
-    low, high = np.minimum(begin, end), np.maximum(begin, end)
-    # One tree for all layers: each has a cell of its own on a square lattice, too far from the others to be met.
-    span = float((high.max(axis=0) - low.min(axis=0)).max())
-    side = int(np.ceil(np.sqrt(areas.n_layers)))
-    cell = np.column_stack(np.divmod(layer, side)) * (span + 4 * reach + 1.0)
-    tree = SegmentTree(np.stack([begin + cell, end + cell], axis=1))
     # Twice the reach, since far from the origin the corners of the boxes are rounded.
-    low, high = low + cell - 2 * reach, high + cell + 2 * reach
-    for at in range(0, len(low), _AT_ONCE):
-        first, second = tree.meeting(low[at : at + _AT_ONCE], high[at : at + _AT_ONCE])
-        once = first + at < second
-        yield first[once] + at, second[once]
+    low, high = np.minimum(begin, end) - reach, np.maximum(begin, end) + reach
+    box_low, box_high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+    # One tree for all layers: each has a cell of its own on a square lattice, too far from the others to be met.
+    span = float((box_high.max(axis=0) - box_low.min(axis=0)).max())
+    side = int(np.ceil(np.sqrt(areas.n_layers)))
+    cell = np.column_stack(np.divmod(areas.ring_layer[ring], side)) * (span + 1.0)
+    box_low, box_high = box_low + cell, box_high + cell
+    tree = SegmentTree(np.stack([box_low, box_high], axis=1))
+    # Runs as rows; what is missing in short ones meets nothing.
+    edge = first[:, None] + np.arange(_RUN)
+    there = edge < last[:, None]
+    edge = np.minimum(edge, len(areas.xy) - 1)
+    lows = [np.where(there, column[edge], np.inf) for column in low.T]
+    highs = [np.where(there, column[edge], -np.inf) for column in high.T]
+    for at in range(0, len(first), _AT_ONCE):
+        one, other = tree.meeting(box_low[at : at + _AT_ONCE], box_high[at : at + _AT_ONCE])
+        one += at
+        wanted = np.flatnonzero((one <= other) & ((ring[one] == ring[other]) == same_ring))
+        for begin_at in range(0, len(wanted), _AT_ONCE):
+            some = wanted[begin_at : begin_at + _AT_ONCE]
+            run, here, beside = _meeting_boxes(lows, highs, one[some], other[some])
+            lower, higher = first[one[some][run]] + here, first[other[some][run]] + beside
+            once = lower < higher
+            yield lower[once], higher[once]
+
+
+def _meeting_boxes(
+    lows: Sequence[Float], highs: Sequence[Float], one: Int, other: Int
+) -> tuple[Int, Int, Int]:
+    """For pairs (P,) of rows of boxes: the pair, the place in one row and in the other of boxes that touch.
+
+    Args:
+        lows: (R, n) lower bounds of the boxes, along x and along y.
+        highs: (R, n) upper ones.
+        one: (P,) a row.
+        other: (P,) another.
+    """
+    meet = np.ones((len(one), lows[0].shape[1], lows[0].shape[1]), np.bool_)
+    for low, high in zip(lows, highs, strict=True):
+        meet &= low[one][:, :, None] <= high[other][:, None, :]
+        meet &= high[one][:, :, None] >= low[other][:, None, :]
+    pair, here, beside = np.nonzero(meet)
+    return pair, here, beside
 
 
 def _distance(areas: Areas, first: Int, second: Int) -> Float:

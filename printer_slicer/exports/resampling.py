@@ -204,15 +204,19 @@ def _smoothing(areas: Areas, most: Float) -> Float:
     """
     following, previous = areas.following, _previous(areas)
     weight = 1.0 / np.maximum(_edge_lengths(areas), _STILL)
-    share = (weight / (weight + weight[previous]))[:, None]
-    step = np.zeros_like(areas.xy)
+    share = weight / (weight + weight[previous])
+    rest = 1 - share
+    columns = [np.ascontiguousarray(column) for column in areas.xy.T]
+    steps = [np.zeros(len(areas.xy)), np.zeros(len(areas.xy))]
     for _ in range(_PASSES):
-        here = areas.xy + step
-        step += _WAY * (share * here[following] + (1 - share) * here[previous] - here)
-        size = np.hypot(*step.T)
-        step *= np.minimum(1.0, most / np.maximum(size, _STILL))[:, None]
-    step[np.hypot(*step.T) < _STILL] = 0.0
-    return step
+        for axis, column in enumerate(columns):
+            here = column + steps[axis]
+            steps[axis] += _WAY * (share * here[following] + rest * here[previous] - here)
+        held = np.minimum(1.0, most / np.maximum(np.hypot(*steps), _STILL))
+        steps = [step * held for step in steps]
+    moved = np.stack(steps, axis=1)
+    moved[np.hypot(*steps) < _STILL] = 0.0
+    return moved
 
 
 # Leaving points out

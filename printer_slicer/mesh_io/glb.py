@@ -42,6 +42,7 @@ HARMLESS: Final = (
     "KHR_xmp",
 )
 """How the names of extensions begin that do not change what is read here."""
+PACKING: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 SCENE: Final = ("scene", 0)
 UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """glTF's y points up, ours is z; for rows."""
@@ -73,10 +74,17 @@ class _Document:
         self._decoded: dict[int, bytes] = {}
         for name in self.tree.get("extensionsRequired", []):
             if not str(name).startswith(HARMLESS):
-                raise MeshError(
-                    f"{path}: the file needs the glTF extension '{str(name)[:60]}', which is not known here",
-                    remedy="Export it without compression, or as STL or 3MF.",
-                )
+                raise _unknown(path, str(name))
+
+    def check_packed(self, what: dict[str, Any]) -> None:
+        """Refuse numbers that are only there in a packed form; files should say so in front, but not all do.
+
+        Raises:
+            MeshError: a primitive, or a part of the buffer, has one of the extensions that pack.
+        """
+        for name in PACKING:
+            if name in what.get("extensions", {}):
+                raise _unknown(self._path, name)
 
     def array(self, index: int) -> Numbers:
         """(count, columns) the numbers of an accessor."""
@@ -123,7 +131,11 @@ class _Document:
         start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
         offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
         stride = int(view.get("byteStride", least))
-        buffer = self._buffer(_index(view["buffer"]))
+        number = _index(view["buffer"])
+        if number > 0 and "uri" not in self.tree["buffers"][number]:
+            self.check_packed(view)
+            raise ValueError(f"the bytes of buffer {number} are not there")
+        buffer = self._buffer(number)
         if min(start, length, offset) < 0 or stride < least or start + length > len(buffer):
             raise ValueError("a part of the buffer that is not there")
         if count and offset + (count - 1) * stride + least > length:
@@ -220,6 +232,8 @@ def _mesh(document: _Document, index: int) -> Body:
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in primitive["attributes"]:
             continue
+        if any("bufferView" not in document.tree["accessors"][_index(one)] for one in _accessors(primitive)):
+            document.check_packed(primitive)
         points = document.array(primitive["attributes"]["POSITION"])
         if points.shape[1] != 3:
             raise ValueError("positions that are not x, y, z")
@@ -234,6 +248,19 @@ def _mesh(document: _Document, index: int) -> Body:
         body.xyz.frombytes(points.astype(np.float64).tobytes())
         body.corners.frombytes(faces.tobytes())
     return body
+
+
+def _accessors(primitive: dict[str, Any]) -> list[Any]:
+    """Those of the positions and of the corners."""
+    return [primitive["attributes"]["POSITION"], *([primitive["indices"]] if "indices" in primitive else [])]
+
+
+def _unknown(path: Path, extension: str) -> MeshError:
+    """What to say of a file that cannot be read without an extension."""
+    return MeshError(
+        f"{path}: the file needs the glTF extension '{extension[:60]}', which is not known here",
+        remedy="Export it without compression, or as STL or 3MF.",
+    )
 
 
 def _faces(corners: Numbers, mode: int) -> Numbers:

@@ -8,7 +8,8 @@ would be no answer to that.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -26,7 +27,20 @@ __all__ = ["Modifiers", "read_modifiers"]
 
 FILES: Final = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")
 PLAIN: Final = frozenset({"modelpart", "normal_part", ""})
+MOST_NAMED: Final = 5
+LONGEST_NAME: Final = 40
 HOLES: Final = frozenset({"negativevolume", "negative_part"})
+
+
+@dataclass(frozen=True, slots=True)
+class _Volume:
+    """One that is not to be printed."""
+
+    name: str
+    kind: str
+
+    def spoken(self) -> str:
+        return f"'{self.name[:LONGEST_NAME]}' ({self.kind[:LONGEST_NAME]})"
 
 
 class Modifiers(Reader):
@@ -34,16 +48,15 @@ class Modifiers(Reader):
 
     def __init__(self, path: Path, limits: Limits, what: str) -> None:
         super().__init__(path, limits, what)
-        self._object = ""
-        self._range: tuple[int, int] | None = None
-        self.ranges: dict[str, list[tuple[int, int]]] = {}
-        self.components: set[tuple[str, str]] = set()
-        self.n_holes = 0
+        self._object = self._component = self._name = self._kind = ""
+        self._range = (0, -1)
         self._n_marked = 0
+        self.ranges: dict[str, list[tuple[tuple[int, int], _Volume]]] = {}
+        self.components: dict[tuple[str, str], _Volume] = {}
         self.on(["object"], self._begin_object)
-        self.on(["volume"], self._begin_volume)
+        self.on(["volume"], self._begin_volume, self._end_volume)
+        self.on(["part"], self._begin_part, self._end_part)
         self.on(["metadata"], self._metadata)
-        self.on(["part"], self._part)
 
     def _begin_object(self, attributes: list[str]) -> None:
         self._object = _given(attributes).get("id", "")
@@ -51,32 +64,38 @@ class Modifiers(Reader):
     def _begin_volume(self, attributes: list[str]) -> None:
         given = _given(attributes)
         self._range = (int(given.get("firstid", "0")), int(given.get("lastid", "-1")))
+        self._name = self._kind = ""
+
+    def _begin_part(self, attributes: list[str]) -> None:
+        given = _given(attributes)
+        self._component, self._kind, self._name = given.get("id", ""), given.get("subtype", ""), ""
 
     def _metadata(self, attributes: list[str]) -> None:
         given = _given(attributes)
-        kind = given.get("value", "").lower()
-        if (
-            given.get("type") == "volume"
-            and given.get("key") == "volume_type"
-            and kind not in PLAIN
-            and self._range
-        ):
-            self.ranges.setdefault(self._object, []).append(self._range)
-            self._count()
-            self.n_holes += kind in HOLES
+        key, value = given.get("key"), given.get("value", "")
+        if key == "name":
+            self._name = value
+        elif key == "volume_type" and given.get("type") == "volume":
+            self._kind = value
+        elif key == "modifier" and given.get("type") == "volume" and value == "1":
+            self._kind = self._kind or "modifier"  # before there were kinds
 
-    def _part(self, attributes: list[str]) -> None:
-        given = _given(attributes)
-        kind = given.get("subtype", "").lower()
-        if kind not in PLAIN:
-            self.components.add((self._object, given.get("id", "")))
-            self._count()
-            self.n_holes += kind in HOLES
+    def _end_volume(self) -> None:
+        if volume := self._marked():
+            self.ranges.setdefault(self._object, []).append((self._range, volume))
 
-    def _count(self) -> None:
+    def _end_part(self) -> None:
+        if volume := self._marked():
+            self.components[self._object, self._component] = volume
+
+    def _marked(self) -> _Volume | None:
+        """The volume that ends, if it is not to be printed."""
+        if self._kind.lower() in PLAIN:
+            return None
         self._n_marked += 1
         if self._n_marked > self.limits.instances:
             raise self.fault(f"over {self.limits.instances} volumes")
+        return _Volume(self._name, self._kind)
 
     def taken_from(self, bodies: dict[Hashable, Body], part: str) -> list[str]:
         """Take these volumes out of the objects of a model file.
@@ -84,32 +103,47 @@ class Modifiers(Reader):
         Returns:
             What deserves a look.
         """
-        n_taken = 0
+        taken: list[_Volume] = []
         for number, ranges in self.ranges.items():
             body = bodies.get((part, number))
             if body is None:
                 continue
             keep = np.ones(len(body.corners) // 3, dtype=np.bool_)
-            for first, last in ranges:
+            for (first, last), volume in ranges:
                 keep[max(first, 0) : max(last + 1, 0)] = False
+                taken.append(volume)
             corners = np.frombuffer(body.corners, dtype=np.int64).reshape(-1, 3)[keep]
             bodies[part, number] = Body(body.name, body.xyz, array("q", corners.tobytes()), body.parts)
-            n_taken += len(ranges)
-        for number, child in self.components:
+        for (number, child), volume in self.components.items():
             body = bodies.get((part, number))
             if body is None:
                 continue
             kept = [use for use in body.parts if not (isinstance(use.key, tuple) and use.key[1] == child)]
-            n_taken += len(body.parts) - len(kept)
+            taken += [volume] * (len(body.parts) - len(kept))
             bodies[part, number] = Body(body.name, body.xyz, body.corners, kept)
-        notes = []
-        if n_taken:
-            notes.append(
-                f"{n_taken} volumes that only change settings, supports or other volumes are left out"
-            )
-        if n_taken and self.n_holes:
-            notes.append(f"{self.n_holes} of them are holes, which are not cut")
-        return notes
+        return _notes(taken)
+
+
+def _notes(taken: Sequence[_Volume]) -> list[str]:
+    """What deserves a look where these volumes are left out."""
+    if not taken:
+        return []
+    count = "1 volume that only changes" if len(taken) == 1 else f"{len(taken)} volumes that only change"
+    verb = "is" if len(taken) == 1 else "are"
+    notes = [f"{count} settings, supports or other volumes {verb} left out: {_listed(taken)}"]
+    if holes := [volume for volume in taken if volume.kind.lower() in HOLES]:
+        them = (
+            "1 of them is a hole, which is"
+            if len(holes) == 1
+            else f"{len(holes)} of them are holes, which are"
+        )
+        notes.append(f"{them} not cut: {_listed(holes)}")
+    return notes
+
+
+def _listed(volumes: Sequence[_Volume]) -> str:
+    more = f" and {len(volumes) - MOST_NAMED} more" if len(volumes) > MOST_NAMED else ""
+    return ", ".join(volume.spoken() for volume in volumes[:MOST_NAMED]) + more
 
 
 def read_modifiers(archive: Archive, limits: Limits) -> Modifiers:

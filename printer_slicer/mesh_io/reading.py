@@ -37,6 +37,15 @@ MAGIC: Final = (
     (b"OFF", "off"),
 )
 """How files begin; those that no other format can begin with come first."""
+PACKED: Final = (
+    b"\x1f\x8b",
+    b"7z\xbc\xaf\x27\x1c",
+    b"Rar!\x1a\x07",
+    b"\xfd7zXZ\0",
+    b"BZh",
+    b"\x28\xb5\x2f\xfd",
+)
+"""How files that programs have packed begin: gzip, 7z, RAR, xz, bzip2, zstd."""
 N_CERTAIN: Final = 3
 """So many entries of MAGIC say more than the name of the file does."""
 
@@ -132,6 +141,10 @@ def _kind(source: Source) -> str:
     """The format: by what the file begins with where that is certain, else by its extension, else by its content."""
     if announces_its_size(source):
         return "stl"
+    if source.head.startswith(PACKED):
+        raise UsageError(
+            f"{source.path}: a packed file, not a mesh", remedy="Unpack it, and name the model in it."
+        )
     suffix = source.path.suffix.lower().removeprefix(".")
     suffix = ALIASES.get(suffix, suffix)
     for number, (magic, kind) in enumerate(MAGIC):

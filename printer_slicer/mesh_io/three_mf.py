@@ -39,6 +39,8 @@ UNDERSTOOD: Final = tuple(f"{HOME}{name}/" for name in ("core", "production", "m
 RELATIONS: Final = "_rels/.rels"
 RELATION: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
 START: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+OTHERS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
+"""Names of models that somebody has packed as they are."""
 USUAL_START: Final = "3d/3dmodel.model"
 
 
@@ -207,6 +209,13 @@ def _start(archive: Archive, limits: Limits) -> str:
     models = [name for name in archive.names if name.endswith(".model")]
     if USUAL_START in models or len(models) == 1:
         return USUAL_START if USUAL_START in models else models[0]
+    others = [name.rpartition("/")[2] for name in archive.names if name.endswith(OTHERS)]
+    if others:
+        listed = ", ".join(name[:60] for name in others[:3]) + (", ..." if len(others) > 3 else "")
+        raise MeshError(
+            f"{archive.path}: an archive of files ({listed}), not a 3MF",
+            remedy="Unpack it, and name the models that were in it; those that are named together are one plate.",
+        )
     raise MeshError(f"{archive.path}: the archive holds no 3D model", remedy=EXPORT_AGAIN)
 
 

@@ -272,6 +272,24 @@ def test_the_distance_to_other_rings_is_that_of_another_library(areas: Areas, re
         assert found[i] == pytest.approx(min(nearest, reach), abs=ROUNDING)
 
 
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(3, 90))
+def test_where_a_long_ring_meets_itself_is_what_another_library_says(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = 2 * np.pi * np.arange(n) / n
+    wild = np.column_stack([np.cos(turn), np.sin(turn)]) + rng.normal(0, 0.1, (n, 2))
+    edges = [shapely.LineString([wild[i], wild[(i + 1) % n]]) for i in range(n)]
+    wanted = {
+        (i, j)
+        for i in range(n)
+        for j in range(i + 2, n)
+        if (i, j) != (0, n - 1) and edges[i].intersects(edges[j])
+    }
+
+    assert set(zip(*contacts(stack(wild, circle(40), wild + 1.0)), strict=True)) >= wanted
+    assert set(zip(*contacts(stack(wild)), strict=True)) == wanted
+
+
 def test_edges_that_cross_touch_or_fold_back_are_found_and_neighbours_are_not() -> None:
     eight = np.array([(0, 0), (2, 2), (2, 0), (0, 2)], dtype=np.float64)
     pinched = np.array([(0, 0), (2, 0), (1, 1), (2, 2), (0, 2), (1, 1)], dtype=np.float64)

@@ -154,6 +154,25 @@ def test_quantized_positions_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(mesh.triangles, UPRIGHT, atol=2e-4)
 
 
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        [{"mesh": 0, "scale": [-1, 1, 1]}],
+        [{"mesh": 0, "scale": [-1, -1, -1]}],
+        [{"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]}],
+        [{"children": [1], "scale": [1, -2, 1]}, {"mesh": 0, "scale": [1, 0.5, 1]}],
+        [{"children": [1], "scale": [1, -1, 1]}, {"mesh": 0, "scale": [-1, 1, 1]}],
+    ],
+    ids=["x", "all", "matrix", "outer", "twice"],
+)
+def test_mirrored_nodes_keep_their_outside_out(nodes: list[dict[str, Any]], tmp_path: Path) -> None:
+    scenes = [{"nodes": [0]}]
+
+    mesh = load_mesh(write(tmp_path, glb_box(nodes=nodes, scenes=scenes, scene=0), "part.glb"), units="mm")
+
+    assert mesh.volume == pytest.approx(24.0)
+
+
 def test_a_buffer_may_stand_in_the_text(tmp_path: Path) -> None:
     binary = CORNERS.astype("<f4").tobytes() + FACES.astype("<u2").tobytes()
     uri = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
@@ -167,6 +186,38 @@ def test_a_buffer_may_stand_in_the_text(tmp_path: Path) -> None:
 VIEW = {"buffer": 0, "byteLength": 96}
 FAULTS = {
     "draco": (glb_box(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
+    "meshopt": (glb_box(extensionsRequired=["EXT_meshopt_compression"]), "EXT_meshopt_compression"),
+    "draco not told in front": (
+        glb_box(
+            meshes=[
+                {
+                    "primitives": [
+                        {
+                            "attributes": {"POSITION": 0},
+                            "indices": 1,
+                            "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0}},
+                        }
+                    ]
+                }
+            ],
+            accessors=[
+                {"componentType": 5126, "count": 8, "type": "VEC3"},
+                {"componentType": 5123, "count": 36, "type": "SCALAR"},
+            ],
+        ),
+        "needs the glTF extension 'KHR_draco_mesh_compression'",
+    ),
+    "meshopt not told in front": (
+        glb_box(
+            buffers=[{"byteLength": 168}, {"byteLength": 168}],
+            bufferViews=[VIEW | {"buffer": 1, "extensions": {"EXT_meshopt_compression": {"buffer": 0}}}, VIEW],
+        ),
+        "needs the glTF extension 'EXT_meshopt_compression'",
+    ),
+    "a buffer without bytes": (
+        glb_box(buffers=[{"byteLength": 168}, {"byteLength": 168}], bufferViews=[VIEW | {"buffer": 1}, VIEW]),
+        "the bytes of buffer 1 are not there",
+    ),
     "other file": (glb_box(buffers=[{"byteLength": 9, "uri": "/etc/passwd"}]), "in another file"),
     "web": (glb_box(buffers=[{"byteLength": 9, "uri": "http://127.0.0.1:9/x"}]), "in another file"),
     "too many items": (glb_box(**with_accessor(count=9)), "do not fit"),

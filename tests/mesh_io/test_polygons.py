@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,39 @@ from printer_slicer.mesh_io import Limits, load_mesh
 PENTAGON = np.array([[0, 0], [10, 0], [10, 10], [5, 2], [0, 10]], dtype=float)
 """Not convex; only its corner at (5, 2) sees all of it. 60 mm²."""
 KINDS = ("ascii", "binary_little_endian", "binary_big_endian")
+
+
+BOX_STRIPS = ([0, 2, 1, 3, 5, 7, 4, 6, 0, 2], [0, 1, 4, 5], [3, 2, 7, 6])
+"""Around four sides, and the two that are left; what has two equal corners has no area."""
+
+
+def strips_of(strips: Iterable[Sequence[int]], kind: str = "ascii") -> bytes:
+    """A PLY of the corners of the box and strips, each list one element."""
+    order = "<" if kind == KINDS[1] else ">"
+    header = [
+        f"ply\nformat {kind} 1.0\nelement vertex 8",
+        *(f"property float {name}" for name in "xyz"),
+        f"element tristrips {len(list(strips))}\nproperty list int int vertex_indices\nend_header\n",
+    ]
+    rows = [[len(strip), *strip] for strip in strips]
+    if kind == "ascii":
+        body = "\n".join(" ".join(map(str, row)) for row in [*CORNERS.tolist(), *rows]).encode()
+    else:
+        body = CORNERS.astype(f"{order}f4").tobytes() + b"".join(
+            struct.pack(f"{order}{len(r)}i", *r) for r in rows
+        )
+    return "\n".join(header).encode() + body
+
+
+def binary_off(faces: Sequence[Sequence[int]], head: str = "OFF", *, colours: Sequence[int] = ()) -> bytes:
+    """With so many numbers of colour behind each face."""
+    behind = {"OFF": 0, "COFF": 4, "NOFF": 3, "STCNOFF": 9}[head]
+    vertices = np.column_stack([CORNERS, np.full((8, behind), 0.5)]).astype(">f4")
+    data = f"{head} BINARY\n".encode() + struct.pack(">3i", 8, len(faces), 0) + vertices.tobytes()
+    for number, face in enumerate(faces):
+        colour = [0.5] * (colours[number] if colours else 0)
+        data += struct.pack(f">{len(face) + 2}i{len(colour)}f", len(face), *face, len(colour), *colour)
+    return data
 
 
 def prism() -> tuple[np.ndarray, list[list[int]]]:
@@ -56,6 +91,35 @@ def test_an_off_of_triangles_and_quads_is_the_box(tmp_path: Path, faces: list[li
     assert mesh.n_facets == 12
     assert mesh.volume == pytest.approx(24)
     assert areas(mesh.triangles).sum() == pytest.approx(52)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "strips",
+    [
+        BOX_STRIPS,
+        [[*BOX_STRIPS[0], -1, *BOX_STRIPS[1], -1, *BOX_STRIPS[2]]],
+        [[*BOX_STRIPS[0], -1], [-1], *BOX_STRIPS[1:]],
+    ],
+    ids=["a list each", "one list", "both"],
+)
+def test_a_ply_of_strips_is_the_box(tmp_path: Path, kind: str, strips: Sequence[Sequence[int]]) -> None:
+    mesh = load_mesh(write(tmp_path, strips_of(strips, kind), "box.ply"))
+
+    assert mesh.n_facets == 12
+    assert mesh.volume == pytest.approx(24)
+    assert areas(mesh.triangles).sum() == pytest.approx(52)
+
+
+@pytest.mark.parametrize("head", ["OFF", "COFF", "NOFF", "STCNOFF"])
+@pytest.mark.parametrize("faces", [QUADS, MIXED])
+def test_a_binary_off_is_the_box(tmp_path: Path, faces: list[list[int]], head: str) -> None:
+    for colours in ([], [3] * len(faces), [number % 5 for number in range(len(faces))]):
+        mesh = load_mesh(write(tmp_path, binary_off(faces, head, colours=colours), "box.off"))
+
+        assert mesh.n_facets == 12
+        assert mesh.volume == pytest.approx(24)
+        assert np.array_equal(mesh.bounds, [[0, 0, 0], [2, 3, 4]])
 
 
 @pytest.mark.parametrize(
@@ -145,7 +209,13 @@ def test_a_file_that_breaks_off_anywhere_is_refused(tmp_path: Path, kind: str) -
         ("a.off", off_of(CORNERS, MIXED).replace("3 0 2 3", "3 0  2  ", 1), "a face without 3 numbers"),
         ("a.off", off_of(CORNERS, MIXED).replace("3 0 2 3", "9999 0 2 3", 1), "face 1: '9999 0 2 3'"),
         ("a.off", "4OFF\n1 1 0\n", "other than three coordinates"),
-        ("a.off", "OFF BINARY\n\0\0", "binary OFF"),
+        ("a.off", "OFF BINARY\n\0\0", "numbers of vertices and faces"),
+        ("a.off", "4OFF BINARY\n" + 12 * "\0", "other than three coordinates"),
+        ("a.off", binary_off(MIXED)[:-1], "makes no sense, within element 'face'"),
+        ("a.off", binary_off(MIXED)[:50], "element 'vertex'"),
+        ("a.off", binary_off([*MIXED, [0, 1, 8]]), "face 9 has vertex 8 of 8"),
+        ("a.ply", strips_of([[0, 1, 2, 9]]), "has vertex 9 of 8"),
+        ("a.ply", strips_of([[0, 1, -2, 3]]), "has vertex -2 of 8"),
         ("a.off", "OFF\neight\n", "numbers of vertices and faces"),
     ],
 )  # fmt: skip

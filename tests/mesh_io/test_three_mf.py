@@ -210,23 +210,43 @@ def test_a_volume_that_only_changes_settings_is_not_printed_prusa(tmp_path: Path
     config = (
         '<config><object id="1" instances_count="1"><volume firstid="0" lastid="11">'
         '<metadata type="volume" key="volume_type" value="ModelPart"/></volume><volume firstid="12" lastid="23">'
-        '<metadata type="volume" key="modifier" value="1"/>'
+        '<metadata type="volume" key="modifier" value="1"/><metadata type="volume" key="name" value="Softer"/>'
         '<metadata type="volume" key="volume_type" value="ParameterModifier"/></volume></object></config>'
     )
     model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert "1 volume" in model.notes[0]
+    assert model.notes == (
+        "1 volume that only changes settings, supports or other volumes is left out: 'Softer' (ParameterModifier)",
+    )
+
+
+def test_a_modifier_of_old_slicers_is_not_printed(tmp_path: Path) -> None:
+    text = model_xml(
+        {1: mesh_xml(np.concatenate([CORNERS, 3 * CORNERS]), np.concatenate([FACES, FACES + 8]))}, item(1)
+    )
+    config = (
+        '<config><object id="1"><volume firstid="0" lastid="11"/><volume firstid="12" lastid="23">'
+        '<metadata type="volume" key="modifier" value="1"/></volume></object></config>'
+    )
+    model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
+
+    assert np.array_equal(model.mesh.triangles, BOX)
+    assert model.notes[0].endswith("'' (modifier)")
 
 
 def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path) -> None:
     text = model_xml({1: mesh_xml(), 2: mesh_xml(3 * CORNERS), 3: group(component(1), component(2))}, item(3))
-    parts = '<part id="1" subtype="normal_part"/><part id="2" subtype="negative_part"/>'
+    parts = (
+        '<part id="1" subtype="normal_part"><metadata key="name" value="Box"/></part>'
+        '<part id="2" subtype="negative_part"><metadata key="name" value="Bore"/></part>'
+    )
     config = f'<config><object id="3">{parts}</object></config>'
     model = read(tmp_path, text, {"Metadata/model_settings.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert "holes, which are not cut" in model.notes[1]
+    assert "left out: 'Bore' (negative_part)" in model.notes[0]
+    assert model.notes[1] == "1 of them is a hole, which is not cut: 'Bore' (negative_part)"
 
 
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
@@ -264,6 +284,16 @@ def test_a_broken_model_is_refused_with_what_is_wrong(text: str, message: str, t
 
 def test_an_archive_without_a_model_is_refused(tmp_path: Path) -> None:
     assert "holds no 3D model" in fault(tmp_path, zipped({"readme.txt": "hello"}))
+
+
+def test_an_archive_of_other_models_is_refused_with_their_names(tmp_path: Path) -> None:
+    packed = zipped({"kit/Left.STL": b"solid", "kit/right.stl": b"solid", "readme.txt": b"print me"})
+
+    for name in ("kit.zip", "kit.3mf"):
+        with pytest.raises(MeshError) as caught:
+            load_mesh(write(tmp_path, packed, name))
+        assert "an archive of files (left.stl, right.stl), not a 3MF" in str(caught.value)
+        assert "Unpack it" in caught.value.remedy
 
 
 def test_a_model_file_that_is_missing_is_named(tmp_path: Path) -> None:

@@ -1,0 +1,204 @@
+"""Tables of numbers and of lists of numbers, as text or as bytes of either order: what PLY and OFF files are made of.
+
+Rows of the same length are read as one table; only where they differ, as where triangles and quads are mixed, they are
+walked one by one. Texts become one array of numbers, so that both kinds are read alike: a number is so many places
+long, bytes there and one here.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from array import array
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from printer_slicer.model import Int
+
+__all__ = ["Body", "Bytes", "Column", "Element", "Property", "Words", "read_table"]
+
+NUMBER: Final = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """One column: numbers of a `kind`, or lists of them after their length, which is of the kind `count`."""
+
+    name: str
+    kind: str
+    count: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """A table of `number` rows."""
+
+    name: str
+    number: int
+    properties: tuple[Property, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Column:
+    """The numbers of one property: (n,) how many in each row, and all in one."""
+
+    counts: Int
+    values: NDArray[Any]
+
+
+class Body(Protocol):
+    """What follows the header."""
+
+    end: int
+
+    def size(self, kind: str) -> int:
+        """Places that a number takes."""
+
+    def number(self, at: int, kind: str) -> int:
+        """The whole number at a place."""
+
+    def numbers(self, at: Int, kind: str) -> NDArray[Any]:
+        """The numbers at places."""
+
+    def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
+        """Rows of numbers, each `stride` places after the one before."""
+
+
+class Bytes:
+    """A body of bytes in one order."""
+
+    def __init__(self, data: bytes, order: str) -> None:
+        self.end, self._data, self._order = len(data), data, order
+
+    def size(self, kind: str) -> int:
+        """Places that a number takes."""
+        return int(kind[1])
+
+    def number(self, at: int, kind: str) -> int:
+        """The whole number at a place."""
+        piece = self._data[at : at + int(kind[1])]
+        return int.from_bytes(piece, "little" if self._order == "<" else "big", signed=kind[0] == "i")
+
+    def numbers(self, at: Int, kind: str) -> NDArray[Any]:
+        """The numbers at places."""
+        size = int(kind[1])
+        return np.ndarray((self.end - size + 1,), self._order + kind, self._data, strides=(1,))[at]
+
+    def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
+        """Rows of numbers, each `stride` places after the one before."""
+        return np.ndarray(shape, self._order + kind, self._data, start, (stride, int(kind[1])))
+
+
+class Words:
+    """A body of text, as its numbers."""
+
+    def __init__(self, data: bytes) -> None:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", DeprecationWarning)  # what older numpy says of words like that
+                self._words = np.fromstring(data, dtype=np.float64, sep=" ")
+        except (ValueError, DeprecationWarning):
+            words = (match[0] for match in re.finditer(rb"\S+", data))
+            wrong = next((word for word in words if not NUMBER.fullmatch(word)), b"something")
+            raise ValueError(f"'{wrong[:60].decode('ascii', 'replace')}' where a number should be") from None
+        self.end = len(self._words)
+
+    def size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
+        """Places that a number takes."""
+        return 1
+
+    def number(self, at: int, kind: str) -> int:  # noqa: ARG002
+        """The whole number at a place."""
+        return int(self._words[at])
+
+    def numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
+        """The numbers at places."""
+        return self._words[at]
+
+    def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
+        """Rows of numbers, each `stride` places after the one before."""
+        return np.ndarray(shape, np.float64, self._words, 8 * start, (8 * stride, 8))
+
+
+def read_table(
+    body: Body, element: Element, start: int, names: Collection[str]
+) -> tuple[dict[str, Column], int]:
+    """The columns of these names, and where the element ends.
+
+    Args:
+        body: what follows the header.
+        element: what is there.
+        start: where it begins in the body.
+        names: of the properties that matter.
+
+    Raises:
+        ValueError: there are too few bytes or words for it.
+    """
+    if not 0 <= element.number <= body.end:
+        raise ValueError(f"{element.number} of element '{element.name[:40]}' in {body.end} bytes or words")
+    if not element.number:
+        return {}, start
+    first, counts, stride = _row(body, element, start)
+    if start + element.number * stride <= body.end and _even(body, element, first, counts, stride):
+        return {
+            one.name: Column(
+                np.broadcast_to(np.int64(count), (element.number,)),
+                body.table(at, stride, (element.number, count), one.kind).reshape(-1),
+            )
+            for one, at, count in zip(element.properties, first, counts, strict=True)
+            if one.name in names
+        }, start + element.number * stride
+    places, sizes, end = _walked(body, element, start)
+    columns = {}
+    for number, one in enumerate(element.properties):
+        if one.name in names:
+            count: Int = np.frombuffer(sizes, np.int64).reshape(element.number, -1)[:, number]
+            place = np.frombuffer(places, np.int64).reshape(element.number, -1)[:, number]
+            within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+            at_all = np.repeat(place, count) + within * body.size(one.kind)
+            columns[one.name] = Column(count, body.numbers(at_all, one.kind))
+    return columns, end
+
+
+def _row(body: Body, element: Element, at: int) -> tuple[list[int], list[int], int]:
+    """Where the numbers of each property of a row begin, how many there are, and the length of the row."""
+    begin, places, counts = at, [], []
+    for one in element.properties:
+        count = 1
+        if one.count:
+            after = at + body.size(one.count)
+            count = body.number(at, one.count) if after <= body.end else -1
+            at = after
+        places.append(at)
+        counts.append(count)
+        at += count * body.size(one.kind)
+        if count < 0 or at > body.end:
+            raise ValueError(f"the file ends, or makes no sense, within element '{element.name[:40]}'")
+    return places, counts, at - begin
+
+
+def _even(body: Body, element: Element, first: list[int], counts: list[int], stride: int) -> bool:
+    """Whether all rows have lists as long as those of the first row."""
+    for one, at, count in zip(element.properties, first, counts, strict=True):
+        if one.count:
+            lengths = body.table(at - body.size(one.count), stride, (element.number, 1), one.count)
+            if not (lengths == count).all():
+                return False
+    return True
+
+
+def _walked(body: Body, element: Element, start: int) -> tuple[array[int], array[int], int]:
+    """For each property of each row where its numbers begin, and how many there are; where the element ends."""
+    places, sizes = array("q"), array("q")
+    for _ in range(element.number):
+        place, count, length = _row(body, element, start)
+        places.extend(place)
+        sizes.extend(count)
+        start += length
+    return places, sizes, start
