@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,7 @@ from printer_slicer.stream.framing import check_commands, strip
 
 __all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of"]
 
+_MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
 _CONTROL = re.compile(rb"[\x00-\x1f]")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -160,7 +162,9 @@ def _line_of(text: bytes, command: int) -> int:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            endless = os.fstat(file.fileno()).st_size > _MOST_BYTES
+            text = b"" if endless else file.read(_MOST_BYTES + 1)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file", remedy="check the path") from None
     except IsADirectoryError:
@@ -168,6 +172,12 @@ def _read(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise UsageError(f"{path}: cannot be read: {reason}", remedy="check name and permissions") from None
+    if endless or len(text) > _MOST_BYTES:
+        raise UsageError(
+            f"{path}: longer than {_MOST_BYTES >> 20} MiB, the most that is read of G-code",
+            remedy="print the part in pieces, or with thicker layers",
+        )
+    return text
 
 
 def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:

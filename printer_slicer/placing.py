@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
-from printer_slicer.mesh_io.soundness import blocks
+from printer_slicer.mesh_io.soundness import LARGEST, blocks
 from printer_slicer.mesh_io.units import SPOKEN
 from printer_slicer.model import Float, Mesh
 from printer_slicer.profile import Printer
@@ -151,11 +151,17 @@ def transformed(
         rotate: degrees about the fixed axes x, y, z; counter-clockwise seen against the axis. Quarter turns are exact.
 
     Raises:
-        UsageError: a factor that is not over 0, or a number that is none.
+        UsageError: a factor that is not over 0 or takes the part beyond 10 km, or a number that is none.
     """
     factors = np.broadcast_to(np.asarray(scale, dtype=np.float64), 3)
     if not (np.isfinite(factors).all() and (factors > 0).all()):
         raise UsageError(f"scale {scale}: not over 0", remedy="mirror a part in the program that made it")
+    far = factors * np.abs(mesh.bounds).max(axis=0)
+    if far.max() > LARGEST:
+        raise UsageError(
+            f"scale {scale}: takes {mesh.name} to {far.max():.3g} mm from the origin of its file",
+            remedy=f"choose a smaller factor: parts up to {LARGEST / 1e6:g} km are read",
+        )
     if not all(map(isfinite, rotate)):
         raise UsageError(f"rotate {rotate}: not an angle", remedy="degrees about x, y and z")
     matrix = np.diag(factors)

@@ -59,6 +59,8 @@ def _run(arguments: argparse.Namespace) -> int:
         return _fail("cancelled", 6)
     except OSError:
         raise
+    except MemoryError:
+        return _fail("not enough memory\n  close other programs, or use a mesh of fewer facets", 1)
     except Exception as error:  # people get a message, never a traceback
         if os.environ.get("PRINTER_SLICER_TRACEBACK"):
             raise

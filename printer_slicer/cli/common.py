@@ -58,6 +58,11 @@ def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profi
                 f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2"
             )
         changes[key.strip()] = value.strip()
+    for flag in ("printer", "material", "quality"):
+        if getattr(arguments, flag, None) == "":
+            raise UsageError(
+                f"--{flag}: the name is empty", remedy="leave it out, or see `printer-slicer profiles`"
+            )
     names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
     return load_profile(*names, changes, slices=slices)
 
@@ -103,9 +108,12 @@ def refuse_mixing(arguments: argparse.Namespace) -> None:
     there += ["--json"] if arguments.json else []
     if len(there) > 1:
         raise UsageError(f"{' and '.join(there)} both want stdout", remedy="write one of them to a file")
+    output, picture = wants.values()
+    if output and picture and str(output) != "-" and output.absolute() == picture.absolute():
+        raise UsageError(f"-o and --picture both want {output}", remedy="name another picture")
 
 
-def refuse_same(output: Path, model: Path) -> None:
+def refuse_same(output: Path, model: Path, flag: str = "-o") -> None:
     """Never write over the model.
 
     Raises:
@@ -115,7 +123,7 @@ def refuse_same(output: Path, model: Path) -> None:
     with contextlib.suppress(OSError, ValueError):
         if not output.samefile(model):
             return
-        raise UsageError(f"{output}: is the model itself", remedy="name another output with -o")
+        raise UsageError(f"{output}: is the model itself", remedy=f"name another output with {flag}")
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Plate", "plate_from", "plate_name", "refuse_model_flags", "repaired_plate", "warn"]
 
 _IN_THE_AIR = 0.01  # mm
+_MOST_OF_IT = 0.5  # of the volume of an envelope
+_MOST_TOLD = 3
 _MODEL_FLAGS = {
     "units": None,
     "scale": None,
@@ -78,7 +80,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
         models.append(_facts(model))
         meshes.append(mesh)
     placement = _placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
-    warnings += _in_the_air(arguments.models, meshes, placement)
+    warnings += _in_the_air(arguments.models, meshes, placement) + _in_one_place(arguments.models, meshes)
     warn(arguments, warnings)
     return joined(meshes), Plate(placement, tuple(warnings), tuple(models))
 
@@ -151,6 +153,26 @@ def _in_the_air(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placem
         for path, bottom in zip(paths, bottoms, strict=True)
         if bottom - bed > _IN_THE_AIR
     ]
+
+
+def _in_one_place(paths: Sequence[Path], meshes: Sequence[Mesh]) -> list[str]:
+    """Name the files whose part stands where one before it stands: most of its envelope is within that one's.
+
+    A part in the hollow of another does so too, hence it is only told.
+    """
+    low, high = (np.array([mesh.bounds[side] for mesh in meshes]) for side in (0, 1))
+    told = []
+    for k in range(1, len(meshes)):
+        common = np.minimum(high[:k], high[k]) - np.maximum(low[:k], low[k])
+        volume = np.prod(np.maximum(common, 0.0), axis=1)
+        where = np.flatnonzero(volume > _MOST_OF_IT * np.prod(high[k] - low[k]))
+        if len(where):
+            told.append(
+                f"{paths[k].name}: stands where {paths[where[0]].name} does, as their files place them; nothing is "
+                "arranged, and what overlaps becomes one"
+            )
+    more = len(told) - _MOST_TOLD
+    return [*told[:_MOST_TOLD], *([f"and {more} more files stand where others do"] if more > 0 else [])]
 
 
 def plate_name(paths: Sequence[Path]) -> str:

@@ -13,7 +13,16 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from printer_slicer.cli.common import PATIENCE, check_writable, profile_from, say, stages, visible, write_file
+from printer_slicer.cli.common import (
+    PATIENCE,
+    check_writable,
+    profile_from,
+    refuse_same,
+    say,
+    stages,
+    visible,
+    write_file,
+)
 from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
@@ -287,6 +296,8 @@ def sim_command(arguments: argparse.Namespace) -> int:
         raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
     if arguments.report:
         check_writable(arguments.report)
+        for path in arguments.models:
+            refuse_same(arguments.report, path, "--report")
     profile = profile_from(arguments, slices=bool(arguments.models) and not _has_gcode(arguments))
     job, known = _job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())

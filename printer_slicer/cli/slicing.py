@@ -29,10 +29,14 @@ def slice_command(arguments: argparse.Namespace) -> int:
     """Slice a model and write the G-code."""
     profile = profile_from(arguments)
     refuse_mixing(arguments)
+    if arguments.layer is not None and not arguments.picture:
+        raise UsageError(
+            f"--layer {arguments.layer}: there is no picture", remedy="name its file with --picture"
+        )
     with stages(arguments) as report:
         report("loading")
         mesh, plate = plate_from(arguments, profile.printer, report)
-        output = arguments.output or arguments.models[0].with_suffix(".gcode")
+        output = arguments.output or _beside(arguments.models[0])
         for path in arguments.models:
             refuse_same(output, path)
         meshes = [mesh]
@@ -44,7 +48,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
-            _draw_layer(program, arguments.layer, arguments.picture)
+            _draw_layer(program, 1 if arguments.layer is None else arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), program.plan)
         write_file(output, gcode_of(program, profile, seconds=seconds, certificate=certificate))
     facts = facts_of(stage, profile, seconds, certificate)
@@ -56,9 +60,23 @@ def slice_command(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _beside(model: Path) -> Path:
+    """Where the G-code of a model goes when nobody says where.
+
+    Raises:
+        UsageError: the model comes out of a pipe, which has no such place.
+    """
+    if not model.is_file():
+        raise UsageError(f"{model}: is no file, so the G-code has no name", remedy="name it with -o")
+    return model.with_suffix(".gcode")
+
+
 def _draw_layer(program: Program, number: int, path: Path) -> None:
     from printer_slicer.drawing import layer_picture, picture_bytes
 
     if not 1 <= number <= program.plan.n_layers:
-        raise UsageError(f"--layer {number}: the part has layers 1 to {program.plan.n_layers}")
+        raise UsageError(
+            f"--layer {number}: the part has layers 1 to {program.plan.n_layers}",
+            remedy="choose one of these",
+        )
     write_file(path, picture_bytes(layer_picture(program, number - 1), path))

@@ -46,7 +46,8 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     is_loose = np.zeros(len(facets.points), np.bool_)
     is_loose[facets.corners[at_open]] = is_loose[facets.corners[:, [1, 2, 0]][at_open]] = True
     loose = np.flatnonzero(is_loose)
-    loose = loose[_with_others_around(facets.points[loose], reach)]
+    for shift in (0.0, 0.5):  # what is at a border of the first cells is in the middle of the second ones
+        loose = loose[_with_others_around(facets.points[loose], reach, shift)]
     loose = loose[np.lexsort(facets.points[loose].T[::-1])]
     if not len(loose):
         return facets, []
@@ -62,12 +63,17 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     return joined, [Repair("corners joined", facets.points[moved], widest=float(by.max()))]
 
 
-def _with_others_around(points: Float, reach: float) -> Bool:
+def _with_others_around(points: Float, reach: float, shift: float) -> Bool:
     """(n,) all points but those that surely have no other within two reaches along every axis; cheaper than sorting.
 
     Two that are near lie in one wide cell, or the border between their cells is near to both.
+
+    Args:
+        points: (n, 3) mm.
+        reach: mm.
+        shift: of the cells, in their width.
     """
-    place = points / (_WIDE_CELLS * reach)
+    place = points / (_WIDE_CELLS * reach) + shift
     cell = np.floor(place)
     place -= cell
     at_border = (np.minimum(place, 1 - place) <= _AT_BORDER).any(axis=1)

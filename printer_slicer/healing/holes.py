@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.joints import cycles, linked
+from printer_slicer.geometry.joints import cycles, linked, welded
 from printer_slicer.geometry.planes import spread
 from printer_slicer.healing.facets import Facets
 from printer_slicer.model import Bool, Float, Int, Repair
@@ -131,8 +131,10 @@ def _are_facets(facets: Facets, holes: _Holes) -> Bool:
     """(H,) whether a hole is nothing but the border of one facet, which stands alone."""
     triple = np.flatnonzero(holes.size == 3)
     corners = np.sort(holes.corner[holes.start[:-1][triple][:, None] + np.arange(3)], axis=1)
-    both = np.concatenate([np.sort(facets.corners, axis=1), corners])
-    number = np.unique(both, axis=0, return_inverse=True)[1].ravel()
+    a, b, c = np.concatenate([np.sort(facets.corners, axis=1), corners]).T
+    n_points = np.int64(len(facets.points))
+    pair = welded((a * n_points + b).view(np.uint64))[0]
+    number = welded((pair * n_points + c).view(np.uint64))[0]
     result = np.zeros(len(holes.size), np.bool_)
     result[triple] = np.isin(number[len(facets.corners) :], number[: len(facets.corners)])
     return result

@@ -103,7 +103,8 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
     try:
         file = path.open("rb")
     except FileNotFoundError as error:
-        raise UsageError(f"{path}: no such file", remedy="Check the name and the folder.") from error
+        remedy = "From a pipe: /dev/stdin." if str(path) == "-" else "Check the name and the folder."
+        raise UsageError(f"{path}: no such file", remedy=remedy) from error
     except IsADirectoryError as error:
         raise UsageError(f"{path}: is a folder, not a file", remedy="Name one file in it.") from error
     except PermissionError as error:

@@ -49,6 +49,8 @@ def read_other(data: bytes, kind: str, path: Path, limits: Limits) -> Float:
 
 def _read_obj(data: bytes, path: Path, limits: Limits) -> Float:
     """The facets of all objects; trimesh is imported only here and only then."""
+    # Comments in old encodings: trimesh would guess, with a package that may be missing.
+    data = data.decode("utf-8", "replace").encode()
     with _silence():
         import trimesh  # noqa: PLC0415 - takes half a second, and most parts are STL
 

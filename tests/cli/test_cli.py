@@ -537,7 +537,7 @@ def test_a_terminal_without_degrees_and_cubes_is_served_too(command: list[str], 
 
 
 @pytest.mark.skipif(sys.platform in {"win32", "darwin"}, reason="names are always Unicode there")
-@pytest.mark.parametrize("flag", ["--layer=1", "--json"], ids=["text", "json"])
+@pytest.mark.parametrize("flag", ["--strict", "--json"], ids=["text", "json"])
 def test_a_file_whose_name_is_no_text_is_sliced(flag: str, tmp_path: Path) -> None:
     name = os.fsdecode(b"\xff.stl")
     (tmp_path / name).write_bytes(BOX.read_bytes())

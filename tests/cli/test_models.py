@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import BOX, PARTS, QUICK, Outcome, is_message, typed
+from command_line import BOX, PARTS, QUICK, Outcome, is_message, process, typed
 
 from printer_slicer.cli.model_flags import attached
 from printer_slicer.mesh_io import export_stl, load_mesh
@@ -140,6 +140,28 @@ def test_a_model_over_the_bed_is_told(tmp_path: Path) -> None:
     )
     assert fact(outcome)["warnings"] == ["high.stl: begins 2.5 mm over the bed, as its file places it"]
     assert typed("slice", low, high, "-q", *QUICK).err == ""
+
+
+def test_models_in_one_place_are_told(tmp_path: Path) -> None:
+    one = part(tmp_path, "one.stl", (0, 0, 0), (20, 20, 6))
+    inside = part(tmp_path, "two.stl", (2, 2, 0), (10, 10, 6))
+    beside = part(tmp_path, "three.stl", (18, 0, 0), (40, 20, 6))
+    told = "stands where one.stl does, as their files place them; nothing is arranged, and what overlaps becomes one"
+
+    assert fact(typed("slice", one, inside, beside, "--json", *QUICK))["warnings"] == [f"two.stl: {told}"]
+    assert fact(typed("slice", one, one, "--json", *QUICK))["warnings"] == [f"one.stl: {told}"]
+    many = fact(typed("slice", *[one] * 9, "--json", *QUICK))["warnings"]
+    assert len(many) == 4
+    assert many[3] == "and 5 more files stand where others do"
+
+
+def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) -> None:
+    for factor in ("1e300", "1e150", "1,1,1e9"):
+        outcome = process("slice", BOX, "--scale", factor, *QUICK, cwd=tmp_path)
+
+        assert outcome.code == 2
+        assert is_message(outcome, "takes box to", "choose a smaller factor")
+        assert "Warning" not in outcome.err
 
 
 def test_a_plate_is_printed_by_the_simulated_printer(tmp_path: Path) -> None:
