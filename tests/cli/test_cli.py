@@ -8,6 +8,7 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -486,12 +487,15 @@ def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
     import pty
 
     master, slave = pty.openpty()
-    with started(
-        "print", PARTS / "vase.stl", "--port", "sim:", *QUICK, cwd=tmp_path, stderr=slave
-    ) as running:
-        out, _ = running.communicate(timeout=30)
-    os.close(slave)
-    shown = read_all(master)
+    # A slow machine says more than a terminal holds before somebody reads it.
+    with ThreadPoolExecutor(1) as reader:
+        shown_later = reader.submit(read_all, master)
+        with started(
+            "print", PARTS / "vase.stl", "--port", "sim:", *QUICK, cwd=tmp_path, stderr=slave
+        ) as running:
+            os.close(slave)
+            out, _ = running.communicate(timeout=120)
+        shown = shown_later.result()
 
     assert running.returncode == 0
     assert b"executed = sent" in out
@@ -501,7 +505,7 @@ def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
 
 
 def read_all(master: int) -> bytes:
-    """What is left in a pseudo-terminal whose other end is closed."""
+    """All that is written to a pseudo-terminal until its other end is closed."""
     text = b""
     while True:
         try:
