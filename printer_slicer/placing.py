@@ -159,7 +159,7 @@ def transformed(
     far = factors * np.abs(mesh.bounds).max(axis=0)
     if far.max() > LARGEST:
         raise UsageError(
-            f"scale {scale}: takes {mesh.name} to {far.max():.3g} mm from the origin of its file",
+            f"scale {_listed(factors)}: takes {mesh.name} to {far.max():.3g} mm from the origin of its file",
             remedy=f"choose a smaller factor: parts up to {LARGEST / 1e6:g} km are read",
         )
     if not all(map(isfinite, rotate)):
@@ -176,6 +176,13 @@ def transformed(
         part = mesh.triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
     return Mesh(made, mesh.name)
+
+
+def _listed(factors: Float) -> str:
+    """As --scale takes them."""
+    return ",".join(
+        f"{factor:g}" for factor in (factors[:1] if (factors == factors[0]).all() else factors).tolist()
+    )
 
 
 def _turn(axis: int, angle: float) -> Float:
