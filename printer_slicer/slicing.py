@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
 from printer_slicer.geometry.areas import placed
 from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
-from printer_slicer.geometry.crossing import Crossings, cross
+from printer_slicer.geometry.crossing import Crossings, crossings_of
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import connected, edge_faults
 from printer_slicer.geometry.slabs import slab_shadows
@@ -42,17 +42,16 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
     Raises:
         PartError: the planes meet no material, or the contours cannot be closed.
     """
-    crossings = cross(mesh.triangles, plan.cut)
-    rings, gaps = _joined(crossings, plan, mesh.name)
-    simple = simplify(rings, resolution)
-    solid = normalize(simple) if plan.containment == "mid" else _contained(mesh, plan, rings)
+    exact = plan.containment != "mid"
+    rings = _rings_of(mesh, plan, None if exact else resolution)
+    solid = _contained(mesh, plan, rings.areas) if exact else normalize(rings.areas)
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
             remedy="the part may be thinner than one layer, or inside out; check its size and units",
         )
-    turned = _turned(simple, solid) if plan.containment == "mid" else None
-    return Sections(plan, solid, crossings.unpaired, tuple(gaps), turned)
+    turned = None if exact else _turned(rings.areas, solid)
+    return Sections(plan, solid, rings.unpaired, rings.gaps, turned)
 
 
 def _turned(rings: Areas, solid: Areas) -> Areas | None:
@@ -101,27 +100,31 @@ def _common(mesh: Mesh, plan: LayerPlan, section: Areas) -> Areas:
         one = Mesh(mesh.triangles[body == number], mesh.name)
         shadow = normalize(slab_shadows(one.triangles, plan.bottom, plan.top))
         if one.volume >= 0:
-            rings = _joined(cross(one.triangles, plan.cut), plan, mesh.name)[0]
-            solid = union(solid, difference(normalize(rings), shadow))
+            solid = union(solid, difference(normalize(_rings_of(one, plan).areas), shadow))
         else:
             turned = Mesh(one.triangles[:, ::-1], mesh.name)
-            rings = _joined(cross(turned.triangles, plan.cut), plan, mesh.name)[0]
-            hollow = union(hollow, union(normalize(rings), shadow))
+            hollow = union(hollow, union(normalize(_rings_of(turned, plan).areas), shadow))
     return difference(solid, hollow)
 
 
 def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
     """The contour of each layer before and after the repair that the paper describes, to look at."""
-    crossings = cross(mesh.triangles, plan.cut)
-    segments = np.stack([crossings.xy[crossings.tail], crossings.xy[crossings.head]], axis=1)
-    joined = _joined(crossings, plan, mesh.name)[0]
-    return Contours(segments, crossings.plane[crossings.tail], joined, simplify(joined, 0.0))
+    parts = list(crossings_of(mesh.triangles, plan.cut))
+    segments = [np.stack([part.xy[part.tail], part.xy[part.head]], axis=1) for part in parts]
+    layers = [part.plane[part.tail] for part in parts]
+    joined = _rings_of(mesh, plan).areas
+    return Contours(
+        np.concatenate([np.zeros((0, 2, 2)), *segments]),
+        np.concatenate([np.zeros(0, np.int64), *layers]),
+        joined,
+        simplify(joined, 0.0),
+    )
 
 
 def open_places(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
     """How many edges lack a neighbour, and where contours had to be closed over a gap, widest first."""
-    crossings = cross(mesh.triangles, plan.cut)
-    return crossings.unpaired, _joined(crossings, plan, mesh.name)[1]
+    rings = _rings_of(mesh, plan)
+    return rings.unpaired, list(rings.gaps)
 
 
 def section_repairs(
@@ -150,17 +153,53 @@ def mesh_faults(mesh: Mesh) -> Faults:
     return Faults(*edge_faults(mesh.triangles))
 
 
-def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, list[Gap]]:
-    """All segments joined tail to head into closed rings, and where that took more than rounding, widest first.
+class _Rings(NamedTuple):
+    """Contours of all layers; where they had to be closed over more than rounding, widest first; edges left over."""
+
+    areas: Areas
+    gaps: tuple[Gap, ...]
+    unpaired: int
+
+
+def _rings_of(mesh: Mesh, plan: LayerPlan, resolution: float | None = None) -> _Rings:
+    """The contours of all layers, some layers at a time: only what is left of them once simplified adds up.
+
+    Args:
+        mesh: the part.
+        plan: where it is cut.
+        resolution: mm; None leaves every point.
 
     Raises:
         MeshError: a contour cannot be closed, or more than a third of one would be guessed.
     """
+    parts: list[Areas] = []
+    gaps: list[Gap] = []
+    unpaired, n_pairs = 0, 0
+    for crossings in crossings_of(mesh.triangles, plan.cut):
+        following = np.full(len(crossings.xy), -1, np.int64)
+        following[crossings.tail] = crossings.head
+        chords = Chords.none()
+        if crossings.unpaired:
+            chords, compared = _closed(following, crossings, plan, mesh.name, n_pairs)
+            n_pairs += compared
+        rings, closed = _joined(following, crossings, chords, plan, mesh.name)
+        parts.append(rings if resolution is None else simplify(rings, resolution))
+        gaps += closed
+        unpaired += crossings.unpaired
+    gaps.sort(key=lambda gap: (-gap.width, gap.layer, gap.x, gap.y))
+    return _Rings(Areas.following_on(parts, plan.n_layers), tuple(gaps), unpaired)
+
+
+def _joined(
+    following: Int, crossings: Crossings, chords: Chords, plan: LayerPlan, name: str
+) -> tuple[Areas, list[Gap]]:
+    """Segments and chords joined tail to head into rings, and the chords that are longer than rounding.
+
+    Raises:
+        MeshError: more than a third of a contour would be guessed.
+    """
     n_nodes = len(crossings.xy)
-    following = np.full(n_nodes, -1, np.int64)
-    following[crossings.tail] = crossings.head
-    chords = _closed(following, crossings, plan, name) if crossings.unpaired else Chords.none()
-    ring, rank = _cycles(following, crossings.part)
+    ring, rank = cycles(following)
     first = np.flatnonzero(rank == 0)
     first = first[np.argsort(crossings.plane[first], kind="stable")]
     size = np.bincount(ring, minlength=n_nodes)[first]
@@ -177,34 +216,27 @@ def _joined(crossings: Crossings, plan: LayerPlan, name: str) -> tuple[Areas, li
     return rings, gaps
 
 
-def _cycles(following: Int, part: Int) -> tuple[Int, Int]:
-    """The lowest node of each node's ring, and the steps from there to the node: part by part, to stay in caches."""
-    ring, rank = np.zeros_like(following), np.zeros_like(following)
-    for begin, end in pairwise(part.tolist()):
-        ring[begin:end], rank[begin:end] = cycles(following[begin:end] - begin)
-        ring[begin:end] += begin
-    return ring, rank
+def _closed(
+    following: Int, crossings: Crossings, plan: LayerPlan, name: str, n_pairs: int
+) -> tuple[Chords, int]:
+    """Close the contours of some planes, in place; how many pairs of ends were compared for it.
 
-
-def _closed(following: Int, crossings: Crossings, plan: LayerPlan, name: str) -> Chords:
-    """Close all contours, in place, some planes at a time: what is in shreds is found before all of it is compared."""
-    chords, n_pairs = [Chords.none()], 0
-    for begin, end in pairwise(crossings.part.tolist()):
-        here = slice(begin, end)
-        part = np.where(following[here] < 0, -1, following[here] - begin)
-        loose = LooseEnds.of(part, crossings.xy[here], crossings.plane[here])
-        if len(loose.tails):
-            try:
-                found, left = _closed_part(part, loose, n_pairs)
-            except OverflowError:
-                raise _not_closed(name, loose, plan, "the surface is in shreds") from None
-            if len(found.tail) < len(loose.tails):
-                left = loose.without(found)
-                raise _not_closed(name, left, plan, "the contour cannot be closed without crossing itself")
-            n_pairs += left.n_pairs
-            following[found.tail + begin] = found.head + begin
-            chords.append(Chords(found.tail + begin, found.head + begin, found.width))
-    return Chords.merged(chords)
+    Raises:
+        MeshError: they cannot be closed.
+    """
+    loose = LooseEnds.of(following, crossings.xy, crossings.plane)
+    if not len(loose.tails):
+        return Chords.none(), 0
+    try:
+        found, left = _closed_part(following, loose, n_pairs)
+    except OverflowError:
+        raise _not_closed(name, loose, plan, "the surface is in shreds") from None
+    if len(found.tail) < len(loose.tails):
+        raise _not_closed(
+            name, loose.without(found), plan, "the contour cannot be closed without crossing itself"
+        )
+    following[found.tail] = found.head
+    return found, left.n_pairs
 
 
 def _closed_part(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords, LooseEnds]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -160,6 +160,19 @@ class Areas:
         start = np.concatenate([[0], np.cumsum(sizes)])
         points = consecutive(self.ring_start[rings], sizes)
         return Areas(self.xy.take(points, axis=0), start, self.ring_layer[rings], self.n_layers)
+
+    @classmethod
+    def following_on(cls, parts: Sequence[Areas], n_layers: int) -> Areas:
+        """One stack of several of `n_layers` layers, each of which ends before the next one begins."""
+        if not parts:
+            return cls.empty(n_layers)
+        sizes = np.concatenate([np.diff(part.ring_start) for part in parts])
+        return cls(
+            np.concatenate([part.xy for part in parts]),
+            np.concatenate([[0], np.cumsum(sizes)]),
+            np.concatenate([part.ring_layer for part in parts]),
+            n_layers,
+        )
 
     def merge(self, other: Areas) -> Areas:
         """The rings of both stacks side by side; nothing is cut or joined where they overlap.

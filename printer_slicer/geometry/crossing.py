@@ -18,17 +18,15 @@ from printer_slicer.geometry.areas import Bool, Float, Int
 from printer_slicer.geometry.joints import Index, welded
 from printer_slicer.geometry.planes import directed_keys, keys_of, spread
 
-__all__ = ["Crossings", "cross", "section_areas"]
+__all__ = ["Crossings", "crossings_of", "section_areas"]
 
-_SEGMENTS_AT_ONCE = (
-    250_000  # what is held for them stays near the processor's caches, and bounded for any mesh
-)
+_SEGMENTS_AT_ONCE = 250_000  # what is held for them stays near the processor's caches
 _UInt = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings:
-    """What the planes leave of a mesh: nodes where edges cross planes, joined two by two by segments.
+    """What some planes leave of a mesh: nodes where edges cross planes, joined two by two by segments.
 
     Attributes:
         xy: (N, 2) the nodes, each computed once for all facets that share its edge.
@@ -36,7 +34,6 @@ class Crossings:
         tail: (S,) node at which each segment begins, solid to the left of the way to its head.
         head: (S,) node at which each segment ends.
         unpaired: number of edges that do not have one facet on each side.
-        part: (K + 1,) nodes from part[k] to part[k + 1] are those of some planes: no segment leads out of them.
     """
 
     xy: Float
@@ -44,31 +41,22 @@ class Crossings:
     tail: Int
     head: Int
     unpaired: int
-    part: Int
 
 
-def cross(triangles: Float, planes: Float) -> Crossings:
+def crossings_of(triangles: Float, planes: Float) -> Iterator[Crossings]:
     """All segments in which `planes` (P,) ascending meet `triangles` (F, 3, 3), joined through shared edges.
 
     A rising half-edge and the falling half-edge of the neighbouring facet have the same ends, hence the same 64-bit
     key; equal keys pair them without welding corners first. Where some are left over the mesh is open or wrongly
     oriented there, and the nodes on such edges are left with one segment only.
 
-    Planes are taken some at a time, as many as have 250 000 segments.
+    Planes are taken some at a time, as many as have 250 000 segments, so that memory is bounded for any mesh.
     """
-    parts = list(_parts(triangles, planes))
-    begin = np.cumsum([0, *(len(part.plane) for part in parts)])
-    tails = [part.tail + by for part, by in zip(parts, begin[:-1], strict=True)]
-    heads = [part.head + by for part, by in zip(parts, begin[:-1], strict=True)]
-    nothing = np.zeros(0, np.int64)
-    return Crossings(
-        np.concatenate([np.zeros((0, 2)), *(part.xy for part in parts)]),
-        np.concatenate([nothing, *(part.plane for part in parts)]),
-        np.concatenate([nothing, *tails]),
-        np.concatenate([nothing, *heads]),
-        sum(part.unpaired for part in parts),
-        begin,
-    )
+    level = np.zeros((3, len(triangles)), np.int32)
+    for corner in range(3):
+        level[corner] = np.searchsorted(planes, np.ascontiguousarray(triangles[:, corner, 2]), side="right")
+    for facets, low, high in _by_planes(level, len(planes)):
+        yield _crossed(triangles.take(facets, axis=0), level.take(facets, axis=1), planes, low, high)
 
 
 def section_areas(triangles: Float, planes: Float) -> Float:
@@ -77,20 +65,11 @@ def section_areas(triangles: Float, planes: Float) -> Float:
     No contours are needed: the shoelace sum may run over the oriented segments in any order.
     """
     total = np.zeros(len(planes))
-    for part in _parts(triangles, planes):
+    for part in crossings_of(triangles, planes):
         tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
         twice = tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0]
         total += np.bincount(part.plane[part.tail], weights=twice, minlength=len(planes)) / 2
     return total
-
-
-def _parts(triangles: Float, planes: Float) -> Iterator[Crossings]:
-    """What some planes at a time leave of the mesh."""
-    level = np.zeros((3, len(triangles)), np.int32)
-    for corner in range(3):
-        level[corner] = np.searchsorted(planes, np.ascontiguousarray(triangles[:, corner, 2]), side="right")
-    for facets, low, high in _by_planes(level, len(planes)):
-        yield _crossed(triangles.take(facets, axis=0), level.take(facets, axis=1), planes, low, high)
 
 
 def _by_planes(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
@@ -151,7 +130,7 @@ def _crossed(triangles: Float, level: Index, planes: Float, low: int, high: int)
     tail = _nodes(falling, flat, slot, base.take(edge_of_falling))
     # An edge through planes of several parts counts where it begins.
     unpaired = int((level.ravel()[ends[0][alone]] >= low).sum())
-    return Crossings(xy, plane.astype(np.int64), tail, head, unpaired, np.array([0, len(xy)]))
+    return Crossings(xy, plane.astype(np.int64), tail, head, unpaired)
 
 
 def _half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:

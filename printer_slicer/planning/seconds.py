@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry.crossing import cross
+from printer_slicer.geometry.crossing import crossings_of
 from printer_slicer.geometry.joints import lowest_of_chain
 from printer_slicer.model import Float, Int
 from printer_slicer.profile import Profile
@@ -118,14 +118,15 @@ def _measure(surface: Surface, profile: Profile) -> _Slices:
 
 def _sections(triangles: Float, z: Float) -> tuple[Float, Float, Float]:
     """Length of the contours, area, and number of contours at each height."""
-    crossings = cross(triangles, z)
-    tail, head = crossings.xy[crossings.tail], crossings.xy[crossings.head]
-    plane = crossings.plane[crossings.tail]
-    length = np.bincount(plane, weights=np.hypot(*(head - tail).T), minlength=len(z))
-    twice = np.bincount(plane, weights=tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0], minlength=len(z))
-    following = np.arange(len(crossings.xy))
-    following[crossings.tail] = crossings.head
-    # An open contour may count twice.
-    firsts = lowest_of_chain(following) == np.arange(len(following))
-    loops = np.bincount(crossings.plane[firsts], minlength=len(z))
-    return length.astype(np.float64), np.maximum(twice / 2, 0.0), loops.astype(np.float64)
+    length, twice, loops = np.zeros((3, len(z)))
+    for part in crossings_of(triangles, z):
+        tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
+        plane, turn = part.plane[part.tail], tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0]
+        length += np.bincount(plane, weights=np.hypot(*(head - tail).T), minlength=len(z))
+        twice += np.bincount(plane, weights=turn, minlength=len(z))
+        following = np.arange(len(part.xy))
+        following[part.tail] = part.head
+        # An open contour may count twice.
+        firsts = lowest_of_chain(following) == np.arange(len(following))
+        loops += np.bincount(part.plane[firsts], minlength=len(z))
+    return length, np.maximum(twice / 2, 0.0), loops
