@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Float, Int
+from printer_slicer.geometry.areas import Float, Int, consecutive
 
 __all__ = ["Index", "close_groups", "cycles", "linked", "lowest_of_chain", "welded"]
 
@@ -14,6 +14,7 @@ Index = NDArray[np.int32]
 _SPREAD = 0x9E3779B97F4A7C15
 _STEP = 0x2545F4914F6CDD1D
 _AT_ONCE = 1 << 20
+_CROWD = 100  # points
 _NEAR = 1 << 17  # keys welded together first
 
 
@@ -112,8 +113,25 @@ def _ends(parent: Index) -> Index:
 def close_groups(points: Float, reach: float) -> Int:
     """(n,) groups, from 0, of points (n, d): those within `reach` of each other along every axis are together.
 
-    Cells of twice the reach, shifted by half a cell along each axis or not, hold every such pair at least once.
+    Cells of twice the reach, shifted by half a cell along each axis or not, hold every such pair at least once. What
+    shares cells without being so near is told apart then, but in crowds of more than a hundred.
     """
+    rough = _sharing_cells(points, reach)
+    order = np.argsort(rough, kind="stable")
+    size = np.bincount(rough)
+    first = np.cumsum(size) - size
+    crowd = size > _CROWD
+    following = np.flatnonzero(crowd[rough[order]][1:] & (np.diff(rough[order]) == 0))
+    member = np.flatnonzero(((size > 1) & ~crowd)[rough])
+    group = rough[member]
+    one, other = np.repeat(member, size[group]), order[consecutive(first[group], size[group])]
+    near = (np.abs(points[one] - points[other]) <= reach).all(axis=1)
+    links = np.stack([one[near], other[near]])
+    return linked(np.concatenate([links, [order[following], order[following + 1]]], axis=1), len(points))
+
+
+def _sharing_cells(points: Float, reach: float) -> Int:
+    """(n,) groups, from 0, of points that share cells, however far along."""
     n, dimensions = points.shape
     pairs = []
     for shift in np.ndindex(*(2,) * dimensions):

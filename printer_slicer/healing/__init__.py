@@ -10,10 +10,12 @@ from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 from printer_slicer.errors import MeshError
+from printer_slicer.healing.alike import face_alike
 from printer_slicer.healing.duplicates import drop_duplicates, drop_sheets, join_corners
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import fill_holes
-from printer_slicer.healing.shells import face_alike, face_outward
+from printer_slicer.healing.loose import drop_loose
+from printer_slicer.healing.outward import face_outward
 from printer_slicer.healing.soundness import is_sound
 from printer_slicer.model import Mesh, Repair, Repairs
 
@@ -30,9 +32,10 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     1. Facets that are there more than once are dropped but for one, or altogether where they bound nothing.
     2. Corners at open edges are joined when they are near, see `join_corners`; then facets may be there twice again.
     3. Sheets without thickness that end at a whole surface are dropped.
-    4. Neighbours face the same way: the lesser part of each patch is turned round.
-    5. Holes are filled, see `fill_holes`.
-    6. Closed shells face outward, unless they face inward and lie within the solid: those are voids.
+    4. Loose facets that bound nothing are dropped, see `drop_loose`.
+    5. Neighbours face the same way: the lesser part of each patch is turned round.
+    6. Holes are filled, see `fill_holes`.
+    7. Shells face outward, unless they are voids, see `face_outward`.
 
     A mesh that needs nothing of this is returned as it is.
 
@@ -70,6 +73,7 @@ def _repaired(mesh: Mesh) -> tuple[Mesh, Repairs]:
         join_corners,
         drop_duplicates,
         drop_sheets,
+        drop_loose,
         lambda some: face_alike(some, mesh.name),
         fill_holes,
         face_outward,

@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.geometry.joints import close_groups, linked, welded
 from printer_slicer.geometry.planes import corner_keys
 from printer_slicer.healing.facets import Facets
-from printer_slicer.healing.shells import winding_at
+from printer_slicer.healing.nesting import runs_around
 from printer_slicer.model import Bool, Float, Int, Repair
 
 __all__ = ["drop_duplicates", "drop_sheets", "join_corners"]
@@ -142,10 +142,10 @@ def _copies_wanted(single: Facets, rest: Facets, facing: Float) -> Int:
     whole = np.bincount(patch, (border & (around > 0) & (around % 2 == 0)).sum(axis=1), n_patches)
     opposed = np.bincount(patch, facing == 0, n_patches) * 2 > np.bincount(patch, minlength=n_patches)
     is_shell = np.bincount(patch, border.sum(axis=1), n_patches) == 0
+    asked = np.flatnonzero(is_shell & opposed)
+    places = single.middles[np.unique(patch, return_index=True)[1][asked]]
     hidden = np.zeros(n_patches, np.bool_)
-    for number in np.flatnonzero(is_shell & opposed).tolist():
-        place = single.middles[np.flatnonzero(patch == number)[0]]
-        hidden[number] = winding_at(rest.triangles, place, np.ones(len(rest.corners), np.int64)) != 0
+    hidden[asked[runs_around(rest.triangles, np.zeros(len(rest.corners), np.int64), places)[0]]] = True
     alone = (ends + whole == 0) & ~opposed
     one = np.where(is_shell, ~(opposed & hidden), ((ends > 0) & (ends >= whole)) | alone)
     wanted = np.where(one, 1, np.where(opposed, 0, -1))

@@ -83,11 +83,8 @@ def test_points_within_reach_are_together_and_far_ones_are_not(seed: int, n: int
 
     group = close_groups(points, reach)
 
-    together = group[:, None] == group[None]
-    assert together[apart <= reach].all()
-    # A cell is twice the reach wide, so a step from point to point within a group is no longer.
-    loosely = connected_components(coo_array(apart <= 2 * reach), directed=False)[1]
-    assert (loosely[:, None] == loosely[None])[together].all()
+    exactly = connected_components(coo_array(apart <= reach), directed=False)[1]
+    assert ((group[:, None] == group[None]) == (exactly[:, None] == exactly[None])).all()
 
 
 @given(seed=seeds, n=st.integers(1, 200))

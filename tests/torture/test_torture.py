@@ -9,7 +9,7 @@ from printer_slicer.errors import PartError
 from printer_slicer.healing import repair
 from printer_slicer.model import LayerPlan
 from printer_slicer.slicing import cut, section_repairs
-from tests.torture.bodies import CASES, Case
+from tests.torture.cases import CASES, Case
 
 
 def plan_of(cuts: tuple[float, ...]) -> LayerPlan:

@@ -1,0 +1,143 @@
+"""Which surfaces run around which places: for all places at once, by the facets over and around them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.planes import spread
+from printer_slicer.model import Float, Int
+
+__all__ = ["covers", "runs_around"]
+
+_AT_ONCE = 1 << 16  # facets whose boxes are looked up together
+_PAIRS_AT_ONCE = 1 << 19  # of places and facets
+_MOST_PAIRS = 20_000_000
+_Found = tuple[Int, Int, Float]
+
+
+def runs_around(triangles: Float, owner: Int, places: Float) -> _Found:
+    """How often closed surfaces run around places: facets over a place that look up less those that look down.
+
+    Args:
+        triangles: (F, 3, 3) mm.
+        owner: (F,) the surface that each belongs to.
+        places: (n, 3) mm, on no surface.
+
+    Returns:
+        (m,) place, surface and turns, of all pairs with other than 0 turns; by place, then surface.
+    """
+    from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
+
+    if not len(places) or not len(triangles):
+        return _summed([], int(owner.max(initial=0)) + 1)
+    tree = SegmentTree(np.stack([places[:, :2], places[:, :2]], axis=1))
+    low, high = places.min(axis=0), places.max(axis=0)
+    found: list[_Found] = []
+    for at in range(0, len(triangles), _AT_ONCE):
+        block = triangles[at : at + _AT_ONCE]
+        bottom, top = block.min(axis=1), block.max(axis=1)
+        beside = (bottom[:, :2] > high[:2]).any(axis=1) | (top[:, :2] < low[:2]).any(axis=1)
+        near = np.flatnonzero(~beside & (top[:, 2] > low[2]))
+        facet, place = tree.meeting(bottom[near, :2], top[near, :2])
+        facet = near[facet]
+        over = top[facet, 2] > places[place, 2]
+        facet, place = facet[over], place[over]
+        for some in np.array_split(np.arange(len(facet)), len(facet) // _PAIRS_AT_ONCE + 1):
+            x, y, z = places.take(place[some], axis=0).T
+            these = block.take(facet[some], axis=0)
+            turns = np.where(_height_at(these, x, y) > z, _turns_around(these, x, y), 0)
+            counts = np.flatnonzero(turns)
+            found.append((place[some][counts], owner[at + facet[some][counts]], turns[counts].astype(float)))
+    return _summed(found, int(owner.max()) + 1)
+
+
+def covers(triangles: Float, owner: Int, places: Float) -> _Found:
+    """How much of all directions from a place open surfaces cover, seen from behind: 1 within one that were closed.
+
+    An open surface covers less, but more than half of all directions deep inside. Only places within the envelope of a
+    surface are looked at. Where there are too many pairs, facets straight over the places count instead.
+
+    Args:
+        triangles: (F, 3, 3) mm.
+        owner: (F,) the surface that each belongs to.
+        places: (n, 3) mm, on no surface.
+
+    Returns:
+        (m,) place, surface and share; by place, then surface.
+
+    Source: van Oosterom & Strackee, The solid angle of a plane triangle, 1983.
+    """
+    order = np.argsort(owner, kind="stable")
+    surface, first = np.unique(owner[order], return_index=True)
+    size = np.diff(np.append(first, len(order)))
+    ordered = triangles.take(order, axis=0)
+    pairs: list[tuple[Int, Int]] = []
+    for k, (begin, count) in enumerate(zip(first.tolist(), size.tolist(), strict=True)):
+        corners = ordered[begin : begin + count]
+        within = (places >= corners.min(axis=(0, 1))) & (places <= corners.max(axis=(0, 1)))
+        place = np.flatnonzero(within.all(axis=1))
+        pairs.append((place, np.full(len(place), k)))
+    place, number = (np.concatenate([np.zeros(0, np.int64), *column]) for column in zip(*pairs, strict=True))
+    if int(size[number].sum()) > _MOST_PAIRS:
+        return runs_around(triangles, owner, places)
+    found: list[_Found] = []
+    total = np.cumsum(size[number])
+    for some in np.split(
+        np.arange(len(place)),
+        np.searchsorted(total, np.arange(_PAIRS_AT_ONCE, int(size[number].sum()), _PAIRS_AT_ONCE)),
+    ):
+        pair, step = spread(size[number[some]])
+        share = _solid_angles(
+            ordered.take(first[number[some]][pair] + step, axis=0),
+            places.take(place[some][pair], axis=0),
+        )
+        sums = np.asarray(np.bincount(pair, share, len(some)), np.float64)
+        found.append((place[some], surface[number[some]], sums))
+    return _summed(found, int(owner.max(initial=0)) + 1)
+
+
+def _summed(found: list[_Found], n_owners: int) -> _Found:
+    """Each pair of place and surface once."""
+    nothing = np.zeros(0, np.int64)
+    place, owner = (np.concatenate([nothing, *(some[i] for some in found)]) for i in (0, 1))
+    value = np.concatenate([np.zeros(0), *(some[2] for some in found)])
+    key, number = np.unique(place * np.int64(n_owners) + owner, return_inverse=True)
+    total = np.bincount(number.ravel(), value, len(key))
+    kept = np.flatnonzero(np.abs(total) > 1e-12)
+    return key[kept] // n_owners, key[kept] % n_owners, np.asarray(total[kept], np.float64)
+
+
+def _solid_angles(triangles: Float, places: Float) -> Float:
+    """(n,) of each facet, seen from its place, as a share of all directions."""
+    a, b, c = (triangles - places[:, None]).transpose(1, 0, 2)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    box = np.einsum("ij,ij->i", a, np.cross(b, c))
+    dots = [
+        np.einsum("ij,ij->i", one, other) * length
+        for one, other, length in ((a, b, lc), (b, c, la), (c, a, lb))
+    ]
+    return np.asarray(np.arctan2(box, la * lb * lc + sum(dots)) / (2 * np.pi))
+
+
+def _turns_around(triangles: Float, x: Float, y: Float) -> Int:
+    """(n,) 1 where the facet, seen from above, runs around the place counter-clockwise, -1 clockwise, else 0."""
+    begin, end = triangles, triangles[:, [1, 2, 0]]
+    x, y = x[:, None], y[:, None]
+    up = (begin[:, :, 1] <= y) & (end[:, :, 1] > y)
+    down = (begin[:, :, 1] > y) & (end[:, :, 1] <= y)
+    # From the lower end to the upper one, so that both facets of an edge see the same number.
+    low, high = np.where(down[:, :, None], end, begin), np.where(down[:, :, None], begin, end)
+    rise = np.where(up | down, high[:, :, 1] - low[:, :, 1], 1.0)
+    where = low[:, :, 0] + (y - low[:, :, 1]) / rise * (high[:, :, 0] - low[:, :, 0])
+    right = where > x
+    return np.asarray((up & right).sum(axis=1) - (down & right).sum(axis=1))
+
+
+def _height_at(triangles: Float, x: Float, y: Float) -> Float:
+    """(n,) height of the plane of each facet over its place; upright facets give their top."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    flat = normal[:, 2] != 0
+    slope = normal[:, 0] * (x - a[:, 0]) + normal[:, 1] * (y - a[:, 1])
+    top = triangles[:, :, 2].max(axis=1)
+    return np.asarray(np.where(flat, a[:, 2] - slope / np.where(flat, normal[:, 2], 1.0), top))
