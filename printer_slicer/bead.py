@@ -12,7 +12,14 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cross_section", "filament_per_mm", "spacing", "width_for_spacing"]
+__all__ = [
+    "cross_section",
+    "filament_per_mm",
+    "side_loss",
+    "spacing",
+    "width_for_section",
+    "width_for_spacing",
+]
 
 Float = NDArray[np.float64]
 _ROUNDING = 1 - pi / 4  # share of the height that the round sides take away from the spacing
@@ -28,9 +35,24 @@ def width_for_spacing(spacing: Float | float, height: Float | float) -> Float:
     return np.asarray(spacing + np.asarray(height) * _ROUNDING, dtype=np.float64)
 
 
+def side_loss(height: Float | float) -> Float:
+    """How much farther a bead reaches on each side than a rectangle of its height and cross-section, mm."""
+    return np.asarray(np.asarray(height) * _ROUNDING / 2, dtype=np.float64)
+
+
 def cross_section(width: Float | float, height: Float | float) -> Float:
     """Cross-section of a bead, mm². Needs width >= height; the profile's bounds see to that."""
     return spacing(width, height) * height
+
+
+def width_for_section(section: Float | float, height: Float | float) -> Float:
+    """Width of a bead with this cross-section, mm²: the inverse of `cross_section`.
+
+    What is too little to be pressed flat at this height stays a round thread, as wide as it is high.
+    """
+    section, height = np.asarray(section, dtype=np.float64), np.asarray(height, dtype=np.float64)
+    thread = np.sqrt(4 * section / pi)
+    return np.where(thread < height, thread, width_for_spacing(section / height, height))
 
 
 def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: float) -> Float:
