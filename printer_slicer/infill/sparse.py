@@ -30,7 +30,7 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
 
     Args:
         regions: what is inside the walls.
-        profile: density, anchors, and how many layers are filled together.
+        profile: density, anchors, and how high the beads may be.
         pattern: makes the lines.
         measured: whether the density is a share of the volume; else it is the pattern's affair.
     """
@@ -44,12 +44,16 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
     across = float(bead.spacing(width, highest))
     inset = across / 2 - (quality.sparse_overlap * width if quality.perimeters else 0.0)
     task = _task(regions, profile, filled, offset(filled.area, -inset), across)
-    wanted = _length_wanted(task, filled, inset, quality.infill_density)
+    volume = quality.infill_density * _around(task.area, inset) * filled.height
+    if filled.area is not regions.sparse:
+        # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
+        each = quality.infill_density * _around(offset(regions.sparse, -inset), inset) * plan.height
+        volume *= each.sum() / max(float(volume.sum()), 1e-9)
     if measured:
-        task = _spaced(task, pattern, wanted, profile)
-    bare, more = pattern(task)
+        task = _spaced(task, pattern, volume, profile)
+    bare, more = _drawn(task, pattern)
     lines = _anchored(task, bare, profile)
-    share = _share(lines, more, filled, wanted) if measured else 1.0
+    share = _share(_laid(task, lines, more), volume) if measured else 1.0
     return _toolpaths(regions, filled, lines, across * share / more)
 
 
@@ -61,6 +65,7 @@ def _task(regions: Regions, profile: Profile, filled: Fillings, area: Areas, acr
         bead=across,
         angle=float(np.deg2rad(quality.infill_angle_deg)),
         z=regions.plan.top[filled.layer] - filled.height / 2,
+        height=filled.height,
         turn=filled.turn,
         layer=filled.layer,
         regions=regions,
@@ -68,22 +73,26 @@ def _task(regions: Regions, profile: Profile, filled: Fillings, area: Areas, acr
     )
 
 
-def _length_wanted(task: Task, filled: Fillings, inset: float, density: float) -> Float:
-    """(E,) mm of usual bead in each entry: its share of the area around the centre lines, where there is any."""
-    around = np.bincount(task.area.ring_layer, task.area.ring_length(), minlength=len(filled.layer))
-    return np.asarray(density * (task.area.area() + inset * around) / task.bead)
+def _around(area: Areas, inset: float) -> Float:
+    """(E,) mm² of the area in whose middle, `inset` from its border, the centre lines lie; where there are any."""
+    outline = np.bincount(area.ring_layer, area.ring_length(), minlength=area.n_layers)
+    return np.asarray(area.area() + inset * outline)
+
+
+def _drawn(task: Task, pattern: Pattern) -> tuple[Polylines, Float]:
+    """The pattern's lines, and how much more than asked for there is of them at each entry's z."""
+    lines, more = pattern(task)
+    # Between walls that nearly touch, lines shrink to dots that carry nothing and cost a stop each.
+    return lines.take(np.flatnonzero(lines.length() >= task.bead)), more
 
 
 def _anchored(task: Task, lines: Polylines, profile: Profile) -> Polylines:
-    """The lines joined along the walls, without those that carry nothing."""
-    quality = profile.quality
-    # Between walls that nearly touch, lines shrink to dots that cost a stop each.
-    lines = lines.take(np.flatnonzero(lines.length() >= task.bead))
-    hook = min(quality.infill_anchor, quality.infill_anchor_max)
-    return anchor(task.area, lines, longest=quality.infill_anchor_max, hook=hook)
+    """The lines joined along the walls."""
+    longest = profile.quality.infill_anchor_max
+    return anchor(task.area, lines, longest=longest, hook=min(profile.quality.infill_anchor, longest))
 
 
-def _spaced(task: Task, pattern: Pattern, wanted: Float, profile: Profile) -> Task:
+def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> Task:
     """The task with the lines farther apart, so that lines and anchors together are as much as asked for.
 
     Anchors follow the walls: their length hardly depends on the spacing, that of the lines is inverse to it. Both are
@@ -94,20 +103,23 @@ def _spaced(task: Task, pattern: Pattern, wanted: Float, profile: Profile) -> Ta
         return task
     tried = used[np.unique(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
     some = replace(task, area=task.area.select(np.isin(task.area.ring_layer, tried)))
-    bare, more = pattern(some)
-    both = _anchored(some, bare, profile)
-    of_lines, of_all = (float((one.length() / more[one.layer]).sum()) for one in (bare, both))
-    target = float(wanted[tried].sum())
-    left = target - (of_all - of_lines)
-    step = of_lines / left if left * _WIDEST_STEP > of_lines else _WIDEST_STEP
-    return replace(task, spacing=task.spacing * max(step, 1 / _WIDEST_STEP) if of_lines else task.spacing)
+    bare, more = _drawn(some, pattern)
+    lines, both = (_laid(some, one, more).sum() for one in (bare, _anchored(some, bare, profile)))
+    left = float(volume[tried].sum() - (both - lines))
+    step = lines / left if left * _WIDEST_STEP > lines else _WIDEST_STEP
+    return replace(task, spacing=task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing)
 
 
-def _share(lines: Polylines, more: Float, filled: Fillings, wanted: Float) -> float:
+def _laid(task: Task, lines: Polylines, more: Float) -> Float:
+    """(E,) mm³ of the usual bead in lines."""
+    length = np.bincount(lines.layer, lines.length(), minlength=len(more))
+    return np.asarray(length / more * task.height * task.bead)
+
+
+def _share(laid: Float, volume: Float) -> float:
     """By how much beads are wider or narrower so that the part has the plastic that it should have."""
-    laid = np.bincount(lines.layer, lines.length(), minlength=len(more)) / more
-    volume, target = float((laid * filled.height).sum()), float((wanted * filled.height).sum())
-    return float(np.clip(target / volume, 1 - _BEAD_CHANGE, 1 + _BEAD_CHANGE)) if volume else 1.0
+    there, wanted = float(laid.sum()), float(volume.sum())
+    return float(np.clip(wanted / there, 1 - _BEAD_CHANGE, 1 + _BEAD_CHANGE)) if there else 1.0
 
 
 def _toolpaths(regions: Regions, filled: Fillings, lines: Polylines, across: Float) -> Toolpaths:

@@ -24,6 +24,7 @@ class Task:
         angle: radians, the direction of the pattern.
         z: (E,) mm, the middle of what the beads fill; patterns are functions of it, so that they line up through layers
             of any height.
+        height: (E,) mm, of the beads.
         turn: (E,) which of the pattern's directions is due, for patterns that take turns.
         layer: (E,) the layer of the regions in which the entry is printed.
         regions: what is around the sparse areas, for patterns that look at it.
@@ -35,6 +36,7 @@ class Task:
     bead: float
     angle: float
     z: Float
+    height: Float
     turn: Int
     layer: Int
     regions: Regions
@@ -42,8 +44,10 @@ class Task:
 
     def __post_init__(self) -> None:
         n = self.area.n_layers
-        for name, dtype in (("z", np.float64), ("turn", np.int64), ("layer", np.int64)):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
+        for name in ("z", "height"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
+        for name in ("turn", "layer"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64, (n,)))
 
 
 # What a task asks for -> lines within its area, and (E,) how much more line than asked for the pattern has at that z.

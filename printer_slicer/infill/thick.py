@@ -24,6 +24,7 @@ from printer_slicer.model import LayerPlan
 __all__ = ["Fillings", "fillings"]
 
 _ROUNDING = 1e-6  # mm
+_CUT = 0.05  # of the lines in what is left to single layers: the price of filling a layer's area in two parts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +61,8 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
         sparse: the sparse area of each layer.
         plan: the layers.
         limit: mm, summed height of a group; 0 or less than two layers: no groups.
-        narrowest: mm; common areas narrower than this are left to the layers.
+        narrowest: mm; common areas narrower than this are left to the layers, and what is left to layers of a group
+            and narrower than this stays empty.
     """
     n, own = plan.n_layers, np.arange(plan.n_layers)
     first = _groups(sparse, plan, limit)
@@ -73,8 +75,11 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
     window[grouped] = first[grouped]
     common = window_intersection(sparse, window, own + 1)
     common = offset_open(common.select(np.isin(common.ring_layer, grouped)), narrowest / 2)
+    rest = difference(sparse, _on(common, last[number]))
+    strips = np.isin(rest.ring_layer, np.flatnonzero(first[last[number]] < last[number]))
+    wide = offset_open(rest.select(strips), narrowest / 2)
     return Fillings(
-        _stacked(difference(sparse, _on(common, last[number])), common),
+        _stacked(rest.select(~strips).merge(wide), common),
         np.concatenate([own, own]),
         np.concatenate([plan.height, plan.top - plan.bottom[first]]),
         np.concatenate([own, number]),
@@ -84,7 +89,8 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
 def _groups(sparse: Areas, plan: LayerPlan, limit: float) -> Int:
     """(L,) the first layer of the group that each layer belongs to.
 
-    A group of n layers saves n - 1 times the length of lines in what they have in common.
+    A group of n layers saves n - 1 times the length of lines in what they have in common, less a little for the lines
+    that it cuts in two.
     """
     n, own = plan.n_layers, np.arange(plan.n_layers)
     lowest = np.searchsorted(
@@ -92,12 +98,14 @@ def _groups(sparse: Areas, plan: LayerPlan, limit: float) -> Int:
     )  # first layer of the highest group that ends here
     lowest = np.clip(lowest, 1, np.maximum(own, 1))  # the first layer holds on to the bed by itself
     most = int(np.max(own - np.minimum(lowest, own), initial=0)) + 1
-    saved = np.zeros((most, n))
+    saved, so_far = np.zeros((most, n)), np.append(0.0, np.cumsum(sparse.area()))
     for extra in range(1, most):
         fits = own - extra >= lowest
         common = window_intersection(sparse, np.where(fits, own - extra, own), own + 1)
-        saved[extra] = np.where(fits, extra * common.area(), 0.0)
-    best, size = [0.0], []
+        shared = common.area()
+        left = so_far[own + 1] - so_far[np.maximum(own - extra, 0)] - (extra + 1) * shared
+        saved[extra] = np.where(fits, extra * shared - _CUT * left, 0.0)
+    best, size = [0.0], list[int]()
     for layer in range(n):
         options = [best[layer - extra] + float(saved[extra, layer]) for extra in range(min(most, layer + 1))]
         # Of equals the thinner one: ties are layers without sparse infill.

@@ -291,7 +291,7 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sparse_every: Annotated[
         float,
         _meta(
-            "sparse infill of layers up to this height together is one bead; 0: of each layer",
+            "sparse infill of layers up to this height together is one bead, at most 0.8 nozzles; 0: each layer's own",
             "mm",
             ge=0,
             le=2,
