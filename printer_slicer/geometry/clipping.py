@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
-from printer_slicer.geometry.inside import rings_around
+from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 
-__all__ = ["clip_lines"]
+__all__ = ["clip_lines", "clipped"]
 
 _PAD = 1e-4  # mm; more than the rounding of places within a cell
 _SMALLEST_CELL, _LARGEST_CELL = 0.2, 20.0  # mm
@@ -30,12 +30,18 @@ def clip_lines(areas: Areas, lines: Polylines) -> Polylines:
         lines: open, nothing need be known about where they begin or end.
 
     Returns:
-        The parts, with the edges of `areas` that they begin and end on.
+        The parts, with the edges of `areas` that they begin and end on; `clipped` tells which line each is a part of.
 
     Source of the rule for points on lines: Edelsbrunner & Mücke, Simulation of Simplicity, 1990.
     """
+    return clipped(areas, lines)[0]
+
+
+def clipped(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
+    """The parts as `clip_lines` gives them, and (P,) the line that each is a part of."""
     if not lines.n_lines or not areas.n_rings:
-        return lines.take(np.zeros(0, np.int64))
+        nothing = np.zeros(0, np.int64)
+        return lines.take(nothing), nothing
     points, outline = (np.rint(xy * STEPS_PER_MM).astype(np.int64) for xy in (lines.xy, areas.xy))
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     segment = np.flatnonzero(np.append(np.diff(owner) == 0, False))
@@ -146,7 +152,9 @@ def _aside(way: Int) -> Bool:
     return np.asarray(np.where(way[:, 1] == 0, way[:, 0] > 0, way[:, 1] < 0))
 
 
-def _pieces(areas: Areas, lines: Polylines, owner: Int, crossings: tuple[Int, Int, Float, Bool]) -> Polylines:
+def _pieces(
+    areas: Areas, lines: Polylines, owner: Int, crossings: tuple[Int, Int, Float, Bool]
+) -> tuple[Polylines, Int]:
     """The lines cut at their crossings (point before, edge, share, enters), sorted along the lines."""
     at, edge, share, enters = crossings
     line = owner[at]
@@ -191,8 +199,8 @@ def _sorted(*parts: tuple[Int, Int, Float, Int | None]) -> _Cuts:
     return _Cuts(line[order], at[order], xy[order], edge[order])
 
 
-def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> Polylines:
-    """One line from each begin to the end of the same place in their order."""
+def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, Int]:
+    """One line from each begin to the end of the same place in their order, and the line it is a part of."""
     inner = np.maximum(end.at - begin.at, 0)
     size = inner + 2
     xy = np.zeros((int(size.sum()), 2))
@@ -203,12 +211,15 @@ def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> Polylines:
     # A corner that lies on the outline is a crossing too, which is the one that stays.
     near = np.hypot(*np.diff(xy, axis=0).T) < _NOTHING
     keep = np.ones(len(xy), np.bool_)
-    keep[between] = ~(near[between - 1] | near[between])
+    keep[between] = ~near[between - 1]
+    before_end = (start + size - 2)[inner > 0]
+    keep[before_end] &= ~near[before_end]
     owner = np.repeat(np.arange(len(size)), size)
     size = np.bincount(owner[keep], minlength=len(size))
     edges = np.stack([begin.edge, end.edge], axis=1)
     made = Polylines.of(xy[keep], size, lines.layer[begin.line], edges)
-    return made.take(np.flatnonzero(made.length() > _NOTHING))
+    kept = np.flatnonzero(made.length() > _NOTHING)
+    return made.take(kept), begin.line[kept]
 
 
 def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
@@ -235,6 +246,8 @@ def _begins_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
     high[used] = np.maximum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
     inside = np.zeros(len(which), np.bool_)
     near = np.flatnonzero(((point >= low[layer]) & (point <= high[layer])).all(axis=1))
-    ring = rings_around(areas, point[near], layer[near])
-    inside[near] = (ring >= 0) & (areas.ring_area()[ring] > 0)
+    if len(near):
+        known = areas.select(np.isin(areas.ring_layer, layer[near]))
+        outlines = Outlines(known, point[near].min(axis=0), point[near].max(axis=0))
+        inside[near] = outlines.inside(point[near], layer[near])
     return inside

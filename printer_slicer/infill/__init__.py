@@ -10,6 +10,7 @@ from printer_slicer.infill.cubic import cubic_lines
 from printer_slicer.infill.grid import grid_lines
 from printer_slicer.infill.gyroid import gyroid_lines
 from printer_slicer.infill.honeycomb import honeycomb_lines
+from printer_slicer.infill.lightning import lightning_lines
 from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.solid import solid_paths
 from printer_slicer.infill.sparse import sparse_paths
@@ -28,6 +29,7 @@ PATTERNS: Final[Mapping[str, Pattern]] = {
     "gyroid": gyroid_lines,
     "honeycomb": honeycomb_lines,
     "concentric": concentric_lines,
+    "lightning": lightning_lines,
 }
 
 
@@ -36,5 +38,7 @@ def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
     quality = profile.quality
     parts = solid_paths(regions, profile)
     if quality.infill_density > 0:
-        parts.append(sparse_paths(regions, profile, PATTERNS[quality.infill]))
+        # Trees have the density only where they hold something.
+        measured = quality.infill != "lightning"
+        parts.append(sparse_paths(regions, profile, PATTERNS[quality.infill], measured=measured))
     return Toolpaths.joined(regions.plan, parts)

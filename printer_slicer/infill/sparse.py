@@ -22,6 +22,7 @@ __all__ = ["sparse_paths"]
 _NOZZLE_SHARE = 0.8  # of the nozzle's diameter: the highest bead it presses down
 _TRIED = 24  # entries from which the spacing is found
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
+_SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its ends
 _BEAD_CHANGE = 0.1  # share by which the bead may make up for the rest
 
 
@@ -43,7 +44,7 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
     across = float(bead.spacing(width, highest))
     inset = across / 2 - (quality.sparse_overlap * width if quality.perimeters else 0.0)
-    task = _task(regions, profile, filled, offset(filled.area, -inset), across)
+    task = _task(regions, profile, filled, across, inset)
     volume = quality.infill_density * _around(task.area, inset) * filled.height
     if filled.area is not regions.sparse:
         # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
@@ -57,12 +58,13 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
     return _toolpaths(regions, filled, lines, across * share / more)
 
 
-def _task(regions: Regions, profile: Profile, filled: Fillings, area: Areas, across: float) -> Task:
+def _task(regions: Regions, profile: Profile, filled: Fillings, across: float, inset: float) -> Task:
     quality = profile.quality
     return Task(
-        area,
+        offset(filled.area, -inset),
         spacing=across / quality.infill_density,
         bead=across,
+        inset=inset,
         angle=float(np.deg2rad(quality.infill_angle_deg)),
         z=regions.plan.top[filled.layer] - filled.height / 2,
         height=filled.height,
@@ -83,7 +85,7 @@ def _drawn(task: Task, pattern: Pattern) -> tuple[Polylines, Float]:
     """The pattern's lines, and how much more than asked for there is of them at each entry's z."""
     lines, more = pattern(task)
     # Between walls that nearly touch, lines shrink to dots that carry nothing and cost a stop each.
-    return lines.take(np.flatnonzero(lines.length() >= task.bead)), more
+    return lines.take(np.flatnonzero(lines.length() >= _SHORTEST * task.bead)), more
 
 
 def _anchored(task: Task, lines: Polylines, profile: Profile) -> Polylines:

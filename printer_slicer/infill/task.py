@@ -21,6 +21,7 @@ class Task:
         area: where the centre lines may lie, E entries.
         spacing: mm: the pattern shall have as much line as parallel lines this far apart.
         bead: mm between the centre lines of beads that lie side by side.
+        inset: mm by which `area` lies inside what is to be filled.
         angle: radians, the direction of the pattern.
         z: (E,) mm, the middle of what the beads fill; patterns are functions of it, so that they line up through layers
             of any height.
@@ -34,6 +35,7 @@ class Task:
     area: Areas
     spacing: float
     bead: float
+    inset: float
     angle: float
     z: Float
     height: Float

@@ -270,7 +270,9 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     )
     top_thickness: Annotated[float, _meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
     infill: Annotated[
-        Literal["rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric"],
+        Literal[
+            "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"
+        ],
         _meta("pattern of the sparse infill"),
     ] = "grid"
     infill_density: Annotated[float, _meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15

@@ -105,7 +105,9 @@ def gyroid(z: Float, spacing: float = 3.0) -> tuple[list[Float], Float]:
     """The lines of the gyroid at these z, each (n, 3); and the scale in radians per mm."""
     area = Areas.from_rings([[rectangle(40, 40)] for _ in z])
     nothing = sparse_only([], z)
-    task = Task(area, spacing, 0.4, 0.0, z, 0 * z + 0.2, np.arange(len(z)), np.arange(len(z)), nothing, 1.0)
+    task = Task(
+        area, spacing, 0.4, 0.0, 0.0, z, 0 * z + 0.2, np.arange(len(z)), np.arange(len(z)), nothing, 1.0
+    )
     lines, _ = gyroid_lines(task)
     height = np.repeat(z[lines.layer], lines.size)[:, None]
     return np.split(np.concatenate([lines.xy, height], axis=1), lines.start[1:-1]), z

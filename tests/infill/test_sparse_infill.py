@@ -160,7 +160,7 @@ def test_paths_have_a_length_and_no_point_twice(pattern: str) -> None:
 
 @patterns
 def test_areas_too_small_for_a_line_get_none(pattern: str) -> None:
-    assert infill_paths(sparse_only([rectangle(0.2, 5)]), sparse_with(pattern, 0.15)).n_paths == 0
+    assert infill_paths(sparse_only([rectangle(0.15, 5)]), sparse_with(pattern, 0.15)).n_paths == 0
 
 
 @patterns
