@@ -11,7 +11,7 @@ from printer_slicer.geometry.areas import consecutive
 
 __all__ = ["Waves", "wave_lines"]
 
-_AT_ONCE = 2_000_000  # points: what is laid over the boxes around the areas before it is cut
+_AT_ONCE = 500_000  # points: what is laid over the boxes around the areas before it is cut
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -293,7 +293,7 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sparse_every: Annotated[
         float,
         _meta(
-            "sparse infill of layers up to this height together is one bead, at most 0.8 nozzles; 0: each layer's own",
+            "sparse infill of several layers in beads up to this high, at most 0.8 nozzles; 0: layer by layer",
             "mm",
             ge=0,
             le=2,
