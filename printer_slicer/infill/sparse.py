@@ -54,7 +54,7 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
         task = _spaced(task, pattern, volume, profile)
     bare, more = _drawn(task, pattern)
     lines = _anchored(task, bare, profile)
-    share = _share(_laid(task, lines, more), volume) if measured else 1.0
+    share = _share(_laid(task, lines, more), volume) if measured else np.ones_like(more)
     return _toolpaths(regions, filled, lines, across * share / more)
 
 
@@ -118,10 +118,12 @@ def _laid(task: Task, lines: Polylines, more: Float) -> Float:
     return np.asarray(length / more * task.height * task.bead)
 
 
-def _share(laid: Float, volume: Float) -> float:
-    """By how much beads are wider or narrower so that the part has the plastic that it should have."""
-    there, wanted = float(laid.sum()), float(volume.sum())
-    return float(np.clip(wanted / there, 1 - _BEAD_CHANGE, 1 + _BEAD_CHANGE)) if there else 1.0
+def _share(laid: Float, volume: Float) -> Float:
+    """(E,) by how much beads are wider or narrower: first so that each entry, then so that the part has its plastic."""
+    low, high = 1 - _BEAD_CHANGE, 1 + _BEAD_CHANGE
+    each = np.clip(np.divide(volume, laid, out=np.ones_like(laid), where=laid > 0), low, high)
+    there = float((each * laid).sum())
+    return np.asarray(np.clip(each * float(volume.sum()) / there, low, high) if there else each)
 
 
 def _toolpaths(regions: Regions, filled: Fillings, lines: Polylines, across: Float) -> Toolpaths:
