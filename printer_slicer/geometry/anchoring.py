@@ -287,11 +287,8 @@ def _walks(mate: Int) -> tuple[Int, Int]:
     heads = np.flatnonzero(mate < 0)
     head_of = np.full(n, -1)
     head_of[jump[heads]] = heads
-    head, tail = (
-        head_of[jump],
-        jump ^ 1,
-    )  # each walk exists both ways; the one that begins at the lower end is kept
-    kept = np.flatnonzero(head <= tail)
+    head, tail = head_of[jump], jump ^ 1
+    kept = np.flatnonzero(head <= tail)  # each walk exists both ways
     order = kept[np.lexsort((-rank[kept], head[kept]))]
     return order, head[order]
 
@@ -316,9 +313,7 @@ class _Vertices:
         """Vertices and their number for each line, as it is walked."""
         line, turned = np.divmod(entry, 2)
         first, size = self.lines.start[line], self.lines.size[line]
-        return self._run(
-            np.where(turned == 1, first + size - 1, first), size, np.where(turned == 1, -1, 1)
-        ), size
+        return self._run(first + turned * (size - 1), size, 1 - 2 * turned), size
 
     def stretch(self, of: _Stretches, which: Int, *, backward: bool) -> tuple[Int, Int]:
         """Vertices of some of the stretches (-1: of none), the tips of hooks included."""
