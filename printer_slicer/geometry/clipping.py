@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
-from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 
@@ -247,6 +246,8 @@ def _begins_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
     inside = np.zeros(len(which), np.bool_)
     near = np.flatnonzero(((point >= low[layer]) & (point <= high[layer])).all(axis=1))
     if len(near):
+        from printer_slicer.geometry.nearest import Outlines  # noqa: PLC0415 - only few lines need a search tree
+
         known = areas.select(np.isin(areas.ring_layer, layer[near]))
         outlines = Outlines(known, point[near].min(axis=0), point[near].max(axis=0))
         inside[near] = outlines.inside(point[near], layer[near])
