@@ -311,7 +311,7 @@ class _Vertices:
 
     def line(self, entry: Int) -> tuple[Int, Int]:
         """Vertices and their number for each line, as it is walked."""
-        line, turned = np.divmod(entry, 2)
+        line, turned = entry // 2, entry % 2
         first, size = self.lines.start[line], self.lines.size[line]
         return self._run(first + turned * (size - 1), size, 1 - 2 * turned), size
 
