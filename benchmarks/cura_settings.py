@@ -149,7 +149,7 @@ def _shape(profile: Profile) -> dict[str, object]:
         "top_thickness": quality.top_thickness,
         "bottom_thickness": quality.bottom_thickness,
         "infill_sparse_density": 100 * quality.infill_density,
-        "infill_pattern": {"grid": "grid", "rectilinear": "lines"}[quality.infill],
+        "infill_pattern": {"rectilinear": "lines"}.get(quality.infill, quality.infill),
         "adhesion_type": "brim" if quality.brim_width else "skirt" if quality.skirt_loops else "none",
         "brim_width": quality.brim_width,
         "skirt_line_count": quality.skirt_loops,

@@ -359,10 +359,12 @@ def test_thick_layers_are_slowed_by_the_flow_limit_and_thin_ones_are_not() -> No
         int(k): float(program.speed[sparse & (program.layer == k)].max())
         for k in np.unique(program.layer[sparse])
     }
-    heights = {k: UNEVEN.height[k] for k in by_layer}
+    width = {k: float(program.width[sparse & (program.layer == k)].min()) for k in by_layer}
     assert by_layer == pytest.approx(
-        {k: min(70.0, 4 / float(bead.cross_section(0.45, h))) for k, h in heights.items()}
+        {k: min(70.0, 4 / float(bead.cross_section(w, UNEVEN.height[k]))) for k, w in width.items()}
     )
+    assert 70.0 in by_layer.values()
+    assert min(by_layer.values()) < 40
 
 
 def layer_seconds(program: Program, wanted: Profile) -> Float:

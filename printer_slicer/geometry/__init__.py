@@ -6,7 +6,9 @@ an array with one entry per layer. Two engines do the polygon work: `clipper` (C
 run both.
 """
 
+from printer_slicer.geometry.anchoring import anchor
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, frozen_array
+from printer_slicer.geometry.clipping import clip_lines
 from printer_slicer.geometry.engine import (
     difference,
     intersection,
@@ -21,6 +23,7 @@ from printer_slicer.geometry.engine import (
 from printer_slicer.geometry.hatching import chain_rows, hatch
 from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.polygons import Polygons
+from printer_slicer.geometry.polylines import Polylines
 
 __all__ = [
     "Areas",
@@ -29,7 +32,10 @@ __all__ = [
     "Int",
     "Lines",
     "Polygons",
+    "Polylines",
+    "anchor",
     "chain_rows",
+    "clip_lines",
     "crossed",
     "difference",
     "frozen_array",

@@ -201,12 +201,14 @@ class Lines:
         layer: (S,) ascending layer index.
         row: (S,) which line of the hatch it lies on; ascending within a layer.
         u: (S, 2) mm, where both ends lie along the row; the first is the smaller, ascending within a row.
+        edge: (S, 2) on which edge of the areas both ends lie: the index of the point where the edge begins.
     """
 
     ends: Float
     layer: Int
     row: Int
     u: Float
+    edge: Int
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ends", frozen_array(self.ends, np.float64, (-1, 2, 2)))
@@ -214,6 +216,7 @@ class Lines:
         object.__setattr__(self, "layer", frozen_array(self.layer, np.int64, (n_lines,)))
         object.__setattr__(self, "row", frozen_array(self.row, np.int64, (n_lines,)))
         object.__setattr__(self, "u", frozen_array(self.u, np.float64, (n_lines, 2)))
+        object.__setattr__(self, "edge", frozen_array(self.edge, np.int64, (n_lines, 2)))
 
     @property
     def n_lines(self) -> int:

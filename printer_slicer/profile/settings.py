@@ -269,7 +269,12 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         0.6
     )
     top_thickness: Annotated[float, _meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
-    infill: Annotated[Literal["rectilinear", "grid"], _meta("pattern of the sparse infill")] = "grid"
+    infill: Annotated[
+        Literal[
+            "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"
+        ],
+        _meta("pattern of the sparse infill"),
+    ] = "grid"
     infill_density: Annotated[float, _meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
     infill_angle_deg: Annotated[float, _meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
     infill_overlap: Annotated[
@@ -278,6 +283,25 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sparse_overlap: Annotated[
         float, _meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
     ] = 0.25
+    infill_anchor: Annotated[
+        float, _meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50)
+    ] = 2.5
+    infill_anchor_max: Annotated[
+        float,
+        _meta("lines are joined along the wall where the way is no longer; 0: never", "mm", ge=0, le=1000),
+    ] = 12
+    sparse_every: Annotated[
+        float,
+        _meta(
+            "sparse infill of several layers in beads up to this high, at most 0.8 nozzles; 0: layer by layer",
+            "mm",
+            ge=0,
+            le=2,
+        ),
+    ] = 0
+    lightning_angle_deg: Annotated[
+        float, _meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
+    ] = 40
     skirt_loops: Annotated[int, _meta("loops around the part on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
     brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0

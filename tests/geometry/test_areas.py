@@ -51,7 +51,13 @@ def test_arrays_that_do_not_fit_each_other_are_refused() -> None:
     with pytest.raises(ValueError, match="one entry more"):
         Areas(np.zeros((3, 2)), np.array([0, 3]), np.array([0, 1]), 2)
     with pytest.raises(ValueError, match="shape"):
-        Lines(np.zeros((2, 2, 2)), np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros((2, 2)))
+        Lines(
+            np.zeros((2, 2, 2)),
+            np.zeros(1, np.int64),
+            np.zeros(2, np.int64),
+            np.zeros((2, 2)),
+            np.zeros((2, 2)),
+        )
 
 
 def test_rings_under_three_points_are_dropped() -> None:

@@ -1,0 +1,102 @@
+"""Open and closed lines of all layers, and what they have to do with the outlines they end on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, consecutive, frozen_array
+
+__all__ = ["Polylines"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polylines:
+    """Lines of all layers: line `i` is `xy[start[i]:start[i + 1]]`.
+
+    Attributes:
+        xy: (N, 2) mm.
+        start: (M + 1,) where each line begins.
+        layer: (M,) ascending.
+        edge: (M, 2) on which edge of the areas that bound them the lines begin and end: the index of the point where
+            the edge begins, -1 for an end that lies on none.
+        closed: (M,) whether a line returns to its first point, which it does not repeat.
+    """
+
+    xy: Float
+    start: Int
+    layer: Int
+    edge: Int
+    closed: Bool
+
+    def __post_init__(self) -> None:
+        n_lines = len(self.layer)
+        for name, dtype, shape in (
+            ("xy", np.float64, (-1, 2)),
+            ("start", np.int64, (n_lines + 1,)),
+            ("layer", np.int64, (n_lines,)),
+            ("edge", np.int64, (n_lines, 2)),
+            ("closed", np.bool_, (n_lines,)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @classmethod
+    def of(cls, xy: Float, size: Int, layer: Int, edge: Int | None = None) -> Polylines:
+        """Open lines given one after the other with `size` (M,) points each, by ascending layer."""
+        ends = np.full((len(size), 2), -1) if edge is None else edge
+        return cls(xy, np.append(0, np.cumsum(size)), layer, ends, np.zeros(len(size), np.bool_))
+
+    @classmethod
+    def hatched(cls, lines: Lines) -> Polylines:
+        """The lines of a hatch, two points each."""
+        return cls.of(lines.ends.reshape(-1, 2), np.full(lines.n_lines, 2), lines.layer, lines.edge)
+
+    @classmethod
+    def around(cls, areas: Areas) -> Polylines:
+        """The outlines of areas as closed lines."""
+        n_rings = areas.n_rings
+        ends, closed = np.full((n_rings, 2), -1), np.ones(n_rings, np.bool_)
+        return cls(areas.xy, areas.ring_start, areas.ring_layer, ends, closed)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Polylines]) -> Polylines:
+        """All lines of several values, by layer; within a layer in the order of `parts`."""
+        layer = np.concatenate([part.layer for part in parts])
+        size = np.concatenate([part.size for part in parts])
+        whole = cls(
+            np.concatenate([part.xy for part in parts]),
+            np.append(0, np.cumsum(size)),
+            layer,
+            np.concatenate([part.edge for part in parts]),
+            np.concatenate([part.closed for part in parts]),
+        )
+        return whole if len(parts) == 1 else whole.take(np.argsort(layer, kind="stable"))
+
+    @property
+    def n_lines(self) -> int:
+        """Number of lines in the whole stack."""
+        return len(self.layer)
+
+    @property
+    def size(self) -> Int:
+        """(M,) number of points of each line."""
+        return np.diff(self.start)
+
+    def take(self, lines: Int) -> Polylines:
+        """Some of the lines (m,), which must be by ascending layer."""
+        size = self.size[lines]
+        points = consecutive(self.start[lines], size)
+        start = np.append(0, np.cumsum(size))
+        return Polylines(self.xy[points], start, self.layer[lines], self.edge[lines], self.closed[lines])
+
+    def length(self) -> Float:
+        """(M,) mm of each line."""
+        if not self.n_lines:
+            return np.zeros(0)
+        following = np.arange(1, len(self.xy) + 1)
+        last, first = self.start[1:] - 1, self.start[:-1]
+        following[last] = np.where(self.closed, first, last)
+        along = np.hypot(*(self.xy[following] - self.xy).T)
+        return np.asarray(np.add.reduceat(along, self.start[:-1]))

@@ -1,0 +1,113 @@
+"""The gyroid: one smooth surface without straight lines or crossings, nearly equally stiff in all directions.
+
+The surface is sin x cos y + sin y cos z + sin z cos x = 0. At a given z its section is a set of waves with a closed
+form: along x where |cos z| >= |sin z|, along y elsewhere.
+Source: Schoen, Infinite periodic minimal surfaces without self-intersections, 1970; the trigonometric level set is the
+usual approximation of his surface.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int, Polylines
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.infill.task import Task
+from printer_slicer.infill.waves import Waves, wave_lines
+
+__all__ = ["CHORD_ERROR", "gyroid_lines"]
+
+CHORD_ERROR = 0.05
+"""mm; points are chosen so that the straight lines between them are about this far from the waves at most."""
+
+_SAMPLES = 256  # of one period, to measure curvature and length
+_FEWEST = 6  # points of a period
+
+
+def gyroid_lines(task: Task) -> tuple[Polylines, Float]:
+    """Sections of the gyroid at the z of each entry.
+
+    Sections differ in length, by up to a quarter where waves along x turn into waves along y; the second value
+    tells by how much, so that the beads can be as much narrower.
+    """
+    scale = 1 / (task.spacing * _mean_density())  # radians in a mm
+    z = task.z * scale
+    along_y = np.abs(np.sin(z)) > np.abs(np.cos(z))
+    u = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
+    v = _wave(u[None, :], z[:, None], along_y[:, None])
+    length = np.hypot(np.diff(u)[None, :], np.diff(v, axis=1))
+    chosen, size = _points(u, v, length, CHORD_ERROR * scale)
+    owner = np.repeat(np.arange(len(z)), size)
+    first = np.stack([chosen, _wave(chosen, z[owner], along_y[owner])], axis=1)
+    # The other line of each period is the first one, turned by 180° about a point, or moved and mirrored.
+    mirrored = np.stack(
+        [-first[:, 0], np.where(along_y[owner], first[:, 1] - np.pi, np.pi - first[:, 1])], axis=1
+    )
+    uv, start = _paired(first, mirrored, size)
+    waves = Waves(
+        uv / scale,
+        start,
+        period=2 * np.pi / scale,
+        pitch=2 * np.pi / scale,
+        angle=task.angle,
+        swapped=along_y,
+    )
+    return wave_lines(task.area, waves), _density(length) / _mean_density()
+
+
+def _wave(u: Float, z: Float, along_y: Bool) -> Float:
+    """The place across of the section's first line, at u along; radians."""
+    # Along x: cos z sin y + sin x cos y = - sin z cos x. Along y: sin z cos x + cos y sin x = - cos z sin y.
+    upright = np.where(along_y, np.sin(z), np.cos(z))
+    flat = np.where(along_y, np.cos(z), np.sin(z)) * np.where(upright < 0, -1.0, 1.0)
+    sine, cosine = np.sin(u), np.cos(u)
+    swing = np.where(along_y, cosine, sine) * np.where(upright < 0, -1.0, 1.0)
+    upright = np.abs(upright)
+    rest = -flat * np.where(along_y, sine, cosine)
+    share = np.clip(rest / np.maximum(np.hypot(upright, swing), 1e-12), -1.0, 1.0)
+    turned = np.arctan2(swing, upright)
+    return np.asarray(np.where(along_y, turned + np.arccos(share), np.arcsin(share) - turned))
+
+
+def _points(u: Float, v: Float, length: Float, error: float) -> tuple[Float, Int]:
+    """Where along each wave (E, n + 1) points are put, and how many: a period's from its begin to before its end.
+
+    A chord of length c over a curve of curvature k is k c² / 8 away from it: chords of length sqrt(8 error / k).
+    """
+    direction = np.arctan2(np.diff(v, axis=1), np.diff(u)[None, :])
+    turn = np.abs(np.diff(direction, axis=1, append=direction[:, :1]))
+    reach = (length + np.roll(length, -1, axis=1)) / 2
+    wanted = np.sqrt(turn * reach / (8 * error)) + 1e-9
+    total = wanted.sum(axis=1)
+    size = np.maximum(np.ceil(total), _FEWEST).astype(np.int64)
+    # One ascending row of all waves behind each other: the k-th point of a wave is where k shares of its total are.
+    steps = np.concatenate([np.zeros((len(v), 1)), np.cumsum(wanted / total[:, None], axis=1)], axis=1)
+    owner = np.repeat(np.arange(len(v)), size)
+    asked = owner * 2.0 + consecutive(np.zeros_like(size), size) / size[owner]
+    known = (steps + 2.0 * np.arange(len(v))[:, None]).ravel()
+    place = np.interp(asked, known, np.tile(u, len(v)))
+    return place, size
+
+
+def _paired(first: Float, second: Float, size: Int) -> tuple[Float, Int]:
+    """First and second line of each entry one after the other, both ascending along."""
+    start = np.cumsum(size) - size
+    owner = np.repeat(np.arange(len(size)), size)
+    step = np.arange(len(first)) - start[owner]
+    uv = np.zeros((2 * len(first), 2))
+    uv[2 * start[owner] + step] = first
+    uv[2 * start[owner] + 2 * size[owner] - 1 - step] = second
+    return uv, np.append(0, np.cumsum(np.repeat(size, 2)))
+
+
+def _density(length: Float) -> Float:
+    """(E,) length of line per area, of two lines in a square with sides of 2 pi; from the steps of one (E, n)."""
+    return np.asarray(length.sum(axis=1) / (2 * np.pi**2))
+
+
+def _mean_density() -> float:
+    """The mean of it over all z; an eighth of the period of z holds all there is."""
+    z = (np.arange(64) + 0.5)[:, None] * np.pi / 256
+    u = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
+    v = _wave(u[None, :], z, np.zeros_like(z, dtype=np.bool_))
+    return float(_density(np.hypot(np.diff(u)[None, :], np.diff(v, axis=1))).mean())

@@ -1,0 +1,142 @@
+"""Sparse regions: lines of a pattern with as much plastic as the density says.
+
+Lines lie equally far apart on layers of all heights, so that they stand on each other. What makes the density right is
+the bead: its cross-section is its height times a spacing that is the same for all heights.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.geometry import Areas, Float, Polylines, anchor, offset
+from printer_slicer.infill.task import Pattern, Task
+from printer_slicer.infill.thick import Fillings, fillings
+from printer_slicer.model import Regions, Role, Toolpaths
+from printer_slicer.profile import Profile
+
+__all__ = ["sparse_paths"]
+
+_NOZZLE_SHARE = 0.8  # of the nozzle's diameter: the highest bead it presses down
+_TRIED = 24  # entries from which the spacing is found
+_WIDEST_STEP = 1.25  # times the spacing of lines without anchors
+_SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its ends
+_BEAD_CHANGE = 0.1  # share by which the bead may make up for the rest
+
+
+def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measured: bool = True) -> Toolpaths:
+    """Lines of the pattern in the sparse regions.
+
+    Args:
+        regions: what is inside the walls.
+        profile: density, anchors, and how high the beads may be.
+        pattern: makes the lines.
+        measured: whether the density is a share of the volume; else it is the pattern's affair.
+    """
+    quality, plan = profile.quality, regions.plan
+    width = profile.extrusion_width
+    limit = min(quality.sparse_every, _NOZZLE_SHARE * profile.printer.nozzle_diameter, width)
+    filled = fillings(regions.sparse, plan, limit, width)
+    used = np.unique(filled.area.ring_layer)
+    highest = float(filled.height[used].max(initial=0.0))
+    # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
+    across = float(bead.spacing(width, highest))
+    inset = across / 2 - (quality.sparse_overlap * width if quality.perimeters else 0.0)
+    task = _task(regions, profile, filled, across, inset)
+    volume = quality.infill_density * _around(task.area, inset) * filled.height
+    if filled.area is not regions.sparse:
+        # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
+        each = quality.infill_density * _around(offset(regions.sparse, -inset), inset) * plan.height
+        volume *= each.sum() / max(float(volume.sum()), 1e-9)
+    if measured:
+        task = _spaced(task, pattern, volume, profile)
+    bare, more = _drawn(task, pattern)
+    lines = _anchored(task, bare, profile)
+    share = _share(_laid(task, lines, more), volume) if measured else np.ones_like(more)
+    return _toolpaths(regions, filled, lines, across * share / more)
+
+
+def _task(regions: Regions, profile: Profile, filled: Fillings, across: float, inset: float) -> Task:
+    quality = profile.quality
+    return Task(
+        offset(filled.area, -inset),
+        spacing=across / quality.infill_density,
+        bead=across,
+        inset=inset,
+        angle=float(np.deg2rad(quality.infill_angle_deg)),
+        z=regions.plan.top[filled.layer] - filled.height / 2,
+        height=filled.height,
+        turn=filled.turn,
+        layer=filled.layer,
+        regions=regions,
+        slope=float(np.tan(np.deg2rad(quality.lightning_angle_deg))),
+    )
+
+
+def _around(area: Areas, inset: float) -> Float:
+    """(E,) mm² of the area in whose middle, `inset` from its border, the centre lines lie; where there are any."""
+    outline = np.bincount(area.ring_layer, area.ring_length(), minlength=area.n_layers)
+    return np.asarray(area.area() + inset * outline)
+
+
+def _drawn(task: Task, pattern: Pattern) -> tuple[Polylines, Float]:
+    """The pattern's lines, and how much more than asked for there is of them at each entry's z."""
+    lines, more = pattern(task)
+    # Between walls that nearly touch, lines shrink to dots that carry nothing and cost a stop each.
+    return lines.take(np.flatnonzero(lines.length() >= _SHORTEST * task.bead)), more
+
+
+def _anchored(task: Task, lines: Polylines, profile: Profile) -> Polylines:
+    """The lines joined along the walls."""
+    longest = profile.quality.infill_anchor_max
+    return anchor(task.area, lines, longest=longest, hook=min(profile.quality.infill_anchor, longest))
+
+
+def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> Task:
+    """The task with the lines farther apart, so that lines and anchors together are as much as asked for.
+
+    Anchors follow the walls: their length hardly depends on the spacing, that of the lines is inverse to it. Both are
+    measured on some of the entries; one spacing for the whole part keeps the lines above each other.
+    """
+    used = np.unique(task.area.ring_layer)
+    if not len(used):
+        return task
+    tried = used[np.unique(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
+    some = replace(task, area=task.area.select(np.isin(task.area.ring_layer, tried)))
+    bare, more = _drawn(some, pattern)
+    lines, both = (_laid(some, one, more).sum() for one in (bare, _anchored(some, bare, profile)))
+    left = float(volume[tried].sum() - (both - lines))
+    step = lines / left if left * _WIDEST_STEP > lines else _WIDEST_STEP
+    return replace(task, spacing=task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing)
+
+
+def _laid(task: Task, lines: Polylines, more: Float) -> Float:
+    """(E,) mm³ of the usual bead in lines."""
+    length = np.bincount(lines.layer, lines.length(), minlength=len(more))
+    return np.asarray(length / more * task.height * task.bead)
+
+
+def _share(laid: Float, volume: Float) -> Float:
+    """(E,) by how much beads are wider or narrower: first so that each entry, then so that the part has its plastic."""
+    low, high = 1 - _BEAD_CHANGE, 1 + _BEAD_CHANGE
+    each = np.clip(np.divide(volume, laid, out=np.ones_like(laid), where=laid > 0), low, high)
+    there = float((each * laid).sum())
+    return np.asarray(np.clip(each * float(volume.sum()) / there, low, high) if there else each)
+
+
+def _toolpaths(regions: Regions, filled: Fillings, lines: Polylines, across: Float) -> Toolpaths:
+    """The lines as paths, on the layers on which they are printed."""
+    width = np.maximum(np.round(bead.width_for_spacing(across, filled.height), 4), filled.height)
+    entry = lines.layer
+    return Toolpaths.gathered(
+        regions.plan,
+        xy=lines.xy,
+        size=lines.size,
+        layer=filled.layer[entry],
+        role=np.full(len(entry), Role.SPARSE),
+        width=width[entry],
+        closed=lines.closed,
+        height=filled.height[entry],
+    )

@@ -1,0 +1,246 @@
+"""Trees that stand on walls: how they grow under what has to be held, and what is left of them on the layer below."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines
+from printer_slicer.geometry.clipping import clipped
+from printer_slicer.geometry.planar import SegmentTree
+
+__all__ = ["AT_WALL", "Tree", "Wall", "grown", "retracted", "rooted", "within"]
+
+AT_WALL = 0.004  # mm; nearer to the wall than this is at it
+_TOGETHER = 0.02  # mm; nodes nearer than this are one
+_MANY = 2500  # points that look for each other; more take what is there already
+
+
+class Tree(NamedTuple):
+    """The trees of one layer: places (n, 2) mm, and for each the node (n,) toward the wall; -1 for those at it."""
+
+    xy: Float
+    parent: Int
+
+    @classmethod
+    def none(cls) -> Tree:
+        """No tree."""
+        return cls(np.zeros((0, 2)), np.zeros(0, np.int64))
+
+    @property
+    def branch(self) -> Int:
+        """The nodes that a piece of branch leads from, to their parent."""
+        return np.flatnonzero(self.parent >= 0)
+
+    def children(self) -> Int:
+        """(n,) number of children."""
+        return np.bincount(self.parent[self.branch], minlength=len(self.parent))
+
+    def ends(self) -> Float:
+        """(S, 2, 2) both ends of every piece of branch."""
+        return np.stack([self.xy[self.branch], self.xy[self.parent[self.branch]]], axis=1)
+
+    def keep(self, nodes: Bool) -> Tree:
+        """Only some of the nodes; who loses its parent is at the wall."""
+        number = np.append(np.where(nodes, np.cumsum(nodes) - 1, -1), -1)
+        return Tree(self.xy[nodes], number[self.parent[nodes]])
+
+    def moved(self, xy: Float, gone: Bool) -> Tree:
+        """With new places, without nodes that are gone and without pieces too short to be printed."""
+        short = self.parent >= 0
+        short[short] = np.hypot(*(xy[short] - xy[self.parent[short]]).T) < _TOGETHER
+        goal = np.where(short, self.parent, np.arange(len(xy)))
+        while not np.array_equal(goal, goal[goal]):
+            goal = goal[goal]
+        parent = np.where(self.parent >= 0, goal[self.parent], -1)
+        return Tree(xy, parent).keep(~gone & ~short)
+
+
+class Wall:
+    """The outlines of one layer's area, to be reached by the nearest way."""
+
+    def __init__(self, area: Areas) -> None:
+        """Take the clean area of one layer, which must not be empty."""
+        self.area = area
+        self.ends = np.stack([area.xy, area.xy[area.following]], axis=1)
+        self._tree = SegmentTree(self.ends)
+
+    def nearest(self, points: Float) -> tuple[Float, Float]:
+        """(P,) mm to the wall, and (P, 2) where it is reached."""
+        foot, _ = _feet(points, self.ends[self._tree.nearest(points)])
+        return np.hypot(*(foot - points).T), foot
+
+
+def _feet(points: Float, segments: Float) -> tuple[Float, Float]:
+    """(P, 2) the place on its segment (P, 2, 2) nearest to each point, and (P,) how far along the segment it is."""
+    begin, way = segments[:, 0], segments[:, 1] - segments[:, 0]
+    long = np.maximum((way * way).sum(axis=1), 1e-18)
+    share = np.clip(((points - begin) * way).sum(axis=1) / long, 0, 1)
+    return begin + share[:, None] * way, share
+
+
+def retracted(tree: Tree, reach: float) -> Tree:
+    """The trees on the layer below, where they may have moved by `reach` mm: tips are shorter, bends straighter.
+
+    Every place of the trees given lies within `reach` of the result, but for tips shorter than that.
+    """
+    has, children = tree.parent >= 0, tree.children()
+    toward = np.where(has[:, None], tree.xy[tree.parent], tree.xy) - tree.xy
+    long = np.hypot(*toward.T)
+    tip = has & (children == 0)
+    gone = (tip & (long <= reach)) | (~has & (children == 0))
+    xy = tree.xy.copy()
+    going = tip & ~gone
+    xy[going] += toward[going] * (reach / long[going])[:, None]
+    still = np.zeros(len(has), np.bool_)
+    still[tree.parent[gone & has]] = True  # what a tip that is gone stood beside stays
+    middle = np.stack(
+        [np.bincount(tree.parent[has], tree.xy[has, axis], minlength=len(has)) for axis in (0, 1)], axis=1
+    )
+    bent = np.flatnonzero(has & (children > 0) & ~still)
+    goal = (middle[bent] / children[bent, None] + tree.xy[tree.parent[bent]]) / 2
+    step = goal - tree.xy[bent]
+    far = np.maximum(np.hypot(*step.T), 1e-12)
+    xy[bent] += step * np.minimum(reach / 2 / far, 1.0)[:, None]
+    return tree.moved(xy, gone)
+
+
+def within(tree: Tree, area: Areas) -> Tree:
+    """The parts of trees inside the area of a layer; where a branch leaves it, it is at the wall."""
+    branch = tree.branch
+    lines = Polylines.of(tree.ends().reshape(-1, 2), np.full(len(branch), 2), np.zeros(len(branch), np.int64))
+    parts, line = clipped(area, lines)
+    begin, end = branch[line], tree.parent[branch[line]]
+    xy, n = [tree.xy], len(tree.xy)
+    for side, own, point in ((0, begin, parts.start[:-1]), (1, end, parts.start[1:] - 1)):
+        cut = np.flatnonzero(parts.edge[:, side] >= 0)
+        own[cut] = n + np.arange(len(cut))
+        xy.append(parts.xy[point[cut]])
+        n += len(cut)
+    parent, used = np.full(n, -1), np.zeros(n, np.bool_)
+    parent[begin] = end
+    used[begin] = used[end] = True
+    return Tree(np.concatenate(xy), parent).keep(used)
+
+
+def rooted(tree: Tree, wall: Wall, reach: float) -> Tree:
+    """The trees with all roots at the wall.
+
+    A root within `reach` of the wall moves there; from one farther away a branch leads on, to the wall or to the
+    nearest other tree whose root is nearer to the wall than this one.
+    """
+    root = np.flatnonzero(tree.parent < 0)
+    gap, foot = wall.nearest(tree.xy[root]) if len(root) else (np.zeros(0), np.zeros((0, 2)))
+    off = gap > AT_WALL
+    xy, parent = tree.xy.copy(), tree.parent.copy()
+    xy[root[off & (gap <= reach)]] = foot[off & (gap <= reach)]
+    far = np.flatnonzero(off & (gap > reach))
+    tree = Tree(xy, parent)
+    if not len(far):
+        return tree
+    branch = tree.branch
+    key = np.where(gap > reach, gap, 0.0)
+    owner = _root_of(parent)
+    key_of = np.zeros(len(parent))
+    key_of[root] = key
+    on_tree = np.full(len(far), -1)
+    share = np.zeros(len(far))
+    ends = tree.ends()
+    for i, one in enumerate(far.tolist()):
+        places, along = _feet(np.broadcast_to(xy[root[one]], (len(branch), 2)), ends)
+        distance = np.hypot(*(places - xy[root[one]]).T)
+        distance[key_of[owner[branch]] >= key[one]] = np.inf
+        nearest = int(np.argmin(distance)) if len(branch) else -1
+        if nearest >= 0 and distance[nearest] < gap[one]:
+            on_tree[i], share[i], foot[one] = branch[nearest], along[nearest], places[nearest]
+    return _joined(tree, root[far], on_tree, share, foot[far])
+
+
+def _root_of(parent: Int) -> Int:
+    """(n,) the root that each node's branch leads to."""
+    goal = np.where(parent >= 0, parent, np.arange(len(parent)))
+    while not np.array_equal(goal, goal[goal]):
+        goal = goal[goal]
+    return goal
+
+
+def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tree:
+    """The trees with new parents for some nodes (m,): a place on a branch, or at the wall where `branch` is -1.
+
+    Args:
+        tree: the trees.
+        node: who gets a parent; each has none.
+        branch: the node that the piece of branch leads from.
+        share: how far along it the place is.
+        foot: (m, 2) the place.
+    """
+    parent = tree.parent.copy()
+    up = parent[branch]
+    to_child, to_parent = (
+        (branch >= 0) & (np.hypot(*(foot - tree.xy[end]).T) < _TOGETHER) for end in (branch, up)
+    )
+    parent[node[to_parent]], parent[node[to_child]] = up[to_parent], branch[to_child]
+    new = np.flatnonzero(~(to_child | to_parent))
+    # Places on one piece that are nearly the same are one.
+    order = new[np.lexsort((share[new], branch[new]))]
+    xy = foot[order]
+    same = np.append(False, (np.diff(branch[order]) == 0) & (branch[order][1:] >= 0))[: len(order)]
+    same[1:] &= np.hypot(*np.diff(xy, axis=0).T) < _TOGETHER
+    number = len(parent) + np.cumsum(~same) - 1
+    parent[node[order]] = number
+    order, xy, number = order[~same], xy[~same], number[~same]
+    goes_on = np.append(np.diff(branch[order]) == 0, False)[: len(order)] & (branch[order] >= 0)
+    above = np.where(goes_on, np.append(number[1:], -1), np.where(branch[order] >= 0, up[order], -1))
+    first = (branch[order] >= 0) & np.append(True, np.diff(branch[order]) != 0)[: len(order)]
+    parent[branch[order][first]] = number[first]
+    return Tree(np.concatenate([tree.xy, xy]), np.concatenate([parent, above]))
+
+
+def grown(tree: Tree, wall: Wall, points: Float, level: Int, radius: float) -> Tree:
+    """The trees with branches to all points that lie farther than `radius` from them and from the wall.
+
+    Points of the highest level come first, so that those of lower ones find branches near; each takes the nearest of
+    the wall, what has grown, and points of its own level that are nearer to either. No straight way to the nearest
+    leaves the area: the wall would be nearer.
+
+    Args:
+        tree: the trees.
+        wall: of the layer.
+        points: (P, 2) that have to be held.
+        level: (P,) in which order.
+        radius: mm.
+    """
+    for one in np.unique(level)[::-1].tolist():
+        asking = points[level == one]
+        branch = tree.branch
+        segments = np.concatenate([tree.ends(), wall.ends])
+        which = SegmentTree(segments).nearest(asking)
+        foot, share = _feet(asking, segments[which])
+        gap = np.hypot(*(foot - asking).T)
+        free = gap > radius
+        if not free.any():
+            continue
+        asking, gap, foot, share, which = asking[free], gap[free], foot[free], share[free], which[free]
+        node = len(tree.xy) + np.arange(len(asking))
+        friend = _friends(asking, gap)
+        parent = np.where(friend >= 0, node[friend], -1)
+        tree = Tree(np.concatenate([tree.xy, asking]), np.concatenate([tree.parent, parent]))
+        alone = np.flatnonzero(friend < 0)
+        on = np.append(branch, -1)[np.minimum(which[alone], len(branch))]
+        tree = _joined(tree, node[alone], on, share[alone], foot[alone])
+    return tree
+
+
+def _friends(points: Float, gap: Float) -> Int:
+    """(P,) the nearest other point that is nearer to a branch or wall, if it is nearer than those; else -1."""
+    n = len(points)
+    if n < 2 or n > _MANY:
+        return np.full(n, -1)
+    rank = np.zeros(n, np.int64)
+    rank[np.lexsort((np.arange(n), gap))] = np.arange(n)
+    between = points[:, None] - points[None]
+    distance = np.hypot(between[..., 0], between[..., 1])
+    distance[rank[None, :] >= rank[:, None]] = np.inf
+    nearest = np.argmin(distance, axis=1)
+    return np.where(distance[np.arange(n), nearest] < gap, nearest, -1)
