@@ -7,6 +7,7 @@ run both.
 """
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, frozen_array
+from printer_slicer.geometry.clipping import clip_outlines
 from printer_slicer.geometry.engine import (
     difference,
     intersection,
@@ -18,6 +19,7 @@ from printer_slicer.geometry.engine import (
     window_intersection,
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch
+from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.polygons import Polygons
 
@@ -29,6 +31,8 @@ __all__ = [
     "Lines",
     "Polygons",
     "chain_rows",
+    "clip_outlines",
+    "convex_hull",
     "crossed",
     "difference",
     "frozen_array",
