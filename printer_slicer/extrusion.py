@@ -187,7 +187,8 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     """(K + 1,) speed of each move, mm/s."""
     printer, speeds, material = profile.printer, profile.quality.speeds, profile.material
     of_role = np.zeros(len(Role))
-    of_role[[Role.SKIRT, Role.BRIM]] = speeds.first_layer
+    # A draft shield goes on over the first layer.
+    of_role[[Role.SKIRT, Role.BRIM]] = max(speeds.first_layer, speeds.outer_perimeter), speeds.first_layer
     of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
     of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
     of_role[Role.BRIDGE] = speeds.bridge

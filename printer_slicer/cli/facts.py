@@ -56,11 +56,24 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         "lost_mm3": round(float((stages.walls.lost * program.plan.height).sum()), 3),
         "empty_layers": program.plan.n_layers - len(program.printed),
         "begins_at": _begins_at(program),
-        "skirt_left_out": bool(profile.quality.skirt_loops) and not (program.role == Role.SKIRT).any(),
+        **_skirt_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
         "certificate": certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
+    }
+
+
+def _skirt_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
+    """How much of the skirt that was asked for has no room on the bed."""
+    paths, program, quality = stages.toolpaths, stages.program, profile.quality
+    loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
+    fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
+    short = quality.skirt_min_length - fed if quality.skirt_loops else 0.0
+    return {
+        "skirt_left_out": bool(quality.skirt_loops) and not loops,
+        "skirt_loops_left_out": max(quality.skirt_loops - loops, 0),
+        "skirt_short_mm": round(max(short, 0.0), 3),
     }
 
 
@@ -106,15 +119,28 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         lines.append(
             f"the part begins in the air, at z {facts['begins_at']:g}: nothing of it reaches the bed"
         )
-    if facts["skirt_left_out"]:
-        lines.append(
-            "the skirt does not fit on the bed beside the part and is left out; mind lines that prime there"
-        )
+    lines += _skirt_sentences(facts)
     if facts["lost_mm3"] > _WORTH_SAYING * facts["volume_mm3"]:
         lines.append(
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
         )
     return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
+
+
+def _skirt_sentences(facts: dict[str, Any]) -> list[str]:
+    """What of the skirt or draft shield is missing, for people."""
+    if facts["skirt_left_out"]:
+        return [
+            "the skirt does not fit on the bed beside the part and is left out; mind lines that prime there"
+        ]
+    lines = []
+    if facts["skirt_loops_left_out"]:
+        lines.append(f"the bed has no room for {facts['skirt_loops_left_out']} of the skirt's loops")
+    if facts["skirt_short_mm"] > _WORTH_MENTION:
+        lines.append(
+            f"the bed has no room for more of the skirt, which is {facts['skirt_short_mm']:g} mm of filament short"
+        )
+    return lines
 
 
 def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:

@@ -278,9 +278,27 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sparse_overlap: Annotated[
         float, _meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
     ] = 0.25
-    skirt_loops: Annotated[int, _meta("loops around the part on the first layer", ge=0, le=20)] = 1
+    skirt_loops: Annotated[int, _meta("loops around everything on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
+    skirt_min_length: Annotated[
+        float, _meta("more loops on the first layer until they hold this much filament", "mm", ge=0, le=10000)
+    ] = 0
+    skirt_height: Annotated[
+        float,
+        _meta("draft shield: the skirt reaches up to this; 0: one layer, 10000: all", "mm", ge=0, le=10000),
+    ] = 0
     brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0
+    brim_type: Annotated[
+        Literal["outer", "inner", "both", "ears"],
+        _meta("where the brim is: around bodies, in their holes, both, or at sharp corners"),
+    ] = "outer"
+    brim_gap: Annotated[float, _meta("between part and brim", "mm", ge=0, le=5)] = 0
+    brim_ear_angle_deg: Annotated[
+        float, _meta("sharper corners than this get an ear", "degrees", ge=0, le=180)
+    ] = 125
+    brim_ear_scale: Annotated[
+        float, _meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
+    ] = 2
     speeds: Speeds = field(default_factory=Speeds)
 
 

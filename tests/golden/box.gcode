@@ -346,7 +346,13 @@ M104 S0
 ; quality.sparse_overlap = 0.25
 ; quality.skirt_loops = 1
 ; quality.skirt_distance = 2.0
+; quality.skirt_min_length = 0
+; quality.skirt_height = 0
 ; quality.brim_width = 0
+; quality.brim_type = outer
+; quality.brim_gap = 0
+; quality.brim_ear_angle_deg = 125
+; quality.brim_ear_scale = 2
 ; quality.speeds.outer_perimeter = 35
 ; quality.speeds.inner_perimeter = 50
 ; quality.speeds.sparse = 70
