@@ -157,9 +157,11 @@ def _by_body(lines: list[Float], room: Int, grounds: Areas) -> list[int]:
         grounds: outer rings around what hangs together, room by room.
     """
     begin = np.array([line[0] for line in lines]).reshape(-1, 2)
-    sorted_by_room = np.argsort(room, kind="stable")
+    # Where a line was cut it ends on a border; half-way along it is certainly inside.
+    middle = np.array([line[len(line) // 2 - 1 : len(line) // 2 + 1].mean(axis=0) for line in lines])
+    by_room = np.argsort(room, kind="stable")
     ground = np.zeros(len(lines), np.int64)
-    ground[sorted_by_room] = rings_around(grounds, begin[sorted_by_room], room[sorted_by_room])
+    ground[by_room] = rings_around(grounds, middle.reshape(-1, 2)[by_room], room[by_room])
     groups = [np.flatnonzero(ground == one) for one in np.unique(ground).tolist()]
     order: list[int] = []
     here = begin[0] if len(lines) else np.zeros(2)

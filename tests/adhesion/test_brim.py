@@ -213,6 +213,14 @@ def test_only_the_points_of_a_star_get_ears() -> None:
         assert near < 0.01
 
 
+def test_one_ear_is_laid_after_the_other() -> None:
+    paths = brim(plate([star(5, 20, 9)]), brim_width=4, brim_type="ears")
+
+    middle = np.array([paths.path(i).mean(axis=0) for i in range(paths.n_paths)])
+    ear = np.argmin(np.hypot(*(middle[:, None] - star(5, 20, 9)[None, ::2]).transpose(2, 0, 1)), axis=1)
+    assert (np.diff(ear) != 0).sum() == 4
+
+
 @given(st.integers(3, 9), st.integers(20, 60), st.sampled_from([0.0, 0.2]), st.integers(0, 62))
 @settings(max_examples=25)
 def test_every_ear_holds_on_to_its_corner(points: int, inner: int, gap: float, turned: int) -> None:
