@@ -189,6 +189,7 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     of_role = np.zeros(len(Role))
     # A draft shield goes on over the first layer.
     of_role[[Role.SKIRT, Role.BRIM]] = max(speeds.first_layer, speeds.outer_perimeter), speeds.first_layer
+    of_role[Role.RAFT] = speeds.raft
     of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
     of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
     of_role[Role.BRIDGE] = speeds.bridge
@@ -196,7 +197,9 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     of_role[Role.TOP_SKIN] = speeds.top_skin
     of_role[Role.SPARSE] = speeds.sparse
     wanted = of_role[paths.role]
-    wanted = np.where(paths.layer == 0, np.minimum(wanted, speeds.first_layer), wanted)
+    raft = paths.role == Role.RAFT
+    begins = (paths.layer == 0) | (raft.any() & (paths.layer == paths.layer[raft].max(initial=-1) + 1))
+    wanted = np.where(begins, np.minimum(wanted, speeds.first_layer), wanted)
     is_bead = rows.kind == _BEAD
     flowing = material.max_flow / (beads.cross_section * material.flow_ratio)
     z_speed = min(speeds.travel, printer.max_speed_z)

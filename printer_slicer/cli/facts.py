@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.gcode import spoken
-from printer_slicer.model import Float, LayerPlan, Mesh, Program, Repairs, Role
+from printer_slicer.model import Float, Int, LayerPlan, Mesh, Repairs, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.planning.unkept import unkept_rules
@@ -42,20 +42,21 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         seconds: modelled time of the moves.
         certificate: of the plan.
     """
-    program = stages.program
+    program, plan = stages.program, stages.sections.plan
     area = np.pi * profile.material.filament_diameter**2 / 4
     return {
-        "layers": program.plan.n_layers,
-        "planner": program.plan.planner,
-        "heights": [[count, height] for count, height in program.plan.runs()],
+        "layers": plan.n_layers,
+        "planner": plan.planner,
+        "heights": [[count, height] for count, height in plan.runs()],
+        "raft": _raft_facts(stages),
         "seconds": round(seconds, 3),
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
         "volume_mm3": round(stages.part.volume, 3),
-        "lost_mm3": round(float((stages.walls.lost * program.plan.height).sum()), 3),
-        "empty_layers": program.plan.n_layers - len(program.printed),
-        "begins_at": _begins_at(program),
+        "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
+        "empty_layers": plan.n_layers - len(_filled_layers(stages)),
+        "begins_at": _begins_at(stages),
         **_skirt_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
@@ -77,10 +78,27 @@ def _skirt_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
     }
 
 
-def _begins_at(program: Program) -> float:
-    """Z of the bottom of the first layer that holds a bead of the part itself, mm; 0 on the bed."""
-    of_part = program.role > Role.BRIM
-    return round(float(program.plan.bottom[program.layer[of_part].min()]), 4) if of_part.any() else 0.0
+def _raft_facts(stages: Stages) -> dict[str, Any] | None:
+    """Layer heights of the raft, and the air over it; None without one."""
+    plan, printed = stages.sections.plan, stages.program.plan
+    n_below = printed.n_layers - plan.n_layers
+    if not n_below:
+        return None
+    gap = float(printed.top[-1] - plan.top[-1] - printed.top[n_below - 1])
+    return {"heights": printed.height[:n_below].tolist(), "gap_mm": round(gap, 6)}
+
+
+def _filled_layers(stages: Stages) -> Int:
+    """The layers of the part's plan that hold beads of the part itself, ascending."""
+    program = stages.program
+    n_below = program.plan.n_layers - stages.sections.plan.n_layers
+    return np.unique(program.layer[program.role > Role.RAFT]) - n_below
+
+
+def _begins_at(stages: Stages) -> float:
+    """Bottom of the first layer that holds a bead of the part itself, mm over the bed or the raft."""
+    filled = _filled_layers(stages)
+    return round(float(stages.sections.plan.bottom[filled[0]]), 4) if len(filled) else 0.0
 
 
 def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
@@ -103,7 +121,7 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
     """
     metres, grams = facts["filament_mm"] / 1000, facts["filament_g"]
     lines = [
-        f"{facts['layers']} layers ({runs_text(facts['heights'])})",
+        f"{facts['layers']} layers ({runs_text(facts['heights'])})" + _raft_text(facts["raft"]),
         f"{spoken(facts['seconds'])} of printing, {metres:.2f} m of filament, {grams} g",
     ]
     if facts["planner"] != "uniform" and any(
@@ -125,6 +143,14 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
         )
     return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
+
+
+def _raft_text(raft: dict[str, Any] | None) -> str:
+    """What the part stands on, for people."""
+    if raft is None:
+        return ""
+    heights = raft["heights"]
+    return f" on a raft of {sum(heights):g} mm ({len(heights)} layers), {raft['gap_mm']:g} mm over it"
 
 
 def _skirt_sentences(facts: dict[str, Any]) -> list[str]:

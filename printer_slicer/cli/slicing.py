@@ -45,7 +45,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
             _draw_layer(program, arguments.layer, arguments.picture)
-        certificate = certify(read_surface(stage.part), program.plan)
+        certificate = certify(read_surface(stage.part), stage.sections.plan)
         write_file(output, gcode_of(program, profile, seconds=seconds, certificate=certificate))
     facts = facts_of(stage, profile, seconds, certificate)
     if arguments.json:
@@ -60,5 +60,5 @@ def _draw_layer(program: Program, number: int, path: Path) -> None:
     from printer_slicer.drawing import layer_picture, picture_bytes
 
     if not 1 <= number <= program.plan.n_layers:
-        raise UsageError(f"--layer {number}: the part has layers 1 to {program.plan.n_layers}")
+        raise UsageError(f"--layer {number}: the print has layers 1 to {program.plan.n_layers}")
     write_file(path, picture_bytes(layer_picture(program, number - 1), path))

@@ -132,7 +132,16 @@ class Speeds(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     solid: Annotated[float, _meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
     top_skin: Annotated[float, _meta("top skins", "mm/s", gt=0, le=1000)] = 40
     bridge: Annotated[float, _meta("bridges", "mm/s", gt=0, le=1000)] = 30
-    first_layer: Annotated[float, _meta("everything on the first layer, at most", "mm/s", gt=0, le=1000)] = 20
+    raft: Annotated[float, _meta("rafts", "mm/s", gt=0, le=1000)] = 30
+    first_layer: Annotated[
+        float,
+        _meta(
+            "everything on the first layer, and on the part's first over a raft, at most",
+            "mm/s",
+            gt=0,
+            le=1000,
+        ),
+    ] = 20
     travel: Annotated[float, _meta("travels", "mm/s", gt=0, le=2000)] = 150
 
 
@@ -299,6 +308,12 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     brim_ear_scale: Annotated[
         float, _meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
     ] = 2
+    raft_height: Annotated[float, _meta("platform under the part; 0: none", "mm", ge=0, le=50)] = 0
+    raft_margin: Annotated[float, _meta("the raft is wider than the first layer", "mm", ge=1, le=50)] = 3
+    raft_gap: Annotated[float, _meta("air between raft and part", "mm", ge=0, le=1)] = 0.16
+    raft_base_density: Annotated[
+        float, _meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
+    ] = 0.5
     speeds: Speeds = field(default_factory=Speeds)
 
 

@@ -353,11 +353,16 @@ M104 S0
 ; quality.brim_gap = 0
 ; quality.brim_ear_angle_deg = 125
 ; quality.brim_ear_scale = 2
+; quality.raft_height = 0
+; quality.raft_margin = 3
+; quality.raft_gap = 0.16
+; quality.raft_base_density = 0.5
 ; quality.speeds.outer_perimeter = 35
 ; quality.speeds.inner_perimeter = 50
 ; quality.speeds.sparse = 70
 ; quality.speeds.solid = 60
 ; quality.speeds.top_skin = 40
 ; quality.speeds.bridge = 30
+; quality.speeds.raft = 30
 ; quality.speeds.first_layer = 20
 ; quality.speeds.travel = 150
