@@ -8,8 +8,6 @@ from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
 __all__ = ["clip_outlines"]
 
-_PAIRS_AT_ONCE = 1 << 20  # of edges; bounds the memory
-
 
 def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool]:
     """The stretches of the rings of `outlines` that lie in the areas of `within`, layer by layer.
@@ -30,8 +28,18 @@ def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool
     """
     if outlines.n_layers != within.n_layers:
         raise ValueError(f"stacks of {outlines.n_layers} and {within.n_layers} layers")
-    pieces = [_clipped(outlines, index, within) for index in range(outlines.n_rings)]
-    paths = [(xy, index, closed) for index, some in enumerate(pieces) for xy, closed in some]
+    if not (outlines.n_rings and within.n_rings):
+        nothing = np.zeros(0, np.int64)
+        return np.zeros((0, 2)), nothing, nothing, np.zeros(0, np.bool_)
+    nodes, edge, inside = _pieces(outlines, within)
+    last = np.searchsorted(edge, outlines.ring_start[1:])
+    first = np.append(0, last[:-1])
+    paths: list[tuple[Float, int, bool]] = []
+    for index, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        if inside[begin:end].all():
+            paths.append((outlines.ring(index), index, True))
+        elif inside[begin:end].any():
+            paths += [(xy, index, False) for xy in _stretches(nodes[begin:end], inside[begin:end])]
     return (
         np.concatenate([np.zeros((0, 2)), *(xy for xy, _, _ in paths)]),
         np.array([len(xy) for xy, _, _ in paths], np.int64),
@@ -40,64 +48,57 @@ def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool
     )
 
 
-def _clipped(outlines: Areas, index: int, within: Areas) -> list[tuple[Float, bool]]:
-    """The stretches of one ring, each with whether it is the whole ring."""
-    ring, layer = outlines.ring(index), int(outlines.ring_layer[index])
-    first, last = within.ring_start[within.layer_start[layer : layer + 2]]
-    if first == last:
-        return []
-    a, b = within.xy[first:last], within.xy.take(within.following[first:last], axis=0)
-    nodes = _with_crossings(ring, a, b)
-    after = np.roll(nodes, -1, axis=0)
-    inside = _inside((nodes + after) / 2, a, b)
-    if inside.all():
-        return [(ring, True)]
+def _stretches(nodes: Float, inside: Bool) -> list[Float]:
+    """The runs of pieces inside, of a ring that is outside somewhere; each piece goes on to the next node."""
     # Turned so that the last piece is outside, no stretch runs over the end.
     turn = int(np.flatnonzero(~inside)[-1]) + 1
     nodes, inside = np.roll(nodes, -turn, axis=0), np.roll(inside, -turn)
-    edge = np.diff(inside.astype(np.int8), prepend=0, append=0)
-    begin, end = np.flatnonzero(edge > 0), np.flatnonzero(edge < 0)
-    return [(nodes[i : j + 1], False) for i, j in zip(begin.tolist(), end.tolist(), strict=True)]
+    change = np.diff(inside.astype(np.int8), prepend=0, append=0)
+    begin, end = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+    return [nodes[i : j + 1] for i, j in zip(begin.tolist(), end.tolist(), strict=True)]
 
 
-def _with_crossings(ring: Float, a: Float, b: Float) -> Float:
-    """The points of a ring and, between them, those where it crosses the edges from `a` to `b` (E, 2)."""
-    way, edge = np.roll(ring, -1, axis=0) - ring, b - a
-    side: list[Int] = []
-    share: list[Float] = []
-    at_once = max(_PAIRS_AT_ONCE // len(a), 1)
-    for start in range(0, len(ring), at_once):
-        begin, along = ring[start : start + at_once, None], way[start : start + at_once, None]
-        gap, turn = a - begin, _cross(along, edge)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = _cross(gap, edge) / turn, _cross(gap, along) / turn
-        meets = (u > 0) & (u < 1) & (v >= 0) & (v <= 1)
-        side.append(np.nonzero(meets)[0] + start)
-        share.append(u[meets])
-    sides, shares = (
-        np.concatenate([np.arange(len(ring)), *side]),
-        np.concatenate([np.zeros(len(ring)), *share]),
+def _pieces(outlines: Areas, within: Areas) -> tuple[Float, Int, Bool]:
+    """The rings cut at every crossing: where each piece begins (n, 2), on which side it lies, whether it is inside."""
+    from printer_slicer.geometry.nearest import Outlines  # noqa: PLC0415 - few prints cut outlines
+
+    begin, way = outlines.xy, outlines.xy[outlines.following] - outlines.xy
+    layer = np.repeat(outlines.ring_layer, np.diff(outlines.ring_start))
+    edge, share = _crossings(begin, way, layer, within)
+    edge = np.concatenate([np.arange(len(begin)), edge])
+    share = np.concatenate([np.zeros(len(begin)), share])
+    order = np.lexsort((share, edge))
+    edge, share = edge[order], share[order]
+    new = np.append(True, (np.diff(edge) != 0) | (np.diff(share) > 0))
+    edge, share = edge[new], share[new]
+    until = np.append(np.where(np.diff(edge) == 0, share[1:], 1.0), 1.0)
+    middle = begin[edge] + ((share + until) / 2)[:, None] * way[edge]
+    inside = Outlines(within, middle.min(axis=0), middle.max(axis=0)).inside(middle, layer[edge])
+    return begin[edge] + share[:, None] * way[edge], edge, inside
+
+
+def _crossings(begin: Float, way: Float, layer: Int, within: Areas) -> tuple[Int, Float]:
+    """Which sides, from `begin` by `way` (E, 2) on their layers (E,), cross an outline, and at what share of them."""
+    from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - few prints cut outlines
+
+    a, b = within.xy, within.xy[within.following]
+    both = np.concatenate([begin, begin + way, a])
+    # Each layer has a stretch of x of its own.
+    apart = np.array([np.ptp(both[:, 0]) + 1.0, 0.0])
+    own, other = (
+        layer[:, None] * apart,
+        np.repeat(within.ring_layer, np.diff(within.ring_start))[:, None] * apart,
     )
-    order = np.lexsort((shares, sides))
-    sides, shares = sides[order], shares[order]
-    new = np.append(True, (np.diff(sides) != 0) | (np.diff(shares) > 0))
-    sides, shares = sides[new], shares[new]
-    return np.asarray(ring[sides] + shares[:, None] * way[sides])
-
-
-def _inside(points: Float, a: Float, b: Float) -> Bool:
-    """(P,) whether a ray to the right crosses the edges an odd number of times."""
-    result = np.zeros(len(points), np.bool_)
-    at_once = max(_PAIRS_AT_ONCE // len(a), 1)
-    for start in range(0, len(points), at_once):
-        x, y = points[start : start + at_once, :1], points[start : start + at_once, 1:]
-        spans = (a[:, 1] <= y) != (b[:, 1] <= y)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            right = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]) > x
-        result[start : start + at_once] = (spans & right).sum(axis=1) % 2 == 1
-    return result
+    tree = SegmentTree(np.stack([a + other, b + other], axis=1))
+    edge, segment = tree.meeting(begin + own, begin + way + own)
+    gap, along, across = a[segment] - begin[edge], way[edge], b[segment] - a[segment]
+    turn = _cross(along, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = _cross(gap, across) / turn, _cross(gap, along) / turn
+    meets = (u > 0) & (u < 1) & (v >= 0) & (v <= 1)
+    return edge[meets], u[meets]
 
 
 def _cross(a: Float, b: Float) -> Float:
-    """Cross products of vectors (..., 2)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    """Cross products of vectors (n, 2)."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
