@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.adhesion.loops import on_bed, paths_of
-from printer_slicer.geometry import convex_hull, offset
+from printer_slicer.geometry import convex_hull, offset, simplify
 from printer_slicer.model import Areas, Float, Int, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -27,6 +27,9 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
     quality, plan = profile.quality, sections.plan
     tall = _layers(plan.bottom, quality.skirt_height)
     hull = _hull(sections.solid, brim, first_only=tall == 1)
+    # A part that turns on its way up has thousands of corners around it; each would be a move on every layer.
+    coarse = quality.resolution / 2 if tall > 1 else 0.0
+    hull = simplify(hull, coarse)
     # A bead is at least as wide as high: the first one over the air of a raft is higher than others.
     width = np.maximum(profile.extrusion_width, plan.height[:tall])
     if not (hull.n_rings and quality.skirt_loops):
@@ -38,7 +41,7 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
     loops: list[Areas] = []
     wanted = max(quality.skirt_loops, _loops_for_length(hull, sections, profile))
     for i in range(wanted):
-        reach = quality.skirt_distance + wide / 2 + i * bead.spacing(wide, heights)
+        reach = coarse + quality.skirt_distance + wide / 2 + i * bead.spacing(wide, heights)
         loop = offset(stack, reach, join="round")
         if not on_bed(loop.xy, profile, float(wide.max())):
             break

@@ -28,9 +28,9 @@ def ring_of(x0: float, y0: float, x1: float, y1: float) -> Float:
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], dtype=np.float64)
 
 
-def disc(radius: float, at: tuple[float, float] = (0.0, 0.0), sides: int = 96) -> Float:
-    """(sides, 2) a polygon that is nearly a circle, counter-clockwise."""
-    turn = 2 * np.pi * np.arange(sides) / sides
+def disc(radius: float, at: tuple[float, float] = (0.0, 0.0), sides: int = 96, turned: float = 0.0) -> Float:
+    """(sides, 2) a regular polygon, by default nearly a circle, counter-clockwise; turned by radians."""
+    turn = turned + 2 * np.pi * np.arange(sides) / sides
     return radius * np.column_stack([np.cos(turn), np.sin(turn)]) + np.array(at)
 
 

@@ -15,7 +15,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.model import LayerPlan, Mesh, Role, Sections, Toolpaths
 from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.slicing import cut
-from tests.adhesion.plates import lines, standing
+from tests.adhesion.plates import disc, lines, standing
 from tests.parts import (
     box,
     box_with_hole,
@@ -152,6 +152,15 @@ def test_a_draft_shield_clears_what_leans_over_it() -> None:
     for ring in rings(paths, Role.SKIRT):
         assert float(shapely.distance(ring, shadow)) > 3 + 0.225 - 0.01
         assert shapely.contains(shapely.Polygon(ring), shadow)
+
+
+def test_a_draft_shield_around_a_part_that_turns_has_no_more_corners_than_it_needs() -> None:
+    """The corners of 300 triangles, each turned a little farther, lie on a circle."""
+    sections = standing(Areas.from_rings([[disc(20, turned=0.01 * k, sides=3)] for k in range(300)]))
+    paths = adhesion_paths(sections, plain(skirt_loops=1, skirt_distance=3, skirt_height=1))
+
+    assert np.diff(paths.start).max() < 300  # of 900
+    assert np.hypot(*paths.xy.T).min() > 23.225 - 0.01
 
 
 @given(clean_areas(3), st.sampled_from([0.0, 0.25, 10000.0]), st.integers(1, 3))

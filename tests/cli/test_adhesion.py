@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from command_line import BOX, QUICK, typed
 
 
