@@ -72,7 +72,7 @@ def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
     # Around a convex area each mm outward adds a circle's share, wherever the corners are.
     length = hull.ring_length().sum() + 2 * np.pi * out
     per_mm = bead.filament_per_mm(width, height, profile.material.filament_diameter)
-    fed = np.cumsum(length * per_mm * profile.material.flow_ratio)
+    fed = np.cumsum(length * per_mm * profile.material.flow_ratio * quality.first_layer_flow)
     return (
         int(np.searchsorted(fed, quality.skirt_min_length * (1 - 1e-4))) + 1
         if quality.skirt_min_length

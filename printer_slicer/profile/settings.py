@@ -244,6 +244,9 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     planner: Planner = field(default_factory=OptimalPlanner)
     layer_height: Annotated[float, _meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
     first_layer_height: Annotated[float, _meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
+    first_layer_flow: Annotated[
+        float, _meta("extrusion of the layer on the bed is multiplied by this", "ratio", ge=0.5, le=1.5)
+    ] = 1
     thinnest_layer: Annotated[
         float, _meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
     ] = 0

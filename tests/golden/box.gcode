@@ -326,6 +326,7 @@ M104 S0
 ; quality.planner.kind = uniform
 ; quality.layer_height = 0.3
 ; quality.first_layer_height = 0.2
+; quality.first_layer_flow = 1
 ; quality.thinnest_layer = 0
 ; quality.thickest_layer = 0
 ; quality.layer_step = 0
