@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cross_section", "filament_per_mm", "spacing", "width_for_spacing"]
+__all__ = ["cross_section", "filament_per_mm", "layer_widths", "spacing", "width_for_spacing"]
 
 Float = NDArray[np.float64]
 _ROUNDING = 1 - pi / 4  # share of the height that the round sides take away from the spacing
@@ -36,3 +36,10 @@ def cross_section(width: Float | float, height: Float | float) -> Float:
 def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: float) -> Float:
     """Filament to feed for each mm of path, mm/mm."""
     return np.asarray(cross_section(width, height) / (pi * filament_diameter**2 / 4), dtype=np.float64)
+
+
+def layer_widths(n_layers: int, first: float, usual: float) -> Float:
+    """(n_layers,) extrusion width of each layer, mm: one for the first, one for all others."""
+    widths = np.full(n_layers, usual, dtype=np.float64)
+    widths[:1] = first
+    return widths

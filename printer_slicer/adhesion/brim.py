@@ -54,7 +54,7 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
     Raises:
         PartError: the brim leaves the bed.
     """
-    quality, plan, width = profile.quality, sections.plan, profile.extrusion_width
+    quality, plan, width = profile.quality, sections.plan, profile.width_on_bed
     gap = float(bead.spacing(width, float(plan.height[0])))
     count = int(np.ceil(quality.brim_width / gap - 1e-6))
     first = sections.solid.select(sections.solid.ring_layer == 0)

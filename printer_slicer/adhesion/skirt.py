@@ -31,11 +31,13 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
     coarse = quality.resolution / 2 if tall > 1 else 0.0
     hull = simplify(hull, coarse)
     # A bead is at least as wide as high: the first one over the air of a raft is higher than others.
-    width = np.maximum(profile.extrusion_width, plan.height[:tall])
+    width = np.maximum(
+        bead.layer_widths(tall, profile.width_on_bed, profile.extrusion_width), plan.height[:tall]
+    )
     if not (hull.n_rings and quality.skirt_loops):
         return paths_of(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
-    heights, which = np.unique(plan.height[:tall], return_inverse=True)
-    wide = np.maximum(profile.extrusion_width, heights)
+    kinds, which = np.unique(np.stack([plan.height[:tall], width]), axis=1, return_inverse=True)
+    heights, wide = kinds
     stack = hull.take(np.zeros(len(heights), np.int64))
     stack = Areas(stack.xy, stack.ring_start, np.arange(len(heights)), len(heights))
     loops: list[Areas] = []
@@ -65,7 +67,7 @@ def _hull(solid: Areas, brim: Toolpaths, *, first_only: bool) -> Areas:
 def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
     """How many loops on the first layer hold `skirt_min_length` of filament, as far as there is room on any bed."""
     quality, printer, height = profile.quality, profile.printer, float(sections.plan.height[0])
-    width = max(profile.extrusion_width, height)
+    width = max(profile.width_on_bed, height)
     gap = float(bead.spacing(width, height))
     most = int(max(printer.bed_x, printer.bed_y) / gap) + 1
     out = quality.skirt_distance + width / 2 + gap * np.arange(most)

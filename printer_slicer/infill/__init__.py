@@ -43,8 +43,9 @@ def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
 
 def _solid(region: Areas, role: Role, plan: LayerPlan, angle: Float, profile: Profile) -> Toolpaths:
     """Beads side by side, a little wider or narrower than usual so that a whole number of them fills the layer."""
-    overlap = profile.quality.infill_overlap * profile.extrusion_width if profile.quality.perimeters else 0.0
-    usual = bead.spacing(profile.extrusion_width, plan.height)
+    wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    overlap = (profile.quality.infill_overlap if profile.quality.perimeters else 0.0) * wide
+    usual = bead.spacing(wide, plan.height)
     low, high = _across(region, angle)
     low, high = low - overlap, high + overlap
     count = np.maximum(np.rint((high - low) / usual), 1)
@@ -62,17 +63,18 @@ def _solid(region: Areas, role: Role, plan: LayerPlan, angle: Float, profile: Pr
 
 def _sparse(region: Areas, plan: LayerPlan, angle: Float, profile: Profile) -> Toolpaths:
     """Lines of the pattern, without turns: those would be more plastic than the density says."""
-    quality, width = profile.quality, profile.extrusion_width
+    quality = profile.quality
+    width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(width, plan.height)
-    overlap = quality.sparse_overlap * width if quality.perimeters else 0.0
+    overlap = (quality.sparse_overlap if quality.perimeters else 0.0) * width
     pattern = PATTERNS[quality.infill]
     area = offset(region, overlap - gap / 2)
     xy, size, layer = pattern(area, gap / quality.infill_density, angle, np.zeros_like(gap))
     # Between walls that nearly touch, lines shrink to dots that carry nothing and cost a stop each.
     ends = xy.reshape(-1, 2, 2)
-    carries = np.hypot(*(ends[:, 1] - ends[:, 0]).T) >= width
+    carries = np.hypot(*(ends[:, 1] - ends[:, 0]).T) >= width[layer]
     lines = ends[carries].reshape(-1, 2), size[carries], layer[carries]
-    return _paths(plan, lines, Role.SPARSE, np.full(plan.n_layers, width))
+    return _paths(plan, lines, Role.SPARSE, width)
 
 
 def _across(region: Areas, angle: Float) -> tuple[Float, Float]:

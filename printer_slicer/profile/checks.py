@@ -106,7 +106,7 @@ def _planner(profile: Profile) -> Iterator[Conflict]:
 
 def _widths(profile: Profile) -> Iterator[Conflict]:
     """Beads are at least as wide as high, and the nozzle can press them flat."""
-    nozzle, width = profile.printer.nozzle_diameter, profile.extrusion_width
+    nozzle = profile.printer.nozzle_diameter
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
     highest = profile.thickest if _varies(profile) else uniform
     if highest > nozzle + 1e-9:
@@ -115,18 +115,25 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
             f"{nozzle:g} mm is less than the layers are high, {highest:g} mm",
             "lower quality.thickest_layer or quality.layer_height, or take a wider nozzle",
         )
-    if width < highest:
-        yield Conflict(
-            "quality.extrusion_width",
-            f"{width:g} mm is under the layer height {highest:g} mm",
-            "a bead is at least as wide as high: widen it or take thinner layers",
-        )
-    if not 0.6 * nozzle <= width <= 2.5 * nozzle:
-        yield Conflict(
-            "quality.extrusion_width",
-            f"{width:g} mm does not suit a nozzle of {nozzle:g} mm",
-            f"choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
-        )
+    widths = {
+        "extrusion_width": profile.extrusion_width,
+        "first_layer_width": profile.quality.first_layer_width,
+    }
+    for name, width in widths.items():
+        if not width:
+            continue
+        if width < highest:
+            yield Conflict(
+                f"quality.{name}",
+                f"{width:g} mm is under the layer height {highest:g} mm",
+                "a bead is at least as wide as high: widen it or take thinner layers",
+            )
+        if not 0.6 * nozzle <= width <= 2.5 * nozzle:
+            yield Conflict(
+                f"quality.{name}",
+                f"{width:g} mm does not suit a nozzle of {nozzle:g} mm",
+                f"choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
+            )
 
 
 def _raft(profile: Profile) -> Iterator[Conflict]:

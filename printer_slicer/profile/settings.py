@@ -274,6 +274,9 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     extrusion_width: Annotated[
         float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
+    first_layer_width: Annotated[
+        float, _meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
+    ] = 0
     perimeters: Annotated[int, _meta("perimeters around each section", ge=0, le=100)] = 2
     outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
     seam: Annotated[Literal["aligned", "nearest", "rear"], _meta("where perimeters begin")] = "aligned"
@@ -337,6 +340,16 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def extrusion_width(self) -> float:
         """Width of a bead, mm, with the default filled in."""
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
+
+    @property
+    def width_on_bed(self) -> float:
+        """Width of a bead on the bed, mm, with the default filled in."""
+        return self.quality.first_layer_width or self.extrusion_width
+
+    @property
+    def width_of_first_layer(self) -> float:
+        """Width of a bead in the part's first layer, mm: that on the bed, unless there is a raft between."""
+        return self.extrusion_width if self.quality.raft_height else self.width_on_bed
 
     @property
     def thinnest(self) -> float:

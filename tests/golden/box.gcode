@@ -335,6 +335,7 @@ M104 S0
 ; quality.containment = mid
 ; quality.resolution = 0.0125
 ; quality.extrusion_width = 0
+; quality.first_layer_width = 0
 ; quality.perimeters = 2
 ; quality.outer_perimeter_first = False
 ; quality.seam = aligned
