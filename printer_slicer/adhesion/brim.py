@@ -123,13 +123,13 @@ def _limits(rooms: _Rooms, reach: float, width: float, quality: Quality) -> Area
     """Where the centre lines of each room may lie, beyond what their distance sees to."""
     clear = quality.brim_gap + width / 2
     if quality.brim_type == "inner":
-        return difference(rooms.holes, offset(rooms.bodies, clear * (1 - 1e-3)))
+        return difference(rooms.holes, offset(rooms.bodies, clear, join="round"))
     low, high = rooms.bodies.xy.min(axis=0) - 2 * reach, rooms.bodies.xy.max(axis=0) + 2 * reach
     everywhere = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
     inside = [[everywhere], *([] for _ in range(rooms.bodies.n_layers - 1))]
     if quality.brim_type == "both":
         return union(Areas.from_rings(inside), rooms.holes)
-    free = union(Areas.from_rings(inside), offset(rooms.holes, -clear))
+    free = union(Areas.from_rings(inside), offset(rooms.holes, -clear, join="round"))
     if quality.brim_type == "outer":
         return free
     corner, room = sharp_corners(rooms.bodies, quality.brim_ear_angle_deg, quality.brim_ear_scale)

@@ -57,7 +57,7 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
         "empty_layers": plan.n_layers - len(_filled_layers(stages)),
         "begins_at": _begins_at(stages),
-        **_skirt_facts(stages, profile),
+        **_adhesion_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
@@ -65,16 +65,18 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
     }
 
 
-def _skirt_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
-    """How much of the skirt that was asked for has no room on the bed."""
+def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
+    """How much of the skirt that was asked for has no room on the bed, and which type of brim has no place."""
     paths, program, quality = stages.toolpaths, stages.program, profile.quality
     loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
     fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
+    brim = (paths.role == Role.BRIM).any()
     short = quality.skirt_min_length - fed if quality.skirt_loops else 0.0
     return {
         "skirt_left_out": bool(quality.skirt_loops) and not loops,
         "skirt_loops_left_out": max(quality.skirt_loops - loops, 0),
         "skirt_short_mm": round(max(short, 0.0), 3),
+        "brim_left_out": quality.brim_type if quality.brim_width and not brim else None,
     }
 
 
@@ -138,6 +140,9 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
             f"the part begins in the air, at z {facts['begins_at']:g}: nothing of it reaches the bed"
         )
     lines += _skirt_sentences(facts)
+    if facts["brim_left_out"]:
+        where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_left_out"], "section")
+        lines.append(f"there is no brim: the first layer has no {where}")
     if facts["lost_mm3"] > _WORTH_SAYING * facts["volume_mm3"]:
         lines.append(
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"

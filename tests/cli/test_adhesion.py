@@ -65,6 +65,19 @@ def test_what_of_the_skirt_has_no_room_is_told(changes: dict[str, float], said: 
     assert said in outcome.out
 
 
+@pytest.mark.parametrize(("model", "kind"), [("box.stl", "inner"), ("cone.stl", "ears")])
+def test_a_brim_that_has_no_place_is_told(model: str, kind: str, tmp_path: Path) -> None:
+    wanted = sets(brim_width=4, brim_type=kind)
+    outcome = typed("slice", BOX.with_name(model), "-o", tmp_path / "b.gcode", *QUICK, *wanted)
+
+    assert outcome.code == 0
+    assert "there is no brim" in outcome.out
+    assert (
+        "there is no brim"
+        not in typed("slice", BOX, "-o", tmp_path / "c.gcode", *QUICK, *sets(brim_width=4)).out
+    )
+
+
 def test_layers_that_hold_only_the_draft_shield_are_empty(tmp_path: Path) -> None:
     """The tip of a cone is narrower than a bead; the shield around it is no part of it."""
     cone = BOX.with_name("cone.stl")
