@@ -26,18 +26,16 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
     """
     quality, plan = profile.quality, sections.plan
     tall = _layers(plan.bottom, quality.skirt_height)
-    hull = _hull(sections.solid, brim, first_only=tall == 1)
     # A part that turns on its way up has thousands of corners around it; each would be a move on every layer.
     coarse = quality.resolution / 2 if tall > 1 else 0.0
-    hull = simplify(hull, coarse)
-    # A bead is at least as wide as high: the first one over the air of a raft is higher than others.
-    width = np.maximum(
-        bead.layer_widths(tall, profile.width_on_bed, profile.extrusion_width), plan.height[:tall]
-    )
-    if not (hull.n_rings and quality.skirt_loops):
+    hull = _hull(sections.solid, brim, first_only=tall == 1) if quality.skirt_loops else Areas.empty(1)
+    if not hull.n_rings:
         return paths_of(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
-    kinds, which = np.unique(np.stack([plan.height[:tall], width]), axis=1, return_inverse=True)
-    heights, wide = kinds
+    hull = simplify(hull, coarse)
+    usual = bead.layer_widths(tall, profile.width_on_bed, profile.extrusion_width)
+    # A bead is at least as wide as high: the first one over the air of a raft is higher than others.
+    width = np.maximum(usual, plan.height[:tall])
+    (heights, wide), which = np.unique(np.stack([plan.height[:tall], width]), axis=1, return_inverse=True)
     stack = hull.take(np.zeros(len(heights), np.int64))
     stack = Areas(stack.xy, stack.ring_start, np.arange(len(heights)), len(heights))
     loops: list[Areas] = []
