@@ -8,6 +8,8 @@ from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 
 __all__ = ["clip_outlines"]
 
+_HAIR = 1e-6  # mm; a tenth of the grid of the outlines
+
 
 def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool]:
     """The stretches of the rings of `outlines` that lie in the areas of `within`, layer by layer.
@@ -69,7 +71,9 @@ def _pieces(outlines: Areas, within: Areas) -> tuple[Float, Int, Bool]:
     share = np.concatenate([np.zeros(len(begin)), share])
     order = np.lexsort((share, edge))
     edge, share = edge[order], share[order]
-    new = np.append(True, (np.diff(edge) != 0) | (np.diff(share) > 0))
+    # Where two outlines meet in a corner, rounding finds crossings a hair apart: one is enough.
+    apart = np.diff(share) * np.hypot(*way.T)[edge[1:]] > _HAIR
+    new = np.append(True, (np.diff(edge) != 0) | apart)
     edge, share = edge[new], share[new]
     until = np.append(np.where(np.diff(edge) == 0, share[1:], 1.0), 1.0)
     middle = begin[edge] + ((share + until) / 2)[:, None] * way[edge]
@@ -95,7 +99,8 @@ def _crossings(begin: Float, way: Float, layer: Int, within: Areas) -> tuple[Int
     turn = _cross(along, across)
     with np.errstate(divide="ignore", invalid="ignore"):
         u, v = _cross(gap, across) / turn, _cross(gap, along) / turn
-    meets = (u > 0) & (u < 1) & (v >= 0) & (v <= 1)
+    near = _HAIR / np.maximum(np.hypot(*along.T), _HAIR)
+    meets = (u > near) & (u < 1 - near) & (v >= 0) & (v <= 1)
     return edge[meets], u[meets]
 
 

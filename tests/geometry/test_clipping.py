@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from printer_slicer.geometry import Areas, clip_outlines
 from tests.parts import shape, shapely
@@ -22,6 +22,7 @@ def lines_of(xy: Any, size: Any, closed: Any) -> list[Any]:
 
 
 @given(clean_areas(1), clean_areas(1))
+@settings(deadline=None)
 def test_what_is_left_is_what_another_library_leaves(outlines: Areas, within: Areas) -> None:
     xy, size, ring, closed = clip_outlines(outlines, within)
     lines = lines_of(xy, size, closed)
@@ -56,6 +57,19 @@ def test_a_stretch_over_the_beginning_of_a_ring_is_one() -> None:
     xy, size, _, closed = clip_outlines(ring, corner)
     assert (size.tolist(), closed.tolist()) == ([3], [False])
     assert xy.tolist() == [[0, 2], [0, 0], [2, 0]]
+
+
+def test_outlines_that_meet_in_a_corner_leave_no_crumbs() -> None:
+    """An octagon, and a pentagon of some of its corners: rounding finds crossings in the corners they share."""
+    corners = [(-4.52459, -1.61212), (-3.271, -0.24603), (-3.0598, 1.59601), (-3.97165, 3.21039)]
+    corners += [(-5.65827, 3.98047), (-7.47541, 3.61212), (-8.729, 2.24603), (-8.9402, 0.40399)]
+    corners += [(-8.02835, -1.21039), (-6.34173, -1.98047)]
+    ring = np.array(corners)
+    xy, size, _, closed = clip_outlines(
+        Areas.from_rings([[ring]]), Areas.from_rings([[ring[[2, 4, 6, 8, 0]]]])
+    )
+
+    assert all(line.length > 0.1 for line in lines_of(xy, size, closed))
 
 
 def test_nothing_is_left_where_there_is_no_area() -> None:

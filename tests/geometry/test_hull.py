@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import convex_hull
@@ -14,6 +14,7 @@ POINTS = st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1,
 
 
 @given(POINTS)
+@settings(deadline=None)
 def test_the_hull_is_that_of_another_library(points: list[tuple[int, int]]) -> None:
     xy = np.array(points, np.float64)
     hull = convex_hull(xy)
