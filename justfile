@@ -24,7 +24,7 @@ test *ARGS:
 
 # the geometry and everything that stands on it once more, with the shapely engine
 twin:
-    PRINTER_SLICER_GEOMETRY=planar python -m pytest tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/torture
+    PRINTER_SLICER_GEOMETRY=planar python -m pytest tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
 
 # put formatting and simple lint right
 fix:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 __all__ = [
     "cross_section",
     "filament_per_mm",
+    "layer_widths",
     "side_loss",
     "spacing",
     "width_for_section",
@@ -58,3 +59,10 @@ def width_for_section(section: Float | float, height: Float | float) -> Float:
 def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: float) -> Float:
     """Filament to feed for each mm of path, mm/mm."""
     return np.asarray(cross_section(width, height) / (pi * filament_diameter**2 / 4), dtype=np.float64)
+
+
+def layer_widths(n_layers: int, first: float, usual: float) -> Float:
+    """(n_layers,) extrusion width of each layer, mm: one for the first, one for all others."""
+    widths = np.full(n_layers, usual, dtype=np.float64)
+    widths[:1] = first
+    return widths

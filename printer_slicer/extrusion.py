@@ -32,7 +32,7 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
     """
     rows = _rows(paths, sections, profile)
-    beads = _beads_of(paths, rows)
+    beads = _beads_of(paths, rows, profile)
     role = np.append(np.where(rows.kind == _BEAD, paths.role[rows.path], Role.TRAVEL), Role.TRAVEL)
     program = Program(
         paths.plan,
@@ -145,11 +145,13 @@ class _Beads:
         length: (B,) mm.
         width: (B,) mm, in the mean along the bead.
         height: (B,) mm.
+        flow: (B,) the cross-section is multiplied by this.
     """
 
     length: Float
     width: Float
     height: Float
+    flow: Float
 
     @property
     def cross_section(self) -> Float:
@@ -157,12 +159,14 @@ class _Beads:
         return bead.cross_section(self.width, self.height)
 
 
-def _beads_of(paths: Toolpaths, rows: _Rows) -> _Beads:
+def _beads_of(paths: Toolpaths, rows: _Rows, profile: Profile) -> _Beads:
     is_bead = rows.kind == _BEAD
     end, path = rows.point[is_bead], rows.path[is_bead]
     begin = np.where(np.diff(path, prepend=-1) > 0, paths.start[:-1][path], np.append(0, end[:-1]))
     length = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T)
-    return _Beads(length, (paths.width[begin] + paths.width[end]) / 2, paths.height[path])
+    first = np.where(paths.layer[path] == 0, profile.quality.first_layer_flow, 1.0)
+    width = (paths.width[begin] + paths.width[end]) / 2
+    return _Beads(length, width, paths.height[path], first * profile.material.flow_ratio)
 
 
 def _spread(values: Float, rows: _Rows) -> Float:
@@ -176,7 +180,7 @@ def _filament(rows: _Rows, beads: _Beads, profile: Profile) -> Float:
     """(K + 1,) filament fed by each move, mm."""
     printer, material = profile.printer, profile.material
     per_mm = bead.filament_per_mm(beads.width, beads.height, material.filament_diameter)
-    fed = _spread(beads.length * (per_mm * material.flow_ratio), rows)
+    fed = _spread(beads.length * (per_mm * beads.flow), rows)
     fed[:-1][rows.kind == _RETRACT] = -printer.retract_length
     fed[:-1][rows.kind == _DERETRACT] = printer.retract_length
     fed[-1] = -printer.retract_length
@@ -187,7 +191,9 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     """(K + 1,) speed of each move, mm/s."""
     printer, speeds, material = profile.printer, profile.quality.speeds, profile.material
     of_role = np.zeros(len(Role))
-    of_role[[Role.SKIRT, Role.BRIM]] = speeds.first_layer
+    # A draft shield goes on over the first layer.
+    of_role[[Role.SKIRT, Role.BRIM]] = max(speeds.first_layer, speeds.outer_perimeter), speeds.first_layer
+    of_role[Role.RAFT] = speeds.raft
     of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
     of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
     of_role[Role.BRIDGE] = speeds.bridge
@@ -195,9 +201,11 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     of_role[Role.TOP_SKIN] = speeds.top_skin
     of_role[Role.SPARSE] = speeds.sparse
     wanted = of_role[paths.role]
-    wanted = np.where(paths.layer == 0, np.minimum(wanted, speeds.first_layer), wanted)
+    raft = paths.role == Role.RAFT
+    begins = (paths.layer == 0) | (raft.any() & (paths.layer == paths.layer[raft].max(initial=-1) + 1))
+    wanted = np.where(begins, np.minimum(wanted, speeds.first_layer), wanted)
     is_bead = rows.kind == _BEAD
-    flowing = material.max_flow / (beads.cross_section * material.flow_ratio)
+    flowing = material.max_flow / (beads.cross_section * beads.flow)
     z_speed = min(speeds.travel, printer.max_speed_z)
     lead = np.array([printer.retract_speed, z_speed, speeds.travel, z_speed, printer.deretract_speed, 0.0])
     speed = lead[rows.kind]

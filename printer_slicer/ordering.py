@@ -1,7 +1,7 @@
 """Toolpaths -> Toolpaths: what is printed when, from which end, and where loops begin.
 
-Skirt and brim first; then island by island, the nearest first; within an island perimeters before infill, role by role,
-always on to the nearest path.
+Skirt, brim and the loops of a raft first; then island by island, the nearest first; within an island perimeters before
+infill, role by role, always on to the nearest path.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     island = _islands(paths, sections.solid)
     seams = _seams(paths, profile.quality.seam)
     perimeters = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
-    roles = (*(perimeters[::-1] if profile.quality.outer_perimeter_first else perimeters), *_INFILL)
+    outside_in = profile.quality.outer_perimeter_first
+    roles = (Role.RAFT, *(perimeters[::-1] if outside_in else perimeters), *_INFILL)
     route = _Route(paths, seams)
     rank = np.full(len(Role), len(roles))
     rank[list(roles)] = np.arange(len(roles))
-    step = rank[paths.role]
-    around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM)
+    around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM) | (paths.role == Role.RAFT) & paths.closed
+    step = np.where(around, 0, rank[paths.role])
     # Sorted by layer, island and role, every group that is printed together is one stretch.
     sequence = np.lexsort((np.arange(paths.n_paths), step, np.where(around, -1, island), paths.layer))
-    key = np.stack([paths.layer, np.where(around, -1, island), np.where(around, 0, step)])[:, sequence]
+    key = np.stack([paths.layer, np.where(around, -1, island), step])[:, sequence]
     starts = np.flatnonzero(np.concatenate([[True], (np.diff(key, axis=1) != 0).any(axis=0)]))
     groups = [
         (layer, place, group)

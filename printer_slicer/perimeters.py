@@ -22,7 +22,7 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     own height) inside the one before. Loops too narrow for a bead on either side are left out.
     """
     height = sections.plan.height
-    width = np.full(sections.plan.n_layers, profile.extrusion_width)
+    width = bead.layer_widths(sections.plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(width, height)
     loops: list[Areas] = []
     lost = np.zeros(sections.plan.n_layers)

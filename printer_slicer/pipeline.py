@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from printer_slicer.adhesion import adhesion_paths
+from printer_slicer.adhesion import adhesion_paths, on_raft
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
@@ -43,6 +43,8 @@ class Stages:
         part: repaired and placed.
         repairs: what was put right, at the places of the mesh that was given.
         shift: (3,) mm from the placed part to where that mesh was.
+        sections: these, the walls and the regions see the part on the bed; where there is a raft, the toolpaths and
+            the program have its layers before the part's, and the part lifted.
     """
 
     part: Mesh
@@ -138,16 +140,18 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     report("regions")
     regions = classify(sections, walls, profile)
     report("toolpaths")
-    paths = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
-    if paths[1].n_paths + paths[2].n_paths == 0:
+    paths = [perimeter_paths(walls), infill_paths(regions, profile)]
+    if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",
             remedy="is the part in another unit? otherwise choose a thinner nozzle, more perimeters or denser infill",
         )
     report("ordering")
-    toolpaths = order(Toolpaths.joined(plan, paths), sections, profile)
+    printed = on_raft(sections, profile)
+    lifted = [adhesion_paths(printed, profile), *(some.lifted(printed.plan) for some in paths)]
+    toolpaths = order(Toolpaths.joined(printed.plan, lifted), printed, profile)
     report("extrusion")
-    program = extrude(toolpaths, sections, profile)
+    program = extrude(toolpaths, printed, profile)
     return Stages(part, sections, walls, regions, toolpaths, program)
 
 

@@ -527,3 +527,28 @@ def test_settings_that_lay_nothing_are_refused_with_a_reason() -> None:
 
     with pytest.raises(PartError):
         slice_part(box(), nothing)
+
+
+@pytest.mark.parametrize("raft", [0, 0.6])
+def test_the_flow_of_the_first_layer_is_that_of_the_layer_on_the_bed(raft: float) -> None:
+    more, usually = (
+        slice_stages(box((9, 9, 2)), plain(first_layer_flow=flow, raft_height=raft, flow_ratio=0.9)).program
+        for flow in (1.25, 1)
+    )
+    fed, beads = (
+        more.filament / np.where(usually.filament == 0, 1, usually.filament),
+        more.role != Role.TRAVEL,
+    )
+
+    assert fed[beads & (more.layer == 0)] == pytest.approx(1.25)
+    assert fed[beads & (more.layer > 0)] == pytest.approx(1)
+
+
+def test_the_flow_of_the_first_layer_stays_within_the_materials() -> None:
+    wanted = plain(first_layer_flow=1.5, max_flow=1, speeds__first_layer=60)
+    program = slice_part(box((30, 30, 1)), wanted)
+    beads = (program.role != Role.TRAVEL) & (program.layer == 0)
+    length = np.hypot(*(program.xyz - program.start)[beads, :2].T)
+    flow = program.filament[beads] * pi * 1.75**2 / 4 * program.speed[beads] / length
+
+    assert flow.max() == pytest.approx(1)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.gcode import spoken
-from printer_slicer.model import Float, LayerPlan, Mesh, Program, Repairs, Role
+from printer_slicer.model import Float, Int, LayerPlan, Mesh, Repairs, Role
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.planning.unkept import unkept_rules
@@ -42,21 +42,22 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         seconds: modelled time of the moves.
         certificate: of the plan.
     """
-    program = stages.program
+    program, plan = stages.program, stages.sections.plan
     area = np.pi * profile.material.filament_diameter**2 / 4
     return {
-        "layers": program.plan.n_layers,
-        "planner": program.plan.planner,
-        "heights": [[count, height] for count, height in program.plan.runs()],
+        "layers": plan.n_layers,
+        "planner": plan.planner,
+        "heights": [[count, height] for count, height in plan.runs()],
+        "raft": _raft_facts(stages),
         "seconds": round(seconds, 3),
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
         "volume_mm3": round(_volume(stages, certificate), 3),
-        "lost_mm3": round(float((stages.walls.lost * program.plan.height).sum()), 3),
-        "empty_layers": program.plan.n_layers - len(program.printed),
-        "begins_at": _begins_at(program),
-        "skirt_left_out": bool(profile.quality.skirt_loops) and not (program.role == Role.SKIRT).any(),
+        "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
+        "empty_layers": plan.n_layers - len(_filled_layers(stages)),
+        "begins_at": _begins_at(stages),
+        **_adhesion_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _faults(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": repair_facts(stages.repairs),
@@ -64,10 +65,42 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
     }
 
 
-def _begins_at(program: Program) -> float:
-    """Z of the bottom of the first layer that holds a bead of the part itself, mm; 0 on the bed."""
-    of_part = program.role > Role.BRIM
-    return round(float(program.plan.bottom[program.layer[of_part].min()]), 4) if of_part.any() else 0.0
+def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
+    """How much of the skirt that was asked for has no room on the bed, and which type of brim has no place."""
+    paths, program, quality = stages.toolpaths, stages.program, profile.quality
+    loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
+    fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
+    brim = (paths.role == Role.BRIM).any()
+    short = quality.skirt_min_length - fed if quality.skirt_loops else 0.0
+    return {
+        "skirt_left_out": bool(quality.skirt_loops) and not loops,
+        "skirt_loops_left_out": max(quality.skirt_loops - loops, 0),
+        "skirt_short_mm": round(max(short, 0.0), 3),
+        "brim_left_out": quality.brim_type if quality.brim_width and not brim else None,
+    }
+
+
+def _raft_facts(stages: Stages) -> dict[str, Any] | None:
+    """Layer heights of the raft, and the air over it; None without one."""
+    plan, printed = stages.sections.plan, stages.program.plan
+    n_below = printed.n_layers - plan.n_layers
+    if not n_below:
+        return None
+    gap = float(printed.top[-1] - plan.top[-1] - printed.top[n_below - 1])
+    return {"heights": printed.height[:n_below].tolist(), "gap_mm": round(gap, 6)}
+
+
+def _filled_layers(stages: Stages) -> Int:
+    """The layers of the part's plan that hold beads of the part itself, ascending."""
+    program = stages.program
+    n_below = program.plan.n_layers - stages.sections.plan.n_layers
+    return np.unique(program.layer[program.role > Role.RAFT]) - n_below
+
+
+def _begins_at(stages: Stages) -> float:
+    """Bottom of the first layer that holds a bead of the part itself, mm over the bed or the raft."""
+    filled = _filled_layers(stages)
+    return round(float(stages.sections.plan.bottom[filled[0]]), 4) if len(filled) else 0.0
 
 
 def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
@@ -90,7 +123,7 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
     """
     metres, grams = facts["filament_mm"] / 1000, facts["filament_g"]
     lines = [
-        f"{facts['layers']} layers ({runs_text(facts['heights'])})",
+        f"{facts['layers']} layers ({runs_text(facts['heights'])})" + _raft_text(facts["raft"]),
         f"{spoken(facts['seconds'])} of printing, {metres:.2f} m of filament, {grams} g",
     ]
     if facts["planner"] != "uniform" and any(
@@ -106,10 +139,10 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         lines.append(
             f"the part begins in the air, at z {facts['begins_at']:g}: nothing of it reaches the bed"
         )
-    if facts["skirt_left_out"]:
-        lines.append(
-            "the skirt does not fit on the bed beside the part and is left out; mind lines that prime there"
-        )
+    lines += _skirt_sentences(facts)
+    if facts["brim_left_out"]:
+        where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_left_out"], "section")
+        lines.append(f"there is no brim: the first layer has no {where}")
     if facts["lost_mm3"] > _WORTH_SAYING * facts["volume_mm3"]:
         lines.append(
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
@@ -126,6 +159,30 @@ def _volume(stages: Stages, certificate: Certificate) -> float:
     by_sections = float((stages.sections.solid.area() * heights).sum())
     explained = certificate.volume_error + 1e-3 * by_sections
     return by_facets if abs(by_facets - by_sections) <= explained else by_sections
+
+
+def _raft_text(raft: dict[str, Any] | None) -> str:
+    """What the part stands on, for people."""
+    if raft is None:
+        return ""
+    heights = raft["heights"]
+    return f" on a raft of {sum(heights):g} mm ({len(heights)} layers), {raft['gap_mm']:g} mm over it"
+
+
+def _skirt_sentences(facts: dict[str, Any]) -> list[str]:
+    """What of the skirt or draft shield is missing, for people."""
+    if facts["skirt_left_out"]:
+        return [
+            "the skirt does not fit on the bed beside the part and is left out; mind lines that prime there"
+        ]
+    lines = []
+    if facts["skirt_loops_left_out"]:
+        lines.append(f"the bed has no room for {facts['skirt_loops_left_out']} of the skirt's loops")
+    if facts["skirt_short_mm"] > _WORTH_MENTION:
+        lines.append(
+            f"the bed has no room for more of the skirt, which is {facts['skirt_short_mm']:g} mm of filament short"
+        )
+    return lines
 
 
 def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:

@@ -221,7 +221,9 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.add_argument(
         "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
     )
-    parser.add_argument("--layer", metavar="N", type=int, help="which layer to draw, from 1; default: 1")
+    parser.add_argument(
+        "--layer", metavar="N", type=int, help="which layer of the print to draw, from 1; default: 1"
+    )
     _common(parser)
     parser.set_defaults(run=_later("slicing", "slice_command"))
 

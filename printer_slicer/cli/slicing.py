@@ -49,7 +49,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
             _draw_layer(program, 1 if arguments.layer is None else arguments.layer, arguments.picture)
-        certificate = certify(read_surface(stage.part), program.plan)
+        certificate = certify(read_surface(stage.part), stage.sections.plan)
         write_file(output, gcode_of(program, profile, seconds=seconds, certificate=certificate))
     facts = facts_of(stage, profile, seconds, certificate)
     if arguments.json:
@@ -76,7 +76,7 @@ def _draw_layer(program: Program, number: int, path: Path) -> None:
 
     if not 1 <= number <= program.plan.n_layers:
         raise UsageError(
-            f"--layer {number}: the part has layers 1 to {program.plan.n_layers}",
+            f"--layer {number}: the print has layers 1 to {program.plan.n_layers}",
             remedy="choose one of these",
         )
     write_file(path, picture_bytes(layer_picture(program, number - 1), path))

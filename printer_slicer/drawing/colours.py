@@ -20,6 +20,7 @@ WARNING: Final = "#d55e00"
 ROLE_COLOURS: Final = {
     Role.SKIRT: "#999999",
     Role.BRIM: "#666666",
+    Role.RAFT: "#b0a080",
     Role.INNER_PERIMETER: "#f0d000",
     Role.OUTER_PERIMETER: "#d55e00",
     Role.BRIDGE: "#56b4e9",

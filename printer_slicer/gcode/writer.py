@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer.gcode.dialect import Dialect, number
 from printer_slicer.gcode.placeholders import fill_in, values
 from printer_slicer.gcode.rows import rows_of
-from printer_slicer.model import Fan, Program, Role
+from printer_slicer.model import Fan, Float, Program, Role
 from printer_slicer.profile import Profile, settings_text
 
 __all__ = ["spoken", "write_program"]
@@ -20,6 +20,7 @@ __all__ = ["spoken", "write_program"]
 TYPE_NAMES: Final = {
     Role.SKIRT: "Skirt/Brim",
     Role.BRIM: "Skirt/Brim",
+    Role.RAFT: "Support material",
     Role.INNER_PERIMETER: "Perimeter",
     Role.OUTER_PERIMETER: "External perimeter",
     Role.BRIDGE: "Bridge infill",
@@ -72,7 +73,7 @@ def _notes(program: Program, dialect: Dialect) -> dict[int, list[str]]:
     """What stands before which move: layer changes first, then events, then role and width of the bead."""
     notes: dict[int, list[str]] = {}
     plan = program.plan
-    height = plan.height
+    height = _layer_heights(program)
     for move in np.flatnonzero(np.diff(program.layer, prepend=-1) > 0).tolist():
         layer = int(program.layer[move])
         notes[move] = [
@@ -100,6 +101,15 @@ def _notes(program: Program, dialect: Dialect) -> dict[int, list[str]]:
         lines += [f";TYPE:{TYPE_NAMES[Role(int(role[i]))]}"] if new_role[i] else []
         lines += [f";WIDTH:{number(float(width[i]))}"] if new_width[i] else []
     return notes
+
+
+def _layer_heights(program: Program) -> Float:
+    """(L,) how high the first bead of each layer is: over the air of a raft less than the layer."""
+    height = program.plan.height
+    beads = np.flatnonzero(program.role != Role.TRAVEL)
+    layer, first = np.unique(program.layer[beads], return_index=True)
+    height[layer] = program.height[beads[first]]
+    return height
 
 
 def _header(program: Program, profile: Profile, seconds: float | None) -> list[str]:

@@ -21,7 +21,9 @@ from printer_slicer.geometry.engine import (
     window_intersection,
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch
+from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.inside import crossed, rings_around
+from printer_slicer.geometry.outlines import clip_outlines
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
 
@@ -36,6 +38,8 @@ __all__ = [
     "anchor",
     "chain_rows",
     "clip_lines",
+    "clip_outlines",
+    "convex_hull",
     "crossed",
     "difference",
     "frozen_array",

@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
-__all__ = ["SegmentTree", "combine", "load", "load_any", "offset", "simplify", "store", "stroke"]
+__all__ = [
+    "SegmentTree",
+    "combine",
+    "convex_hull",
+    "load",
+    "load_any",
+    "offset",
+    "simplify",
+    "store",
+    "stroke",
+]
 
 Shapes = NDArray[np.object_]
 
@@ -114,6 +124,15 @@ def simplify(areas: Areas, tolerance: float) -> Areas:
     before, simple = turned.select(kept).ring_area(), simple.select(kept)
     # A ring that crosses itself may hold as much on either side, no area in all.
     return simple.select((simple.ring_area() * before > 0) | (before == 0))
+
+
+def convex_hull(points: Float) -> Areas:
+    """The smallest convex area around points (N, 2), as a stack of one layer; empty where they span no area."""
+    hull = shapely.convex_hull(shapely.multipoints(points))
+    if shapely.get_type_id(hull) != shapely.GeometryType.POLYGON:
+        return Areas.empty(1)
+    ring = shapely.get_coordinates(shapely.orient_polygons(hull))[:-1]
+    return Areas.from_rings([[np.asarray(ring, np.float64)]])
 
 
 def _array(layers: list[Any]) -> Shapes:

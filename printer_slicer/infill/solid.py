@@ -31,8 +31,9 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
 
 def _solid(region: Areas, role: Role, plan: LayerPlan, angle: Float, profile: Profile) -> Toolpaths:
     """Beads side by side, a little wider or narrower than usual so that a whole number of them fills the layer."""
-    overlap = profile.quality.infill_overlap * profile.extrusion_width if profile.quality.perimeters else 0.0
-    usual = bead.spacing(profile.extrusion_width, plan.height)
+    wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    overlap = (profile.quality.infill_overlap if profile.quality.perimeters else 0.0) * wide
+    usual = bead.spacing(wide, plan.height)
     low, high = _across(region, angle)
     low, high = low - overlap, high + overlap
     count = np.maximum(np.rint((high - low) / usual), 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -21,13 +21,14 @@ class Role(IntEnum):
     TRAVEL = 0
     SKIRT = 1
     BRIM = 2
-    INNER_PERIMETER = 3
-    OUTER_PERIMETER = 4
-    BRIDGE = 5
-    BOTTOM_SKIN = 6
-    SOLID = 7
-    TOP_SKIN = 8
-    SPARSE = 9
+    RAFT = 3
+    INNER_PERIMETER = 4
+    OUTER_PERIMETER = 5
+    BRIDGE = 6
+    BOTTOM_SKIN = 7
+    SOLID = 8
+    TOP_SKIN = 9
+    SPARSE = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,6 +109,10 @@ class Toolpaths:
             closed=np.concatenate([part.closed for part in parts]),
             height=np.concatenate([part.height for part in parts]),
         )
+
+    def lifted(self, plan: LayerPlan) -> Toolpaths:
+        """The same paths on the last layers of a plan that has more of them below; beads stay as high as they are."""
+        return replace(self, plan=plan, layer=self.layer + (plan.n_layers - self.plan.n_layers))
 
     @property
     def n_paths(self) -> int:

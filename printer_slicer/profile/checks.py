@@ -31,6 +31,7 @@ def conflicts(profile: Profile) -> Iterator[Conflict]:
     yield from _layers(profile)
     yield from _planner(profile)
     yield from _widths(profile)
+    yield from _raft(profile)
     yield from _heat(profile)
 
 
@@ -105,7 +106,7 @@ def _planner(profile: Profile) -> Iterator[Conflict]:
 
 def _widths(profile: Profile) -> Iterator[Conflict]:
     """Beads are at least as wide as high, and the nozzle can press them flat."""
-    nozzle, width = profile.printer.nozzle_diameter, profile.extrusion_width
+    nozzle = profile.printer.nozzle_diameter
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
     highest = profile.thickest if _varies(profile) else uniform
     if highest > nozzle + 1e-9:
@@ -114,18 +115,45 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
             f"{nozzle:g} mm is less than the layers are high, {highest:g} mm",
             "lower quality.thickest_layer or quality.layer_height, or take a wider nozzle",
         )
-    if width < highest:
-        yield Conflict(
-            "quality.extrusion_width",
-            f"{width:g} mm is under the layer height {highest:g} mm",
-            "a bead is at least as wide as high: widen it or take thinner layers",
-        )
-    if not 0.6 * nozzle <= width <= 2.5 * nozzle:
-        yield Conflict(
-            "quality.extrusion_width",
-            f"{width:g} mm does not suit a nozzle of {nozzle:g} mm",
-            f"choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
-        )
+    widths = {
+        "extrusion_width": profile.extrusion_width,
+        "first_layer_width": profile.quality.first_layer_width,
+    }
+    for name, width in widths.items():
+        if not width:
+            continue
+        if width < highest:
+            yield Conflict(
+                f"quality.{name}",
+                f"{width:g} mm is under the layer height {highest:g} mm",
+                "a bead is at least as wide as high: widen it or take thinner layers",
+            )
+        if not 0.6 * nozzle <= width <= 2.5 * nozzle:
+            yield Conflict(
+                f"quality.{name}",
+                f"{width:g} mm does not suit a nozzle of {nozzle:g} mm",
+                f"choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
+            )
+
+
+def _raft(profile: Profile) -> Iterator[Conflict]:
+    """A raft takes whole z steps, and the part stands on it instead of holding on by a brim."""
+    quality, step = profile.quality, profile.printer.z_step
+    if not quality.raft_height:
+        return
+    for name in ("raft_height", "raft_gap"):
+        wanted = getattr(quality, name)
+        steps = wanted / step
+        if abs(steps - round(steps)) > 1e-6:
+            no_multiple = f"{wanted:g} mm is no multiple of printer.z_step {step:g} mm"
+            yield Conflict(
+                f"quality.{name}",
+                no_multiple,
+                f"take {floor(steps) * step:g} or {(floor(steps) + 1) * step:g}",
+            )
+    if quality.brim_width:
+        both = f"{quality.brim_width:g} mm, but the part stands on a raft"
+        yield Conflict("quality.brim_width", both, "set quality.brim_width or quality.raft_height to 0")
 
 
 def _heat(profile: Profile) -> Iterator[Conflict]:

@@ -132,7 +132,16 @@ class Speeds(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     solid: Annotated[float, _meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
     top_skin: Annotated[float, _meta("top skins", "mm/s", gt=0, le=1000)] = 40
     bridge: Annotated[float, _meta("bridges", "mm/s", gt=0, le=1000)] = 30
-    first_layer: Annotated[float, _meta("everything on the first layer, at most", "mm/s", gt=0, le=1000)] = 20
+    raft: Annotated[float, _meta("rafts", "mm/s", gt=0, le=1000)] = 30
+    first_layer: Annotated[
+        float,
+        _meta(
+            "everything on the first layer, and on the part's first over a raft, at most",
+            "mm/s",
+            gt=0,
+            le=1000,
+        ),
+    ] = 20
     travel: Annotated[float, _meta("travels", "mm/s", gt=0, le=2000)] = 150
 
 
@@ -235,6 +244,9 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     planner: Planner = field(default_factory=OptimalPlanner)
     layer_height: Annotated[float, _meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
     first_layer_height: Annotated[float, _meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
+    first_layer_flow: Annotated[
+        float, _meta("extrusion of the layer on the bed is multiplied by this", "ratio", ge=0.5, le=1.5)
+    ] = 1
     thinnest_layer: Annotated[
         float, _meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
     ] = 0
@@ -261,6 +273,9 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     )
     extrusion_width: Annotated[
         float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    first_layer_width: Annotated[
+        float, _meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
     ] = 0
     perimeters: Annotated[int, _meta("perimeters around each section", ge=0, le=100)] = 2
     outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
@@ -302,9 +317,33 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     lightning_angle_deg: Annotated[
         float, _meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
     ] = 40
-    skirt_loops: Annotated[int, _meta("loops around the part on the first layer", ge=0, le=20)] = 1
+    skirt_loops: Annotated[int, _meta("loops around everything on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
+    skirt_min_length: Annotated[
+        float, _meta("more loops on the first layer until they hold this much filament", "mm", ge=0, le=10000)
+    ] = 0
+    skirt_height: Annotated[
+        float,
+        _meta("draft shield: the skirt reaches up to this; 0: one layer, 10000: all", "mm", ge=0, le=10000),
+    ] = 0
     brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0
+    brim_type: Annotated[
+        Literal["outer", "inner", "both", "ears"],
+        _meta("where the brim is: around bodies, in their holes, both, or at sharp corners"),
+    ] = "outer"
+    brim_gap: Annotated[float, _meta("between part and brim", "mm", ge=0, le=5)] = 0
+    brim_ear_angle_deg: Annotated[
+        float, _meta("sharper corners than this get an ear", "degrees", ge=0, le=180)
+    ] = 125
+    brim_ear_scale: Annotated[
+        float, _meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
+    ] = 2
+    raft_height: Annotated[float, _meta("platform under the part; 0: none", "mm", ge=0, le=50)] = 0
+    raft_margin: Annotated[float, _meta("the raft is wider than the first layer", "mm", ge=1, le=50)] = 3
+    raft_gap: Annotated[float, _meta("air between raft and part", "mm", ge=0, le=1)] = 0.16
+    raft_base_density: Annotated[
+        float, _meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
+    ] = 0.5
     speeds: Speeds = field(default_factory=Speeds)
 
 
@@ -325,6 +364,16 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def extrusion_width(self) -> float:
         """Width of a bead, mm, with the default filled in."""
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
+
+    @property
+    def width_on_bed(self) -> float:
+        """Width of a bead on the bed, mm, with the default filled in."""
+        return self.quality.first_layer_width or self.extrusion_width
+
+    @property
+    def width_of_first_layer(self) -> float:
+        """Width of a bead in the part's first layer, mm: that on the bed, unless there is a raft between."""
+        return self.extrusion_width if self.quality.raft_height else self.width_on_bed
 
     @property
     def thinnest(self) -> float:

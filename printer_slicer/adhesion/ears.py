@@ -1,0 +1,63 @@
+"""Where the corners of an outline are, looked at from a little farther away than its points are apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.model import Areas, Float, Int
+
+__all__ = ["sharp_corners"]
+
+_STEPS = 12  # places looked at per length of a side of the angle
+_SIDES = 6  # the outline of a small body has at least so many times that length
+
+
+def sharp_corners(outlines: Areas, angle_deg: float, scale: float) -> tuple[Float, Int]:
+    """The convex corners of outer rings at which the outline, smoothed, turns by more than 180 - `angle_deg` degrees.
+
+    At each place of an outline the angle is that between the chord from `scale` mm before it and the chord to `scale`
+    mm behind it, along the outline. A corner that is rounded off with a radius under about half of the scale still
+    counts as one; a circle turns by scale / radius and has none unless it is small. Of the places around a corner the
+    one that turns most is the corner; within `scale` of it there is no other.
+
+    Args:
+        outlines: outer rings on any layers.
+        angle_deg: widest angle of the solid that counts as a corner.
+        scale: mm; on rings shorter than six times that, a sixth of their length.
+
+    Returns:
+        (n, 2) points on the rings, in the order of the rings, and (n,) the layer of each.
+    """
+    found = [
+        _corners(outlines.ring(i), np.deg2rad(180.0 - angle_deg), scale) for i in range(outlines.n_rings)
+    ]
+    layer = np.repeat(outlines.ring_layer, [len(some) for some in found])
+    return np.concatenate([np.zeros((0, 2)), *found]), layer
+
+
+def _corners(ring: Float, least: float, scale: float) -> Float:
+    """(n, 2) the corners of one ring."""
+    side = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
+    mark = np.append(0.0, np.cumsum(side))
+    length = float(mark[-1])
+    reach = min(scale, length / _SIDES)
+    # The corners themselves, and places between them for what is rounded off.
+    place = np.unique(np.append(mark[:-1], np.arange(0.0, length, reach / _STEPS)))
+    here = _at(place, ring, mark)
+    to, on = here - _at(place - reach, ring, mark), _at(place + reach, ring, mark) - here
+    turn = np.arctan2(to[:, 0] * on[:, 1] - to[:, 1] * on[:, 0], (to * on).sum(axis=1))
+    chosen: list[int] = []
+    left = turn > least
+    while left.any():
+        corner = int(np.argmax(np.where(left, turn, -np.inf)))
+        chosen.append(corner)
+        gap = np.abs(place - place[corner])
+        left &= np.minimum(gap, length - gap) > reach
+    return here[sorted(chosen)]
+
+
+def _at(place: Float, ring: Float, mark: Float) -> Float:
+    """(P, 2) the points of a ring this far along it, mm, from any number of times around."""
+    around = np.mod(place, mark[-1])
+    closed = np.concatenate([ring, ring[:1]])
+    return np.column_stack([np.interp(around, mark, closed[:, axis]) for axis in range(2)])

@@ -1,0 +1,40 @@
+"""What skirt, brim and raft share: rings as paths, and the edge of the bed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from printer_slicer.model import Bool, Float, Int, LayerPlan, Role, Toolpaths
+from printer_slicer.profile import Profile
+
+__all__ = ["on_bed", "paths_of"]
+
+
+def paths_of(
+    plan: LayerPlan,
+    lines: Sequence[Float],
+    layer: Int,
+    role: Role,
+    width: float | Float,
+    *,
+    closed: bool | Bool = True,
+) -> Toolpaths:
+    """Polylines (n, 2) on their layers (M,) as paths of one role, all of one width or each with its own (M,), mm."""
+    return Toolpaths.gathered(
+        plan,
+        xy=np.concatenate([np.zeros((0, 2)), *lines]),
+        size=np.array([len(line) for line in lines], np.int64),
+        layer=layer,
+        role=np.full(len(layer), role, np.int64),
+        width=np.broadcast_to(np.asarray(width, np.float64), (len(lines),)),
+        closed=closed,
+    )
+
+
+def on_bed(xy: Float, profile: Profile, width: float) -> bool:
+    """Whether beads through these points (N, 2) lie on the bed with their whole width."""
+    low, high = profile.printer.corners
+    inside = (xy >= np.add(low, width / 2)) & (xy <= np.subtract(high, width / 2))
+    return bool(inside.all())

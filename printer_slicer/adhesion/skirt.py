@@ -1,0 +1,91 @@
+"""The skirt: loops around everything that is printed, on the first layer or, as a draft shield, on many."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.geometry import convex_hull, offset, simplify
+from printer_slicer.model import Areas, Float, Int, Role, Sections, Toolpaths
+from printer_slicer.profile import Profile
+
+__all__ = ["skirt_paths"]
+
+
+def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpaths:
+    """Loops around the convex hull of what is printed, from the outside inward; none where they leave the bed.
+
+    A skirt of one layer goes around that layer and the brim. A draft shield goes around the sections of all layers,
+    those over its own top too: nothing of the part comes nearer to it than the distance, and nothing stands on it.
+
+    Args:
+        sections: all that is printed but the brim, with the layers as they are printed.
+        brim: of the first layer.
+        profile: with the skirt's loops, distance, height and length.
+    """
+    quality, plan = profile.quality, sections.plan
+    tall = _layers(plan.bottom, quality.skirt_height)
+    # A part that turns on its way up has thousands of corners around it; each would be a move on every layer.
+    coarse = quality.resolution / 2 if tall > 1 else 0.0
+    hull = _hull(sections.solid, brim, first_only=tall == 1) if quality.skirt_loops else Areas.empty(1)
+    if not hull.n_rings:
+        return paths_of(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
+    hull = simplify(hull, coarse)
+    usual = bead.layer_widths(tall, profile.width_on_bed, profile.extrusion_width)
+    # A bead is at least as wide as high: the first one over the air of a raft is higher than others.
+    width = np.maximum(usual, plan.height[:tall])
+    (heights, wide), which = np.unique(np.stack([plan.height[:tall], width]), axis=1, return_inverse=True)
+    stack = hull.take(np.zeros(len(heights), np.int64))
+    stack = Areas(stack.xy, stack.ring_start, np.arange(len(heights)), len(heights))
+    loops: list[Areas] = []
+    wanted = max(quality.skirt_loops, _loops_for_length(hull, sections, profile))
+    for i in range(wanted):
+        reach = coarse + quality.skirt_distance + wide / 2 + i * bead.spacing(wide, heights)
+        loop = offset(stack, reach, join="round")
+        if not on_bed(loop.xy, profile, float(wide.max())):
+            break
+        loops.append(loop)
+    lines, layer = _stacked(loops, which.ravel(), quality.skirt_loops)
+    return paths_of(plan, lines, layer, Role.SKIRT, width[layer])
+
+
+def _layers(bottom: Float, height: float) -> int:
+    """How many layers the skirt has: those that begin under its height, and the first."""
+    return max(int(np.searchsorted(bottom, height - 1e-6)), 1)
+
+
+def _hull(solid: Areas, brim: Toolpaths, *, first_only: bool) -> Areas:
+    """The convex hull of the sections and the beads of the brim."""
+    xy = solid.select(solid.ring_layer == 0).xy if first_only else solid.xy
+    beads = offset(convex_hull(brim.xy), float(brim.width.max(initial=0.0)) / 2, join="round")
+    return convex_hull(np.concatenate([xy, beads.xy]))
+
+
+def _loops_for_length(hull: Areas, sections: Sections, profile: Profile) -> int:
+    """How many loops on the first layer hold `skirt_min_length` of filament, as far as there is room on any bed."""
+    quality, printer, height = profile.quality, profile.printer, float(sections.plan.height[0])
+    width = max(profile.width_on_bed, height)
+    gap = float(bead.spacing(width, height))
+    most = int(max(printer.bed_x, printer.bed_y) / gap) + 1
+    out = quality.skirt_distance + width / 2 + gap * np.arange(most)
+    # Around a convex area each mm outward adds a circle's share, wherever the corners are.
+    length = hull.ring_length().sum() + 2 * np.pi * out
+    per_mm = bead.filament_per_mm(width, height, profile.material.filament_diameter)
+    fed = np.cumsum(length * per_mm * profile.material.flow_ratio * quality.first_layer_flow)
+    return (
+        int(np.searchsorted(fed, quality.skirt_min_length * (1 - 1e-4))) + 1
+        if quality.skirt_min_length
+        else 0
+    )
+
+
+def _stacked(loops: list[Areas], which: Int, n_loops: int) -> tuple[list[Float], Int]:
+    """The loops of every layer from the outside inward: all of them on the first, `n_loops` on the others."""
+    lines: list[Float] = []
+    layer: list[int] = []
+    for k, variant in enumerate(which.tolist()):
+        some = loops if k == 0 else loops[:n_loops]
+        lines += [loop.ring(variant) for loop in reversed(some)]
+        layer += [k] * len(some)
+    return lines, np.array(layer, np.int64)

@@ -1,0 +1,68 @@
+"""Outlines cut where they leave an area."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
+from printer_slicer.geometry.clipping import clipped
+from printer_slicer.geometry.polylines import Polylines
+
+__all__ = ["clip_outlines"]
+
+_Paths = tuple[Float, Int, Int, Bool]
+
+
+def clip_outlines(outlines: Areas, within: Areas) -> tuple[Float, Int, Int, Bool]:
+    """The stretches of the rings of `outlines` that lie in the areas of `within`, layer by layer.
+
+    A ring that is never left stays closed; of the others each stretch is a polyline. Stretches along an outline of
+    `within` may be taken or not: rounding decides.
+
+    Args:
+        outlines: any rings.
+        within: clean areas.
+
+    Returns:
+        Points (N, 2), and of each path the number of points (M,), the ring (M,) it is from, ascending, and whether it
+        is closed (M,).
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    if outlines.n_layers != within.n_layers:
+        raise ValueError(f"stacks of {outlines.n_layers} and {within.n_layers} layers")
+    sizes = np.diff(outlines.ring_start)
+    # Each ring from its first point to its first point again.
+    points = consecutive(outlines.ring_start[:-1], sizes + 1)
+    points[np.cumsum(sizes + 1) - 1] = outlines.ring_start[:-1]
+    parts, ring = clipped(within, Polylines.of(outlines.xy[points], sizes + 1, outlines.ring_layer))
+    order = np.argsort(ring, kind="stable")
+    ring, size = ring[order], parts.size[order]
+    xy = parts.xy[consecutive(parts.start[:-1][order], size)]
+    through = (parts.edge[order] < 0).T  # begins, or ends, where the ring was opened
+    closed = through[0] & through[1]
+    # The stretch that ends there goes on with the one that begins there: that comes first, this one last of its ring.
+    first = np.flatnonzero(through[0] & ~closed)
+    last = np.searchsorted(ring, ring[first], side="right") - 1
+    goes_on = through[1][last] & ~closed[last] & (last > first)
+    return _joined((xy, size, ring, closed), first[goes_on], last[goes_on])
+
+
+def _joined(paths: _Paths, first: Int, last: Int) -> _Paths:
+    """Paths with each `first` hung on to its `last`, and the point that both ends of a ring share once."""
+    xy, size, ring, closed = paths
+    start = np.cumsum(size) - size
+    alone = np.ones(len(size), np.bool_)
+    alone[first] = False
+    follower = np.full(len(size), -1)
+    follower[last] = first
+    kept = np.flatnonzero(alone)
+    extra = np.where(follower[kept] >= 0, size[follower[kept]] - 1, 0)
+    own = size[kept] - closed[kept]
+    pieces_start = np.stack(
+        [start[kept], np.where(follower[kept] >= 0, start[follower[kept]] + 1, 0)], axis=1
+    )
+    pieces_size = np.stack([own, extra], axis=1)
+    points = consecutive(pieces_start.ravel(), pieces_size.ravel())
+    return xy[points], own + extra, ring[kept], closed[kept]
