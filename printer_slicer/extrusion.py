@@ -191,6 +191,7 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
     of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
     of_role[Role.BRIDGE] = speeds.bridge
+    of_role[Role.INTERNAL_BRIDGE] = speeds.internal_bridge
     of_role[[Role.BOTTOM_SKIN, Role.SOLID]] = speeds.solid
     of_role[Role.TOP_SKIN] = speeds.top_skin
     of_role[Role.SPARSE] = speeds.sparse
@@ -255,7 +256,8 @@ def _fans(program: Program, profile: Profile) -> list[Event]:
     ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
     ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
     ratio = (wanted * ramp)[program.layer]
-    bridge = _until_next_bead(program.role, program.role == Role.BRIDGE) & (ramp[program.layer] > 0)
+    hangs = (program.role == Role.BRIDGE) | (program.role == Role.INTERNAL_BRIDGE)
+    bridge = _until_next_bead(program.role, hangs) & (ramp[program.layer] > 0)
     ratio = np.where(bridge, np.maximum(ratio, material.fan_ratio_bridge), ratio)
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
     change = np.flatnonzero(np.diff(steps, prepend=0) != 0)

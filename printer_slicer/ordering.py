@@ -20,7 +20,14 @@ __all__ = ["order"]
 
 _ALIGNED_WITHIN = 4.0  # mm; a seam farther from the one below starts a new line of seams
 _SMALL_CHOICE = 20_000  # paths; beyond, trying every path at every step takes minutes
-_INFILL = (Role.BRIDGE, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID, Role.TOP_SKIN)
+_INFILL = (
+    Role.BRIDGE,
+    Role.BOTTOM_SKIN,
+    Role.SPARSE,
+    Role.INTERNAL_BRIDGE,
+    Role.SOLID,
+    Role.TOP_SKIN,
+)
 
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:

@@ -384,7 +384,9 @@ def test_layers_take_their_time_unless_beads_are_as_slow_as_allowed(
 
     for layer in np.unique(program.layer[beads]).tolist():
         fastest = program.speed[beads & (program.layer == layer)].max()
-        assert seconds[layer] > 0.97 * wait or fastest <= slowest + 1e-9
+        assert (
+            seconds[layer] > 0.97 * wait or fastest <= slowest * 1.005
+        )  # slowing down further by less is not worth it
 
 
 def test_no_layer_is_slowed_more_than_it_needs_to_be() -> None:

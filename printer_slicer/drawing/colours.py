@@ -23,6 +23,7 @@ ROLE_COLOURS: Final = {
     Role.INNER_PERIMETER: "#f0d000",
     Role.OUTER_PERIMETER: "#d55e00",
     Role.BRIDGE: "#56b4e9",
+    Role.INTERNAL_BRIDGE: "#a6d8f0",
     Role.BOTTOM_SKIN: "#cc79a7",
     Role.SOLID: "#0072b2",
     Role.TOP_SKIN: "#222222",

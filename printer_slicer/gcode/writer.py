@@ -23,6 +23,7 @@ TYPE_NAMES: Final = {
     Role.INNER_PERIMETER: "Perimeter",
     Role.OUTER_PERIMETER: "External perimeter",
     Role.BRIDGE: "Bridge infill",
+    Role.INTERNAL_BRIDGE: "Bridge infill",
     Role.BOTTOM_SKIN: "Solid infill",
     Role.SOLID: "Solid infill",
     Role.TOP_SKIN: "Top solid infill",

@@ -13,12 +13,14 @@ from printer_slicer.geometry.engine import (
     normalize,
     offset,
     offset_open,
+    outlines_within,
     simplify,
     union,
     window_intersection,
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch
 from printer_slicer.geometry.inside import crossed, rings_around
+from printer_slicer.geometry.pieces import Pieces, pieces_of
 from printer_slicer.geometry.polygons import Polygons
 
 __all__ = [
@@ -27,6 +29,7 @@ __all__ = [
     "Float",
     "Int",
     "Lines",
+    "Pieces",
     "Polygons",
     "chain_rows",
     "crossed",
@@ -37,6 +40,8 @@ __all__ = [
     "normalize",
     "offset",
     "offset_open",
+    "outlines_within",
+    "pieces_of",
     "rings_around",
     "simplify",
     "union",

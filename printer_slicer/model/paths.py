@@ -25,9 +25,10 @@ class Role(IntEnum):
     OUTER_PERIMETER = 4
     BRIDGE = 5
     BOTTOM_SKIN = 6
-    SOLID = 7
-    TOP_SKIN = 8
-    SPARSE = 9
+    SPARSE = 7
+    INTERNAL_BRIDGE = 8
+    SOLID = 9
+    TOP_SKIN = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)

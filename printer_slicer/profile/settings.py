@@ -132,6 +132,9 @@ class Speeds(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     solid: Annotated[float, _meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
     top_skin: Annotated[float, _meta("top skins", "mm/s", gt=0, le=1000)] = 40
     bridge: Annotated[float, _meta("bridges", "mm/s", gt=0, le=1000)] = 30
+    internal_bridge: Annotated[
+        float, _meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
+    ] = 40
     first_layer: Annotated[float, _meta("everything on the first layer, at most", "mm/s", gt=0, le=1000)] = 20
     travel: Annotated[float, _meta("travels", "mm/s", gt=0, le=2000)] = 150
 
@@ -269,6 +272,26 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         0.6
     )
     top_thickness: Annotated[float, _meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
+    min_sparse_area: Annotated[
+        float,
+        _meta(
+            "smaller areas, and strips under three beads wide, are not sparse but solid; 0: none",
+            "mm²",
+            ge=0,
+            le=1e6,
+        ),
+    ] = 15
+    thick_bridges: Annotated[
+        bool,
+        _meta("bridges are round threads as thick as the nozzle, not pressed flat to the layer's height"),
+    ] = True
+    bridge_flow_ratio: Annotated[float, _meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
+    internal_bridge_flow_ratio: Annotated[
+        float, _meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2)
+    ] = 1
+    bridge_anchor: Annotated[
+        float, _meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
+    ] = 1.5
     infill: Annotated[Literal["rectilinear", "grid"], _meta("pattern of the sparse infill")] = "grid"
     infill_density: Annotated[float, _meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
     infill_angle_deg: Annotated[float, _meta("direction of the infill", "degrees", ge=-360, le=360)] = 45

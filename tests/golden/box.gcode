@@ -339,6 +339,11 @@ M104 S0
 ; quality.seam = aligned
 ; quality.bottom_thickness = 0.2
 ; quality.top_thickness = 0.3
+; quality.min_sparse_area = 15
+; quality.thick_bridges = True
+; quality.bridge_flow_ratio = 1
+; quality.internal_bridge_flow_ratio = 1
+; quality.bridge_anchor = 1.5
 ; quality.infill = grid
 ; quality.infill_density = 0.25
 ; quality.infill_angle_deg = 45
@@ -353,5 +358,6 @@ M104 S0
 ; quality.speeds.solid = 60
 ; quality.speeds.top_skin = 40
 ; quality.speeds.bridge = 30
+; quality.speeds.internal_bridge = 40
 ; quality.speeds.first_layer = 20
 ; quality.speeds.travel = 150
