@@ -10,14 +10,13 @@ from printer_slicer import bead
 from printer_slicer.geometry import (
     Areas,
     Float,
-    Int,
     Pieces,
     chain_rows,
     hatch,
     offset,
-    outlines_within,
     pieces_of,
 )
+from printer_slicer.infill.strips import line_lengths, strip_paths
 from printer_slicer.model import LayerPlan, Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -27,9 +26,6 @@ __all__ = ["solid_paths"]
 _LONGEST_TURN = 3.0
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
-_STRIP = 3.0  # beads: narrower pieces beside the walls are filled along them
-_FULL = (0.7, 1.4)  # plastic in them for their area; others are filled with rows
-_NO_LINES = np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64)
 _APART = 0.05  # mm between the threads of a bridge: round ones that touch would push each other aside
 
 
@@ -57,7 +53,7 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     plan = regions.plan
     turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
     parts = [_bridges(regions, profile), _internal_bridges(regions, turned, profile)]
-    along, across = _along_walls(regions, pieces_of(regions.solid), profile)
+    along, across = strip_paths(regions, pieces_of(regions.solid), profile)
     parts.append(along)
     for pieces, role in (
         (pieces_of(regions.bottom_skin), Role.BOTTOM_SKIN),
@@ -67,49 +63,6 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
         beads = _usual(plan, pieces, role, turned[pieces.layer], profile)
         parts.append(_filled(plan, pieces, beads, profile))
     return parts
-
-
-def _along_walls(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Toolpaths, Pieces]:
-    """Beads along the walls in narrow strips beside them; and the pieces that these would not fill."""
-    plan, width = regions.plan, profile.extrusion_width
-    inside = regions.inside
-    narrow = np.flatnonzero(pieces.mean_width() < _STRIP * width)
-    some = pieces.take(narrow)
-    gap = bead.spacing(width, plan.height)
-    overlap = profile.quality.infill_overlap * width if profile.quality.perimeters else 0.0
-    step, room = gap / 2 - overlap, offset(some.areas, -overlap)
-    loop = inside.select(np.isin(inside.ring_layer, some.layer))
-    found: list[tuple[Float, Int, Int]] = []
-    while loop.n_rings and len(found) <= _STRIP:
-        loop, step = offset(loop, -step), gap
-        found.append(outlines_within(some.beside(loop), room))
-    xy, size, piece = (np.concatenate([part[i] for part in found]) for i in range(3)) if found else _NO_LINES
-    laid = np.bincount(piece, _lengths(xy, size), minlength=some.count) * gap[some.layer]
-    # Like rows, they reach a little into the wall at their side.
-    full = laid / (some.areas.area() * (1 + overlap / some.mean_width()))
-    fits = (full >= _FULL[0]) & (full <= _FULL[1])
-    kept = fits[piece]
-    layer = some.layer[piece[kept]]
-    paths = Toolpaths.gathered(
-        plan,
-        xy=xy[np.repeat(kept, size)],
-        size=size[kept],
-        layer=layer,
-        role=np.full(len(layer), Role.SOLID),
-        # A little wider or narrower, so that as many as there are hold what the strip holds.
-        width=bead.width_for_spacing(
-            (gap[some.layer] / np.where(fits, full, 1.0))[piece[kept]], plan.height[layer]
-        ).round(4),
-        closed=False,
-    )
-    return paths, pieces.take(np.setdiff1d(np.arange(pieces.count), narrow[fits]))
-
-
-def _lengths(xy: Float, size: Int) -> Float:
-    """(M,) mm of each open line of `size` (M,) points."""
-    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T)))
-    last = np.cumsum(size) - 1
-    return np.asarray(along[last] - along[last - size + 1])
 
 
 def _usual(plan: LayerPlan, pieces: Pieces, role: Role, angle: Float, profile: Profile) -> _Beads:
@@ -171,7 +124,7 @@ def _filled(plan: LayerPlan, pieces: Pieces, beads: _Beads, profile: Profile) ->
     xy, start, piece = chain_rows(rows, max_turn=_LONGEST_TURN * gap)
     # Between walls that nearly touch, rows shrink to dots that fill nothing and cost a stop each.
     size = np.diff(start)
-    seen = _lengths(xy, size) >= np.minimum(gap, profile.extrusion_width)[piece] / 2
+    seen = line_lengths(xy, size) >= np.minimum(gap, profile.extrusion_width)[piece] / 2
     xy, size, piece = xy[np.repeat(seen, size)], size[seen], piece[seen]
     return Toolpaths.gathered(
         plan,
