@@ -84,9 +84,12 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
 
     laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
     assert np.array_equal(laid[:, :, :2], np.concatenate(segments))
-    assert np.array_equal(
-        program.role[is_bead(program)], np.repeat(paths.role, [len(one) for one in segments])
-    )
+    role = program.role[is_bead(program)]
+    given = np.repeat(paths.role, [len(one) for one in segments])
+    # A perimeter's bead that hangs has a name of its own.
+    hangs = role == Role.OVERHANG_PERIMETER
+    assert set(given[hangs].tolist()) <= {Role.INNER_PERIMETER, Role.OUTER_PERIMETER}
+    assert np.array_equal(role[~hangs], given[~hangs])
     assert np.array_equal(
         program.width[is_bead(program)],
         np.repeat(paths.width[paths.start[:-1]], [len(one) for one in segments]),

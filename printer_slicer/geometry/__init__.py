@@ -7,6 +7,7 @@ run both.
 """
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, frozen_array
+from printer_slicer.geometry.depth import depths
 from printer_slicer.geometry.engine import (
     difference,
     intersection,
@@ -33,6 +34,7 @@ __all__ = [
     "Polygons",
     "chain_rows",
     "crossed",
+    "depths",
     "difference",
     "frozen_array",
     "hatch",

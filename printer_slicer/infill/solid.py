@@ -26,6 +26,7 @@ __all__ = ["solid_paths"]
 _LONGEST_TURN = 3.0
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
+_IN_SWEEPS = (Role.TOP_SKIN, Role.IRONING)
 _APART = 0.05  # mm between the threads of a bridge: round ones that touch would push each other aside
 
 
@@ -62,7 +63,19 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     ):
         beads = _usual(plan, pieces, role, turned[pieces.layer], profile)
         parts.append(_filled(plan, pieces, beads, profile))
+    if profile.quality.ironing:
+        parts.append(_ironed(plan, pieces_of(regions.top_skin), turned, profile))
     return parts
+
+
+def _ironed(plan: LayerPlan, skins: Pieces, turned: Float, profile: Profile) -> Toolpaths:
+    """Lines close together across those of the top skins, which the hot nozzle smooths and fills a little."""
+    quality = profile.quality
+    height = quality.ironing_flow_ratio * plan.height[skins.layer]
+    gap = np.full(skins.count, quality.ironing_spacing)
+    across = turned[skins.layer] + np.pi / 2
+    beads = _Beads(Role.IRONING, across, gap, np.round(bead.width_for_spacing(gap, height), 4), height)
+    return _filled(plan, skins, beads, profile)
 
 
 def _usual(plan: LayerPlan, pieces: Pieces, role: Role, angle: Float, profile: Profile) -> _Beads:
@@ -135,6 +148,8 @@ def _filled(plan: LayerPlan, pieces: Pieces, beads: _Beads, profile: Profile) ->
         width=width[piece],
         height=beads.height[piece],
         closed=False,
+        # Rows come from the lowest up: each is laid beside one that is there already, never between two.
+        sweep=piece if beads.role in _IN_SWEEPS else None,
     )
 
 

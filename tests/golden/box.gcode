@@ -317,6 +317,10 @@ M104 S0
 ; material.fan_ratio = 0.5
 ; material.fan_ratio_max = 1
 ; material.fan_ratio_bridge = 1
+; material.fan_overhang_75_ratio = 0
+; material.fan_overhang_50_ratio = 0.5
+; material.fan_overhang_25_ratio = 1
+; material.fan_overhang_0_ratio = 1
 ; material.fan_off_below = 0.3
 ; material.fan_full_above = 0.8
 ; material.fan_layer_time = 30
@@ -340,6 +344,9 @@ M104 S0
 ; quality.bottom_thickness = 0.2
 ; quality.top_thickness = 0.3
 ; quality.min_sparse_area = 15
+; quality.ironing = False
+; quality.ironing_spacing = 0.1
+; quality.ironing_flow_ratio = 0.15
 ; quality.thick_bridges = True
 ; quality.bridge_flow_ratio = 1
 ; quality.internal_bridge_flow_ratio = 1
@@ -357,7 +364,12 @@ M104 S0
 ; quality.speeds.sparse = 70
 ; quality.speeds.solid = 60
 ; quality.speeds.top_skin = 40
+; quality.speeds.ironing = 15
 ; quality.speeds.bridge = 30
 ; quality.speeds.internal_bridge = 40
+; quality.speeds.overhang_75_ratio = 0.9
+; quality.speeds.overhang_50_ratio = 0.7
+; quality.speeds.overhang_25_ratio = 0.55
+; quality.speeds.overhang_0_ratio = 0.45
 ; quality.speeds.first_layer = 20
 ; quality.speeds.travel = 150
