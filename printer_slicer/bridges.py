@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Lines, Pieces, hatch, intersection, pieces_of
+from printer_slicer.geometry import Areas, Float, Int, Lines, Pieces, hatch, intersection, pieces_of
 
 __all__ = ["bridge_angles"]
 
 _DIRECTIONS = 12
 _FINER = (-np.pi / 36, np.pi / 36)  # tried beside the best of them: 5° to either side
+_WORTH = np.array([0.0, 0.5, 1.0])  # of a line of which so many ends are carried
 _NEAR = 1e-3  # mm: ends this close to a support lie on it; engines round to 0.01 µm
 
 
@@ -17,8 +18,8 @@ def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> 
     """(R,) direction of the lines over each ring of `bridge`, radians; one for each connected area.
 
     Tries directions 15° apart, then 5° to either side of the best, and takes the one with the largest share of length
-    in lines that end on the layer below at both ends; of equals the one with the shortest lines. What nothing carries
-    at both ends gets the usual direction.
+    in lines that end on the layer below at both ends; lines that do at one end, as over a balcony, count half;
+    of equals the one whose longest lines are shortest. What nothing carries gets the usual direction.
 
     Args:
         bridge: areas over air, grown onto their supports.
@@ -52,16 +53,18 @@ def _score(pieces: Pieces, support: Areas, spacing: Float, angle: float) -> Floa
     carried = _carried(lines, pieces.layer[lines.layer], hatch(support, angle=angle, spacing=spacing))
     length, n = lines.length(), pieces.count
     total = np.bincount(lines.layer, weights=length, minlength=n)
-    held = np.bincount(lines.layer, weights=length * carried, minlength=n)
-    count = np.maximum(np.bincount(lines.layer, minlength=n), 1)
-    # A length of 1 m would weigh as much as a tenth of the share: it only decides between equals.
-    return np.where(held > 0, held / np.maximum(total, 1e-9) + 0.1 - 1e-4 * total / count, 0.0)
+    held = np.bincount(lines.layer, weights=length * _WORTH[carried], minlength=n)
+    # What sags is long: a mean in which long lines weigh most. A metre of it weighs as much as a tenth of the share, so
+    # it only decides between equals.
+    square, cube = (np.bincount(lines.layer, weights=length**power, minlength=n) for power in (2, 3))
+    sagging = cube / np.maximum(square, 1e-9)
+    return np.where(held > 0, held / np.maximum(total, 1e-9) + 0.1 - 1e-4 * sagging, 0.0)
 
 
-def _carried(lines: Lines, layer: Int, support: Lines) -> Bool:
-    """(S,) whether both ends of each line, on its `layer` (S,), lie on a support line of the same row."""
+def _carried(lines: Lines, layer: Int, support: Lines) -> Int:
+    """(S,) how many ends of each line, on its `layer` (S,), lie on a support line of the same row: 0, 1 or 2."""
     if support.n_lines == 0 or lines.n_lines == 0:
-        return np.zeros(lines.n_lines, np.bool_)
+        return np.zeros(lines.n_lines, np.int64)
     rows = np.concatenate([lines.row, support.row])
     row = rows - rows.min()
     group = np.concatenate([layer, support.layer]) * (row.max() + 1) + row
@@ -69,9 +72,9 @@ def _carried(lines: Lines, layer: Int, support: Lines) -> Bool:
     low, span = float(u.min()), float(u.max() - u.min()) + 1.0
     key = group[:, None] * span + (u - low)
     own, other = key[: lines.n_lines], key[lines.n_lines :]
-    resting = np.ones(lines.n_lines, np.bool_)
+    resting = np.zeros(lines.n_lines, np.int64)
     for end, inward in ((0, _NEAR), (1, -_NEAR)):
         at = own[:, end] + inward
         before = np.searchsorted(other[:, 0], at + _NEAR, side="right") - 1
-        resting &= (before >= 0) & (other[np.maximum(before, 0), 1] >= at - _NEAR)
+        resting += (before >= 0) & (other[np.maximum(before, 0), 1] >= at - _NEAR)
     return resting

@@ -115,10 +115,11 @@ def _worth_it(sparse: Areas, width: Float, quality: Quality) -> Areas:
     """Sparse areas without those too small or narrow for it, where these are to be solid."""
     if quality.infill_density == 0 or quality.min_sparse_area == 0:
         return sparse
-    pieces = pieces_of(sparse)
-    wide = pieces.mean_width() >= _NARROW * width[pieces.layer]
+    # Opened, sharp corners are cut off: what is narrower than a bead there stays.
+    narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
+    pieces = pieces_of(difference(sparse, narrow))
     large = pieces.areas.area() >= quality.min_sparse_area
-    return pieces.on_layers(sparse.n_layers, np.flatnonzero(wide & large))
+    return pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
 
 
 def _over_sparse(solid: Areas, sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:

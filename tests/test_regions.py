@@ -316,6 +316,14 @@ def test_every_bridge_of_a_layer_has_its_own_direction() -> None:
     assert angles == [0, 50, 90]
 
 
+def test_lines_under_a_balcony_run_out_from_the_wall_that_holds_it() -> None:
+    part = joined([box((10, 20, 4)), box((16, 20, 1), (0, 0, 4))])
+    _, _, regions = classified(part, layers(25, 0.2), plain())
+
+    assert regions.bridge.n_rings == 1
+    assert np.sin(regions.bridge_angle) == pytest.approx(0, abs=1e-9)
+
+
 def spun(mesh: Mesh, degrees: float, x: float) -> Mesh:
     """The mesh turned about z and moved along x."""
     turn = np.deg2rad(degrees)

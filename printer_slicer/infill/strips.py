@@ -12,7 +12,9 @@ from printer_slicer.profile import Profile
 __all__ = ["line_lengths", "strip_paths"]
 
 _WIDEST = 3.0  # beads
-_FULL = (0.7, 1.4)  # what as many usual beads as there are may hold of what the strip does
+# What as many usual beads as there are may hold of what the strip does: between two walls there is one beside each, and
+# both together fill what one would.
+_FULL = (0.7, 2.1)
 
 _CORNERS = (
     0.75  # of the overlap: what walls leave open in corners, within 0.5 % of volume for boxes of 3 to 20 mm
@@ -34,10 +36,12 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
     beside = np.bincount(piece, length * first, minlength=strips.count)
     full = laid / (strips.areas.area() + _CORNERS * overlap * beside)
     fits = (full >= _FULL[0]) & (full <= _FULL[1])
+    # A little wider or narrower, so that as many as there are hold what the strip holds.
+    height = plan.height[strips.layer]
+    wide = np.round(bead.width_for_spacing(gap[strips.layer] / np.where(fits, full, 1.0), height), 4)
+    fits &= wide >= height
     kept = fits[piece]
     of = piece[kept]
-    # A little wider or narrower, so that as many as there are hold what the strip holds.
-    spacing = gap[strips.layer] / np.where(fits, full, 1.0)
     layer = strips.layer[of]
     paths = Toolpaths.gathered(
         plan,
@@ -45,7 +49,7 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
         size=size[kept],
         layer=layer,
         role=np.full(len(layer), Role.SOLID),
-        width=np.round(bead.width_for_spacing(spacing[of], plan.height[layer]), 4),
+        width=wide[of],
         closed=False,
     )
     return paths, pieces.take(np.setdiff1d(np.arange(pieces.count), narrow[fits]))
