@@ -4,59 +4,77 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Lines, hatch, intersection
+from printer_slicer.geometry import Areas, Float, Int, Lines, Pieces, hatch, intersection, pieces_of
 
 __all__ = ["bridge_angles"]
 
 _DIRECTIONS = 12
+_FINER = (-np.pi / 36, np.pi / 36)  # tried beside the best of them: 5° to either side
+_WORTH = np.array([0.0, 0.5, 1.0])  # of a line of which so many ends are carried
 _NEAR = 1e-3  # mm: ends this close to a support lie on it; engines round to 0.01 µm
 
 
 def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> Float:
-    """(L,) direction of each layer's bridge lines, radians.
+    """(R,) direction of the lines over each ring of `bridge`, radians; one for each connected area.
 
-    Tries directions 15° apart and takes the one with the largest share of length in lines that end on the layer
-    below at both ends; of equals the one with the shortest lines. Layers without bridges, and bridges that nothing
-    carries at both ends, get the usual direction.
+    Tries directions 15° apart, then 5° to either side of the best, and takes the one with the largest share of length
+    in lines that end on the layer below at both ends; lines that do at one end, as over a balcony, count half;
+    of equals the one whose longest lines are shortest. What nothing carries gets the usual direction.
 
     Args:
         bridge: areas over air, grown onto their supports.
-        below: the section of the layer below each layer.
+        below: what carries, below each layer.
         spacing: (L,) mm between lines.
         usual: radians.
     """
-    best = np.full(bridge.n_layers, usual)
-    if bridge.n_rings == 0:
-        return best
+    pieces = pieces_of(bridge)
+    if not pieces.count:
+        return np.zeros(0)
     support = intersection(bridge, below)
-    record = np.zeros(bridge.n_layers)
-    for angle in np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS:
-        lines = hatch(bridge, angle=float(angle), spacing=spacing)
-        carried = _carried(lines, hatch(support, angle=float(angle), spacing=spacing))
-        total = np.bincount(lines.layer, weights=lines.length(), minlength=bridge.n_layers)
-        held = np.bincount(lines.layer, weights=lines.length() * carried, minlength=bridge.n_layers)
-        count = np.maximum(np.bincount(lines.layer, minlength=bridge.n_layers), 1)
-        # A length of 1 m would weigh as much as a tenth of the share: it only decides between equals.
-        score = np.where(held > 0, held / np.maximum(total, 1e-9) + 0.1 - 1e-4 * total / count, 0.0)
+    best, record = np.full(pieces.count, usual), np.zeros(pieces.count)
+    whole = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
+    for angle in whole.tolist():
+        score = _score(pieces, support, spacing, angle)
         best = np.where(score > record + 1e-9, angle, best)
         record = np.maximum(record, score)
-    return best
+    coarse = best
+    for turn in _FINER:
+        # Pieces with the same best direction are looked at together.
+        for angle in np.unique(coarse[record > 0]).tolist():
+            score = np.where(coarse == angle, _score(pieces, support, spacing, angle + turn), 0.0)
+            best = np.where(score > record + 1e-9, angle + turn, best)
+            record = np.maximum(record, score)
+    return best[pieces.of_ring]
 
 
-def _carried(lines: Lines, support: Lines) -> Bool:
-    """(S,) whether both ends of each line lie on a support line of the same row."""
-    if support.n_lines == 0:
-        return np.zeros(lines.n_lines, np.bool_)
+def _score(pieces: Pieces, support: Areas, spacing: Float, angle: float) -> Float:
+    """(P,) how well the lines of this direction are held; 0 where none is."""
+    lines = hatch(pieces.areas, angle=angle, spacing=spacing[pieces.layer])
+    carried = _carried(lines, pieces.layer[lines.layer], hatch(support, angle=angle, spacing=spacing))
+    length, n = lines.length(), pieces.count
+    total = np.bincount(lines.layer, weights=length, minlength=n)
+    held = np.bincount(lines.layer, weights=length * _WORTH[carried], minlength=n)
+    # What sags is long: a mean in which long lines weigh most. A metre of it weighs as much as a tenth of the share, so
+    # it only decides between equals.
+    square, cube = (np.bincount(lines.layer, weights=length**power, minlength=n) for power in (2, 3))
+    sagging = cube / np.maximum(square, 1e-9)
+    return np.where(held > 0, held / np.maximum(total, 1e-9) + 0.1 - 1e-4 * sagging, 0.0)
+
+
+def _carried(lines: Lines, layer: Int, support: Lines) -> Int:
+    """(S,) how many ends of each line, on its `layer` (S,), lie on a support line of the same row: 0, 1 or 2."""
+    if support.n_lines == 0 or lines.n_lines == 0:
+        return np.zeros(lines.n_lines, np.int64)
     rows = np.concatenate([lines.row, support.row])
     row = rows - rows.min()
-    group = np.concatenate([lines.layer, support.layer]) * (row.max() + 1) + row
+    group = np.concatenate([layer, support.layer]) * (row.max() + 1) + row
     u = np.concatenate([lines.u, support.u])
     low, span = float(u.min()), float(u.max() - u.min()) + 1.0
     key = group[:, None] * span + (u - low)
     own, other = key[: lines.n_lines], key[lines.n_lines :]
-    resting = np.ones(lines.n_lines, np.bool_)
+    resting = np.zeros(lines.n_lines, np.int64)
     for end, inward in ((0, _NEAR), (1, -_NEAR)):
         at = own[:, end] + inward
         before = np.searchsorted(other[:, 0], at + _NEAR, side="right") - 1
-        resting &= (before >= 0) & (other[np.maximum(before, 0), 1] >= at - _NEAR)
+        resting += (before >= 0) & (other[np.maximum(before, 0), 1] >= at - _NEAR)
     return resting

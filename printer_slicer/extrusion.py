@@ -15,13 +15,15 @@ from printer_slicer.geometry import crossed
 from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Sections, Toolpaths
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.whole import durations
-from printer_slicer.profile import Material, Profile
+from printer_slicer.profile import Material, Profile, Speeds
 
 __all__ = ["extrude", "move_seconds"]
 
 _APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
 _ROUNDS = 12  # of slowing down at most: with acceleration, half the speed is not quite twice the time
 _NEARLY = 0.995  # of the minimum layer time is enough
+_HALF = 0.5  # of its width: a perimeter's bead that is carried by less hangs
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # carried, for which there are settings
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 
 
@@ -34,6 +36,8 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     rows = _rows(paths, sections, profile)
     beads = _beads_of(paths, rows, profile)
     role = np.append(np.where(rows.kind == _BEAD, paths.role[rows.path], Role.TRAVEL), Role.TRAVEL)
+    carried = _spread(beads.carried, rows)
+    role[_is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + _APPROACH]),
@@ -46,7 +50,7 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
         height=_spread(beads.height, rows),
     )
     program = _slowed(program, profile)
-    events = _heat(program, profile.material) + _fans(program, profile)
+    events = _heat(program, profile.material) + _fans(program, carried, profile)
     return replace(program, events=tuple(sorted(events, key=lambda event: event.index)))
 
 
@@ -146,12 +150,14 @@ class _Beads:
         width: (B,) mm, in the mean along the bead.
         height: (B,) mm.
         flow: (B,) the cross-section is multiplied by this.
+        carried: (B,) share of the width that lies over the layer below.
     """
 
     length: Float
     width: Float
     height: Float
     flow: Float
+    carried: Float
 
     @property
     def cross_section(self) -> Float:
@@ -166,7 +172,9 @@ def _beads_of(paths: Toolpaths, rows: _Rows, profile: Profile) -> _Beads:
     length = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T)
     first = np.where(paths.layer[path] == 0, profile.quality.first_layer_flow, 1.0)
     width = (paths.width[begin] + paths.width[end]) / 2
-    return _Beads(length, width, paths.height[path], first * profile.material.flow_ratio)
+    return _Beads(
+        length, width, paths.height[path], first * profile.material.flow_ratio, paths.carried[begin]
+    )
 
 
 def _spread(values: Float, rows: _Rows) -> Float:
@@ -197,20 +205,44 @@ def _speeds(paths: Toolpaths, rows: _Rows, beads: _Beads, profile: Profile) -> F
     of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
     of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
     of_role[Role.BRIDGE] = speeds.bridge
+    of_role[Role.INTERNAL_BRIDGE] = speeds.internal_bridge
     of_role[[Role.BOTTOM_SKIN, Role.SOLID]] = speeds.solid
     of_role[Role.TOP_SKIN] = speeds.top_skin
     of_role[Role.SPARSE] = speeds.sparse
+    of_role[Role.IRONING] = speeds.ironing
     wanted = of_role[paths.role]
     raft = paths.role == Role.RAFT
     begins = (paths.layer == 0) | (raft.any() & (paths.layer == paths.layer[raft].max(initial=-1) + 1))
     wanted = np.where(begins, np.minimum(wanted, speeds.first_layer), wanted)
     is_bead = rows.kind == _BEAD
+    laid = wanted[rows.path[is_bead]]
+    hangs = _is_perimeter(paths.role[rows.path[is_bead]]) & (beads.carried < 1)
+    slower = laid * np.interp(beads.carried, _SHARES, _overhang_speeds(speeds))
+    # The last quarter goes over to a bridge.
+    faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / _SHARES[1], 1)
+    laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
     flowing = material.max_flow / (beads.cross_section * beads.flow)
     z_speed = min(speeds.travel, printer.max_speed_z)
     lead = np.array([printer.retract_speed, z_speed, speeds.travel, z_speed, printer.deretract_speed, 0.0])
     speed = lead[rows.kind]
-    speed[is_bead] = np.minimum(wanted[rows.path[is_bead]], flowing)
+    speed[is_bead] = np.minimum(laid, flowing)
     return np.append(speed, printer.retract_speed)
+
+
+def _is_perimeter(role: Int) -> Bool:
+    """(n,) whether it is the role of a perimeter's bead."""
+    return np.asarray((role == Role.OUTER_PERIMETER) | (role == Role.INNER_PERIMETER))
+
+
+def _overhang_speeds(speeds: Speeds) -> tuple[float, ...]:
+    """For each of `_SHARES` of the bead that is carried, the share of the perimeter's speed."""
+    return (
+        speeds.overhang_0_ratio,
+        speeds.overhang_25_ratio,
+        speeds.overhang_50_ratio,
+        speeds.overhang_75_ratio,
+        1.0,
+    )
 
 
 def _slowed(program: Program, profile: Profile) -> Program:
@@ -252,8 +284,11 @@ def _heat(program: Program, material: Material) -> list[Event]:
     return [Heat(int(above[0]), nozzle, bed)] if nozzle is not None or bed is not None else []
 
 
-def _fans(program: Program, profile: Profile) -> list[Event]:
-    """Fan changes: more on quick layers, ramped up over mm of height, full on bridges."""
+def _fans(program: Program, carried: Float, profile: Profile) -> list[Event]:
+    """Fan changes: more on quick layers, ramped up over mm of height, full on bridges, in between on overhangs.
+
+    `carried` (K,) is the share of each bead that lies over the layer below.
+    """
     material, plan = profile.material, program.plan
     seconds = np.bincount(program.layer, weights=move_seconds(program, profile), minlength=plan.n_layers)
     span = max(material.fan_layer_time - material.min_layer_time, 1e-9)
@@ -263,11 +298,33 @@ def _fans(program: Program, profile: Profile) -> list[Event]:
     ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
     ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
     ratio = (wanted * ramp)[program.layer]
-    bridge = _until_next_bead(program.role, program.role == Role.BRIDGE) & (ramp[program.layer] > 0)
-    ratio = np.where(bridge, np.maximum(ratio, material.fan_ratio_bridge), ratio)
+    hangs = (program.role == Role.BRIDGE) | (program.role == Role.INTERNAL_BRIDGE)
+    bridge = _until_next_bead(program.role, hangs) & (ramp[program.layer] > 0)
+    on_bridges = np.maximum(ratio, material.fan_ratio_bridge)
+    toward = np.interp(_of_next_bead(program.role, carried, 1.0), _SHARES, _overhang_fans(material))
+    toward = np.where(ramp[program.layer] > 0, toward, 0.0)
+    ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
     change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
     return [Fan(int(i), float(np.clip(steps[i] * _FAN_STEP, 0, 1))) for i in change]
+
+
+def _overhang_fans(material: Material) -> tuple[float, ...]:
+    """For each of `_SHARES` of the bead that is carried, how far the fan goes toward that on bridges."""
+    return (
+        material.fan_overhang_0_ratio,
+        material.fan_overhang_25_ratio,
+        material.fan_overhang_50_ratio,
+        material.fan_overhang_75_ratio,
+        0.0,
+    )
+
+
+def _of_next_bead(role: Int, values: Float, otherwise: float) -> Float:
+    """(K,) the value of the bead that each move leads to."""
+    is_bead = role != Role.TRAVEL
+    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
+    return np.asarray(np.append(values, otherwise)[following])
 
 
 def _until_next_bead(role: Int, wanted: Bool) -> Bool:

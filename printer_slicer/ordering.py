@@ -20,7 +20,15 @@ __all__ = ["order"]
 
 _ALIGNED_WITHIN = 4.0  # mm; a seam farther from the one below starts a new line of seams
 _SMALL_CHOICE = 20_000  # paths; beyond, trying every path at every step takes minutes
-_INFILL = (Role.BRIDGE, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID, Role.TOP_SKIN)
+_INFILL = (
+    Role.BRIDGE,
+    Role.BOTTOM_SKIN,
+    Role.SPARSE,
+    Role.INTERNAL_BRIDGE,
+    Role.SOLID,
+    Role.TOP_SKIN,
+    Role.IRONING,
+)
 
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
@@ -98,7 +106,7 @@ class _Route:
             self._visit_lines(group)
 
     def follow(self, group: list[int]) -> None:
-        """Take the paths as they stand, open ones from their nearer end."""
+        """Take the paths as they stand, open ones that are in no sweep from their nearer end."""
         for path in group:
             if self.paths.closed[path]:
                 self._take_loop(path)
@@ -112,16 +120,29 @@ class _Route:
             self._take_loop(left.pop(int(np.argmin((gap * gap).sum(axis=1)))))
 
     def _visit_lines(self, group: Int) -> None:
-        ends = np.concatenate([self.begin[group], self._end[group]])
-        n = len(group)
+        group, start = self._sweeps(group)
+        first, last = group[start[:-1]], group[start[1:] - 1]
+        ends = np.concatenate([self.begin[first], self._end[last]])
+        n = len(first)
         for _ in range(n):
             gap = ends - self.position
             nearest = int(np.argmin(gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1]))
             chosen, turned = nearest % n, nearest >= n
-            self._taken.append(int(group[chosen]))
-            self._turn.append(int(turned))
+            sweep = group[start[chosen] : start[chosen + 1]].tolist()
+            self._taken += sweep[::-1] if turned else sweep
+            self._turn += [int(turned)] * len(sweep)
             self.position = ends[chosen if turned else chosen + n].copy()
             ends[chosen] = ends[chosen + n] = np.inf
+
+    def _sweeps(self, group: Int) -> tuple[Int, Int]:
+        """The paths of a group (n,) with those of one sweep behind each other, and where each sweep begins and ends."""
+        sweep = self.paths.sweep[group]
+        if (sweep < 0).all():
+            return group, np.arange(len(group) + 1)
+        order = np.argsort(sweep, kind="stable")
+        group, sweep = group[order], sweep[order]
+        begins = np.append(True, (np.diff(sweep) != 0) | (sweep[1:] < 0))
+        return group, np.append(np.flatnonzero(begins), len(group))
 
     def _take_loop(self, path: int) -> None:
         seam = int(self._seam[path])
@@ -134,7 +155,8 @@ class _Route:
 
     def _take_line(self, path: int) -> None:
         begin, end = self.begin[path], self._end[path]
-        turned = bool(((end - self.position) ** 2).sum() < ((begin - self.position) ** 2).sum())
+        free = self.paths.sweep[path] < 0
+        turned = bool(free and ((end - self.position) ** 2).sum() < ((begin - self.position) ** 2).sum())
         self._taken.append(path)
         self._turn.append(int(turned))
         self.position = begin if turned else end
@@ -159,6 +181,11 @@ class _Route:
             paths.role[taken],
             paths.height[taken],
             closed,
+            # What holds from a point to the next holds from the next to it in a path that is turned around.
+            paths.carried.take(
+                np.where(turned_around, np.maximum(point - 1, paths.start[taken][owner]), point)
+            ),
+            paths.sweep[taken],
         )
 
 

@@ -2,48 +2,137 @@
 
 Shell thicknesses are in mm. On layers of uneven height the layers within reach are a range of z, a different number for
 each layer; their common area comes from a table of intersections over 1, 2, 4, ... layers.
+
+Where a slope moves the walls inward by more than they are deep, the step between them must be closed too: sparse is
+only what is inside the walls both here and where the skin ends, over and under here. So the shell keeps its thickness
+measured across a slope of any angle t to the bed: a point that is `skin` below (above) one that is `depth` inside the
+face is depth sin t + skin cos t away from it. On steep slopes that leaves strips of skin / tan t beside the walls,
+which alone are depth sin t thick there. Strips are left out where that is 0.97 of what is promised, the lesser of skin
+and depth, and where they are narrower than half a bead.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer import bead
 from printer_slicer.bridges import bridge_angles
-from printer_slicer.geometry import difference, intersection, offset, offset_open, union, window_intersection
+from printer_slicer.geometry import (
+    difference,
+    intersection,
+    offset,
+    offset_open,
+    pieces_of,
+    union,
+    window_intersection,
+)
 from printer_slicer.model import Areas, Float, Int, LayerPlan, Regions, Sections, Walls
-from printer_slicer.profile import Profile
+from printer_slicer.profile import Profile, Quality
 
 __all__ = ["classify"]
 
 _SMALLEST = 1e-6  # mm: heights that differ by less are the same
+_PROMISED = 0.97  # of the lesser of skin and depth of the walls
+_NARROW = 3.0  # beads: strips of sparse infill that are narrower hold only dots of it
 
 
 def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     """The inside of the walls, divided by purpose.
 
-    A point is solid when, going up (down) from its layer, air begins within `quality.top_thickness`
-    (`quality.bottom_thickness`). The bed is a surface too.
+    A point is solid when, going up (down) from its layer, the inside of the walls ends within `quality.top_thickness`
+    (`quality.bottom_thickness`), or where the area around it is too small for sparse infill. The bed is a surface too.
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
-    quality = profile.quality
-    above = _missing(inside, solid, *_window_above(plan, quality.top_thickness))
-    below = _missing(inside, solid, *_window_below(plan, quality.bottom_thickness))
+    quality, width = profile.quality, walls.width
     open_above = _missing(inside, solid, *_window_above(plan, min(quality.top_thickness, _SMALLEST)))
     open_below = _missing(inside, solid, *_window_below(plan, min(quality.bottom_thickness, _SMALLEST)))
-    shell = _anchored(union(above, below), inside, walls.width)
-    if quality.infill_density >= 1:
-        shell = inside
-    down = _anchored(open_below, inside, walls.width)
-    up = difference(_anchored(open_above, inside, walls.width), down)
+    shell = inside if quality.infill_density >= 1 else _shell(sections, walls, quality)
+    carrying, sparse = _below(solid), difference(inside, shell)
+    if quality.infill_density == 0:
+        hollow = _below(sparse)
+        carrying, open_below = difference(carrying, hollow), union(open_below, intersection(shell, hollow))
+    down = _grown(open_below, inside, width, np.full(plan.n_layers, quality.bridge_anchor))
+    up = difference(_grown(open_above, inside, width, 2 * width), down)
+    open_to_air = down.merge(up)
+    sparse = _worth_it(difference(sparse, open_to_air), width, quality)
+    internal, hidden = _over_sparse(difference(inside, sparse.merge(open_to_air)), sparse, width, quality)
+    bridge = down.select(down.ring_layer > 0)
     return Regions(
         plan,
         bottom_skin=down.select(down.ring_layer == 0),
-        bridge=down.select(down.ring_layer > 0),
+        bridge=bridge,
         top_skin=up,
-        solid=difference(difference(shell, down), up),
-        sparse=difference(inside, shell),
-        bridge_angle=bridge_angles(down, _below(solid), walls.width, np.deg2rad(quality.infill_angle_deg)),
+        solid=hidden,
+        sparse=sparse,
+        bridge_angle=bridge_angles(bridge, carrying, width, np.deg2rad(quality.infill_angle_deg)),
+        internal_bridge=internal,
+        inside=inside,
     )
+
+
+def _shell(sections: Sections, walls: Walls, quality: Quality) -> Areas:
+    """What of the inside has to be solid to keep surfaces and slopes closed."""
+    plan, inside, solid = walls.plan, walls.inside, sections.solid
+    above = _window_above(plan, quality.top_thickness)
+    below = _window_below(plan, quality.bottom_thickness)
+    near_air = union(_missing(inside, solid, *above), _missing(inside, solid, *below))
+    own = np.arange(plan.n_layers)
+    highest = np.maximum(np.minimum(above[1], plan.n_layers) - 1, own)
+    lowest = np.minimum(np.maximum(below[0], 0), own)
+    # A slope goes on through the layers between: what it covers of the inside, it does at the farthest of them.
+    over, under = (
+        offset_open(
+            _uncovered(inside, at), _needless(walls, quality, skin, np.abs(plan.cut[at] - plan.cut)) / 2
+        )
+        for at, skin in ((highest, quality.top_thickness), (lowest, quality.bottom_thickness))
+    )
+    return union(offset_open(near_air, walls.width / 4), union(over, under))
+
+
+def _uncovered(inside: Areas, at: Int) -> Areas:
+    """What of each layer's inside is not inside the layer `at` (L,)."""
+    other = at != np.arange(inside.n_layers)
+    cover = window_intersection(inside, at, at + 1)
+    return difference(inside.select(other[inside.ring_layer]), cover.select(other[cover.ring_layer]))
+
+
+def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Float:
+    """(L,) mm: how narrow strips of solid beside the walls can be left out.
+
+    They come from slopes so steep that the walls are thick enough: the strip is skin / tan t wide, the walls are
+    depth sin t thick. Steps that leave more of the inside open than a slope hides under the walls are wider than these.
+    `apart` (L,) is how far from each other the sections lie at both ends of the skin, mm.
+    """
+    half = walls.width / 2
+    gap = bead.spacing(walls.width, walls.plan.height)
+    depth = half + (quality.perimeters - 0.5) * gap if quality.perimeters else np.zeros_like(half)
+    promised = np.maximum(_PROMISED * np.minimum(skin, depth), 1e-9)
+    steep = apart * np.sqrt(np.maximum((depth / promised) ** 2 - 1, 0))
+    return np.clip(steep, half, np.maximum(depth, half))
+
+
+def _worth_it(sparse: Areas, width: Float, quality: Quality) -> Areas:
+    """Sparse areas without those too small or narrow for it, where these are to be solid."""
+    if quality.infill_density == 0 or quality.min_sparse_area == 0:
+        return sparse
+    # Opened, sharp corners are cut off: what is narrower than a bead there stays.
+    narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
+    pieces = pieces_of(difference(sparse, narrow))
+    large = pieces.areas.area() >= quality.min_sparse_area
+    return pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
+
+
+def _over_sparse(solid: Areas, sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:
+    """What of the solid areas lies over sparse infill, with what carries it at its sides; and the rest of them."""
+    over = intersection(solid, _below(sparse))
+    if not over.n_rings:
+        return over, solid
+    # A strip that two beads bridge rests on the solid infill beside it.
+    over = intersection(offset(offset_open(over, width), quality.bridge_anchor), solid)
+    # What would be left beside it, but is too narrow for a bead, goes with it.
+    beside = offset_open(difference(solid, over), width / 2)
+    over = intersection(difference(solid, beside), offset(over, width))
+    return over, difference(solid, over)
 
 
 def _below(solid: Areas) -> Areas:
@@ -77,6 +166,6 @@ def _missing(inside: Areas, solid: Areas, first: Int, last: Int) -> Areas:
     return difference(inside.select(~idle[inside.ring_layer]), cover.select(~idle[cover.ring_layer]))
 
 
-def _anchored(area: Areas, inside: Areas, width: Float) -> Areas:
-    """`area` without slivers that no bead fits in, grown by two beads so that its lines end on something."""
-    return intersection(offset(offset_open(area, width / 4), 2 * width), inside)
+def _grown(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
+    """`area` without slivers too narrow for half a bead, grown by `by` (L,) mm so that its lines end on something."""
+    return intersection(offset(offset_open(area, width / 4), by), inside)

@@ -84,9 +84,12 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
 
     laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
     assert np.array_equal(laid[:, :, :2], np.concatenate(segments))
-    assert np.array_equal(
-        program.role[is_bead(program)], np.repeat(paths.role, [len(one) for one in segments])
-    )
+    role = program.role[is_bead(program)]
+    given = np.repeat(paths.role, [len(one) for one in segments])
+    # A perimeter's bead that hangs has a name of its own.
+    hangs = role == Role.OVERHANG_PERIMETER
+    assert set(given[hangs].tolist()) <= {Role.INNER_PERIMETER, Role.OUTER_PERIMETER}
+    assert np.array_equal(role[~hangs], given[~hangs])
     assert np.array_equal(
         program.width[is_bead(program)],
         np.repeat(paths.width[paths.start[:-1]], [len(one) for one in segments]),
@@ -386,7 +389,9 @@ def test_layers_take_their_time_unless_beads_are_as_slow_as_allowed(
 
     for layer in np.unique(program.layer[beads]).tolist():
         fastest = program.speed[beads & (program.layer == layer)].max()
-        assert seconds[layer] > 0.97 * wait or fastest <= slowest + 1e-9
+        assert (
+            seconds[layer] > 0.97 * wait or fastest <= slowest * 1.005
+        )  # slowing down further by less is not worth it
 
 
 def test_no_layer_is_slowed_more_than_it_needs_to_be() -> None:
@@ -486,7 +491,8 @@ def test_the_fan_is_strong_on_bridges() -> None:
 
     assert bridge.any()
     assert (fan_at(program)[bridge] == 1).all()
-    assert fan_at(program)[program.role == Role.OUTER_PERIMETER].max() == pytest.approx(0.3)
+    others = ~np.isin(program.layer, program.layer[bridge])
+    assert fan_at(program)[others & (program.role == Role.OUTER_PERIMETER)].max() == pytest.approx(0.3)
 
 
 def test_temperatures_of_the_rest_of_the_part_come_with_the_second_layer() -> None:

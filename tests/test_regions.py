@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer import bead
+from printer_slicer.geometry import offset_open
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.model import Areas, LayerPlan, Mesh, Regions, Sections, Walls
 from printer_slicer.perimeters import lay_walls
@@ -31,7 +33,7 @@ from tests.parts import (
 )
 
 WIDTH = 0.45
-FIELDS = ("bottom_skin", "bridge", "top_skin", "solid", "sparse")
+FIELDS = ("bottom_skin", "bridge", "internal_bridge", "top_skin", "solid", "sparse")
 engines = pytest.mark.parametrize("engine", list(ENGINES))
 
 
@@ -156,11 +158,11 @@ def test_layers_are_solid_while_air_begins_within_the_thickness(thickness: float
 
 
 def in_reach(sections: Sections, walls: Walls, layer: int, top: float, bottom: float) -> Any:
-    """The inside of a layer where, going up or down from it, air begins within the thickness: by definition."""
+    """What of the inside of a layer is not inside all layers within the thickness over and under it: by definition."""
     plan, inside = sections.plan, shape(walls.inside, layer)
     heights = plan.top[layer], plan.bottom[layer]
     covers = [
-        shape(sections.solid, other)
+        shape(walls.inside, other)
         for other in range(plan.n_layers)
         if (other > layer and plan.bottom[other] < heights[0] + top - 1e-6)
         or (other < layer and plan.top[other] > heights[1] - bottom + 1e-6)
@@ -181,11 +183,11 @@ def check_shell(sections: Sections, walls: Walls, regions: Regions, top: float, 
         points = shapely.points(rng.uniform((low_x, low_y), (high_x, high_y), (60, 2)))
         points = points[shapely.contains(inside, points)]
         sparse = shapely.contains(shape(regions.sparse, layer), points)
-        # Slivers that no bead fits in are not anchored; whoever has room for half a bead around is in no sliver.
-        core = shapely.contains(shapely.buffer(exact, -WIDTH / 2), points)
-        # Solid areas grow by two beads so that their lines end on something; corners reach twice as far.
+        # Strips beside walls that are thick enough are left out; none of them is wider than the walls are deep.
+        core = shapely.contains(shapely.buffer(exact, -WIDTH), points)
+        # Skins grow by two beads, bridges by their anchors, to end on something; corners reach farther.
         away = (
-            shapely.distance(exact, points) > 4.1 * WIDTH
+            shapely.distance(exact, points) > 2.05 * max(2 * WIDTH, 1.5)
             if not shapely.is_empty(exact)
             else np.ones(len(points), bool)
         )
@@ -201,7 +203,7 @@ def test_points_near_a_surface_are_solid_and_points_far_from_all_are_not(
 ) -> None:
     with using_engine(engine):
         sections, walls, regions = classified(
-            mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6)
+            mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6, min_sparse_area=0)
         )
 
     check_shell(sections, walls, regions, 0.8, 0.6)
@@ -218,7 +220,7 @@ def test_the_shell_is_right_on_any_layers_for_any_thickness(
     seed: int, top: int, bottom: int, sides: Sequence[int]
 ) -> None:
     blocks = [box((side, side, 1.5), ((20 - side) / 2,) * 2 + (1.5 * i,)) for i, side in enumerate(sides)]
-    wanted = plain(top_thickness=top / 100, bottom_thickness=bottom / 100)
+    wanted = plain(top_thickness=top / 100, bottom_thickness=bottom / 100, min_sparse_area=0)
 
     sections, walls, regions = classified(joined(blocks), uneven(4.5, seed), wanted)
 
@@ -234,10 +236,10 @@ def test_the_underside_of_a_table_is_a_bridge_with_air_below() -> None:
 
     assert set(regions.bridge.ring_layer.tolist()) == {4}
     bridge, post = shape(regions.bridge, 4), shape(sections.solid, 3)
-    # All that hangs, and two beads of the post to hold on to.
+    # All that hangs, and as much of the post as the anchors hold on to.
     assert shapely.area(shapely.difference(shape(walls.inside, 4), shapely.union(bridge, post))) < 1e-3
     assert shapely.area(shapely.intersection(bridge, post)) == pytest.approx(
-        64 - (8 - 4 * WIDTH) ** 2, abs=1e-3
+        64 - (8 - 2 * 1.5) ** 2, abs=1e-3
     )
 
 
@@ -299,4 +301,134 @@ def test_bridge_lines_run_from_support_to_support() -> None:
     _, _, regions = classified(joined(walls), plan, plain())
 
     assert set(regions.bridge.ring_layer.tolist()) == {20}
-    assert np.sin(regions.bridge_angle[20]) == pytest.approx(0, abs=1e-9)
+    assert np.sin(regions.bridge_angle) == pytest.approx(0, abs=1e-9)
+
+
+def test_every_bridge_of_a_layer_has_its_own_direction() -> None:
+    """Two decks between walls, one turned by a right angle, one by 50 degrees: lines cross from wall to wall."""
+    posts = [box((4, 12, 4)), box((4, 12, 4), (16, 0, 0)), box((20, 12, 1), (0, 0, 4))]
+    turned = [
+        post for angle, x in ((0, 0), (90, 60), (50, 120)) for post in (spun(one, angle, x) for one in posts)
+    ]
+    _, _, regions = classified(joined(turned), layers(25, 0.2), plain())
+
+    angles = sorted(set(np.round(np.rad2deg(regions.bridge_angle) % 180, 6).tolist()))
+    assert angles == [0, 50, 90]
+
+
+def test_lines_under_a_balcony_run_out_from_the_wall_that_holds_it() -> None:
+    part = joined([box((10, 20, 4)), box((16, 20, 1), (0, 0, 4))])
+    _, _, regions = classified(part, layers(25, 0.2), plain())
+
+    assert regions.bridge.n_rings == 1
+    assert np.sin(regions.bridge_angle) == pytest.approx(0, abs=1e-9)
+
+
+def spun(mesh: Mesh, degrees: float, x: float) -> Mesh:
+    """The mesh turned about z and moved along x."""
+    turn = np.deg2rad(degrees)
+    around = np.array([(np.cos(turn), np.sin(turn), 0), (-np.sin(turn), np.cos(turn), 0), (0, 0, 1)])
+    return Mesh(mesh.triangles @ around).moved((x, 0.0, 0.0))
+
+
+# --- the shell on slopes ---
+
+
+def depth_of_walls(plan: LayerPlan, perimeters: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return WIDTH / 2 + (perimeters - 0.5) * np.asarray(bead.spacing(WIDTH, plan.height))
+
+
+@pytest.mark.parametrize("perimeters", [1, 2, 3])
+@pytest.mark.parametrize("thickness", [0.4, 0.8, 1.2])
+@pytest.mark.parametrize("degrees", [8, 15, 25, 35, 45, 55, 62, 68, 74, 80, 86])
+def test_slopes_of_every_angle_keep_walls_or_skins_across_them(
+    degrees: float, thickness: float, perimeters: int
+) -> None:
+    """On a pyramid and upside down: how near sparse infill comes to a face, measured square to it."""
+    slope = np.tan(np.deg2rad(degrees))
+    base, height = 30.0, min(14 * slope, 6.0)
+    top = base - 2 * height / slope
+    wanted = plain(
+        top_thickness=thickness, bottom_thickness=thickness, perimeters=perimeters, min_sparse_area=0
+    )
+    plan = uneven(height, int(degrees))
+    for mesh, half in ((frustum(base, top, height), base / 2), (frustum(top, base, height), top / 2)):
+        _, _, regions = classified(mesh, plan, wanted)
+        sparse = offset_open(regions.sparse, WIDTH / 4)  # what a bead might be laid in
+        layer = np.repeat(sparse.ring_layer, np.diff(sparse.ring_start))
+        depth = float(depth_of_walls(plan, perimeters).min())
+        promised = min(thickness, depth) * np.cos(np.arctan(WIDTH / 2 / thickness))
+        stairs = plan.height.max() / 2 * np.cos(np.deg2rad(degrees))  # by which they lie within the face
+        for z in (plan.bottom, plan.top):
+            reach = half - (z if mesh.name == "narrows" else -z) / slope
+            distance = (reach[layer] - np.abs(sparse.xy).max(axis=1)) * np.sin(np.deg2rad(degrees))
+            assert (distance >= promised - stairs - 0.02).all()
+
+
+def frustum(bottom: float, top: float, height: float) -> Mesh:
+    """A square stump in the middle of x and y."""
+    low, high = box((bottom, bottom, height), (-bottom / 2, -bottom / 2, 0)).triangles.copy(), top / bottom
+    low[low[:, :, 2] > 0, :2] *= high
+    return Mesh(low, "narrows" if top < bottom else "widens")
+
+
+@pytest.mark.parametrize("thickness", [0.4, 0.8, 1.2])
+def test_a_dome_keeps_walls_or_skins_everywhere(thickness: float) -> None:
+    plan = uneven(15.9, 3)
+    wanted = plain(top_thickness=thickness, bottom_thickness=thickness, min_sparse_area=0)
+    _, _, regions = classified(sphere(8), plan, wanted)
+
+    sparse = offset_open(regions.sparse, WIDTH / 4)
+    layer = np.repeat(sparse.ring_layer, np.diff(sparse.ring_start))
+    assert len(layer) > 100
+    depth = np.minimum(thickness, depth_of_walls(plan, 2)) * np.cos(np.arctan(WIDTH / 2 / thickness))
+    for z in (plan.bottom, plan.top):
+        away = 8 - np.hypot(*(sparse.xy - sphere(8).bounds.mean(axis=0)[:2]).T, z[layer] - 8)
+        # The ball is made of flat facets, which lie up to 0.1 mm within it.
+        assert (away >= depth[layer] - plan.height[layer] / 2 - 0.1).all()
+
+
+def test_walls_that_are_thick_enough_get_no_solid_beside_them() -> None:
+    """Over 70 degrees two walls are 0.8 mm thick across the slope: nothing but sparse between skins."""
+    slope = np.tan(np.deg2rad(72))
+    plan = layers(40, 0.2)
+    _, walls, regions = classified(frustum(30.0, 30 - 16 / slope, 8.0), plan, plain())
+
+    middle = slice(6, 34)
+    assert regions.sparse.area()[middle] == pytest.approx(walls.inside.area()[middle])
+
+
+# --- too small for sparse infill ---
+
+
+def test_small_and_narrow_areas_are_solid() -> None:
+    """Inside two walls: 3.5 x 4 mm, 10 x 10 mm, and a strip of 1 x 28 mm, which is over 15 mm² but narrow."""
+    depth = float(depth_of_walls(layers(1, 0.2), 2)[0])
+    sizes = [(3.5, 4), (10, 10), (1, 28)]
+    parts = [box((x + 2 * depth, y + 2 * depth, 4), (25.0 * i, 0, 0)) for i, (x, y) in enumerate(sizes)]
+    _, _, regions = classified(joined(parts), layers(20, 0.2), plain())
+    _, walls, kept = classified(joined(parts), layers(20, 0.2), plain(min_sparse_area=0))
+
+    assert regions.sparse.area()[10] == pytest.approx(100, abs=0.5)
+    assert kept.sparse.area()[10] == pytest.approx(walls.inside.area()[10], abs=1e-3)
+
+
+# --- over sparse infill ---
+
+
+def test_the_first_solid_layer_over_sparse_infill_is_an_internal_bridge() -> None:
+    plan = LayerPlan.from_tops(np.array([0.3, 0.6, 0.8, 1.0, 1.3, 1.6, 1.8, 2.0]))
+    _, walls, regions = classified(box((20, 20, 2)), plan, plain(bottom_thickness=0.3, top_thickness=0.7))
+
+    assert np.flatnonzero(regions.sparse.area() > 1).tolist() == [1, 2, 3, 4]
+    assert set(regions.internal_bridge.ring_layer.tolist()) == {5}
+    assert regions.internal_bridge.area()[5] == pytest.approx(walls.inside.area()[5])
+
+
+def test_over_an_inside_that_stays_empty_solid_layers_are_bridges_with_a_direction() -> None:
+    plan = layers(30, 0.2)
+    _, walls, regions = classified(box((8, 30, 6)), plan, plain(infill_density=0))
+
+    assert regions.internal_bridge.n_rings == 0
+    assert set(regions.bridge.ring_layer.tolist()) == {26}
+    assert regions.bridge.area()[26] == pytest.approx(walls.inside.area()[26])

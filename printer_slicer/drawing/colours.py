@@ -23,11 +23,14 @@ ROLE_COLOURS: Final = {
     Role.RAFT: "#b0a080",
     Role.INNER_PERIMETER: "#f0d000",
     Role.OUTER_PERIMETER: "#d55e00",
+    Role.OVERHANG_PERIMETER: "#7a1f1f",
     Role.BRIDGE: "#56b4e9",
+    Role.INTERNAL_BRIDGE: "#a6d8f0",
     Role.BOTTOM_SKIN: "#cc79a7",
     Role.SOLID: "#0072b2",
     Role.TOP_SKIN: "#222222",
     Role.SPARSE: "#009e73",
+    Role.IRONING: "#e0e0e0",
 }
 # Every sixteenth of viridis; straight lines between them stay within 6 of its 255 steps.
 _VIRIDIS: Final = (

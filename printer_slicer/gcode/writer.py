@@ -23,10 +23,13 @@ TYPE_NAMES: Final = {
     Role.RAFT: "Support material",
     Role.INNER_PERIMETER: "Perimeter",
     Role.OUTER_PERIMETER: "External perimeter",
+    Role.OVERHANG_PERIMETER: "Overhang perimeter",
     Role.BRIDGE: "Bridge infill",
+    Role.INTERNAL_BRIDGE: "Bridge infill",
     Role.BOTTOM_SKIN: "Solid infill",
     Role.SOLID: "Solid infill",
     Role.TOP_SKIN: "Top solid infill",
+    Role.IRONING: "Ironing",
     Role.SPARSE: "Internal infill",
 }
 

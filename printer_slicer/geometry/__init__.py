@@ -9,12 +9,14 @@ run both.
 from printer_slicer.geometry.anchoring import anchor
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, frozen_array
 from printer_slicer.geometry.clipping import clip_lines
+from printer_slicer.geometry.depth import depths
 from printer_slicer.geometry.engine import (
     difference,
     intersection,
     normalize,
     offset,
     offset_open,
+    outlines_within,
     simplify,
     stroked,
     union,
@@ -24,6 +26,7 @@ from printer_slicer.geometry.hatching import chain_rows, hatch
 from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.outlines import clip_outlines
+from printer_slicer.geometry.pieces import Pieces, pieces_of
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
 
@@ -33,6 +36,7 @@ __all__ = [
     "Float",
     "Int",
     "Lines",
+    "Pieces",
     "Polygons",
     "Polylines",
     "anchor",
@@ -41,6 +45,7 @@ __all__ = [
     "clip_outlines",
     "convex_hull",
     "crossed",
+    "depths",
     "difference",
     "frozen_array",
     "hatch",
@@ -48,6 +53,8 @@ __all__ = [
     "normalize",
     "offset",
     "offset_open",
+    "outlines_within",
+    "pieces_of",
     "rings_around",
     "simplify",
     "stroked",

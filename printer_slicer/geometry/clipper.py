@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from printer_slicer.geometry.areas import Areas, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
-__all__ = ["combine", "load", "load_any", "offset", "store", "stroke"]
+__all__ = ["combine", "load", "load_any", "offset", "outlines_within", "store", "stroke"]
 
 Rings = list[NDArray[np.int64]]
 
@@ -77,6 +77,33 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
         else:
             result.append([])
     return result
+
+
+def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
+    """For each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+    clipper, result = clipper2.Clipper64(), []
+    for rings, clips in zip(load(outlines), layers, strict=True):
+        if rings and clips:
+            clipper.clear()
+            clipper.add_open_subject([np.concatenate([ring, ring[:1]]) for ring in rings])
+            clipper.add_clip(clips)
+            lines = clipper.execute(clipper2.ClipType.INTERSECTION, clipper2.FillRule.POSITIVE)[1]
+            result.append([line / STEPS_PER_MM for line in _rejoined(lines)])
+        else:
+            result.append([])
+    return result
+
+
+def _rejoined(lines: Rings) -> Rings:
+    """The lines with those joined that were cut where their ring begins."""
+    begins = {(int(line[0, 0]), int(line[0, 1])): i for i, line in enumerate(lines)}
+    whole = list(lines)
+    for i, line in enumerate(lines):
+        after = begins.get((int(line[-1, 0]), int(line[-1, 1])), i)
+        if after != i and len(whole[i]) and len(whole[after]):
+            whole[after] = np.concatenate([whole[i][:-1], whole[after]])
+            whole[i] = line[:0]
+    return [line for line in whole if len(line)]
 
 
 def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:

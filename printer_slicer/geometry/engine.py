@@ -28,6 +28,7 @@ __all__ = [
     "normalize",
     "offset",
     "offset_open",
+    "outlines_within",
     "simplify",
     "stroked",
     "union",
@@ -199,6 +200,31 @@ def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> 
         raise ValueError("lines need radii over 0")
     engine = _engine()
     return engine.store(engine.stroke(xy, start, layer, steps, n_layers))
+
+
+def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
+    """The parts of outlines that lie within areas of the same layer, as open lines.
+
+    Args:
+        outlines: any rings.
+        areas: clean areas.
+
+    Returns:
+        xy (N, 2) mm, number of points (M,) and layer (M,) of each line, by ascending layer. A ring that lies within
+        as a whole returns to its first point.
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    if outlines.n_layers != areas.n_layers:
+        raise ValueError(f"stacks of {outlines.n_layers} and {areas.n_layers} layers")
+    engine = _engine()
+    both = np.isin(outlines.ring_layer, areas.ring_layer)
+    found = engine.outlines_within(outlines.select(both), engine.load(areas))
+    lines = [line for layer in found for line in layer]
+    layer = np.repeat(np.arange(areas.n_layers), [len(layer) for layer in found])
+    xy = np.concatenate([np.zeros((0, 2)), *lines])
+    return xy, np.array([len(line) for line in lines], np.int64), layer
 
 
 def simplify(areas: Areas, tolerance: float) -> Areas:

@@ -24,6 +24,7 @@ __all__ = [
     "load",
     "load_any",
     "offset",
+    "outlines_within",
     "simplify",
     "store",
     "stroke",
@@ -73,6 +74,27 @@ def store(layers: list[Any]) -> Areas:
 def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
     """Union, difference or intersection of two lists of layers, entry by entry."""
     return list(_polygonal(OPERATIONS[operation](_array(a), _array(b))))
+
+
+def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
+    """For each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+    rings = _linear_rings(outlines)
+    first, last = np.searchsorted(
+        outlines.ring_layer, [np.arange(len(layers)), np.arange(1, len(layers) + 1)]
+    )
+    result = []
+    for k, area in enumerate(layers):
+        parts = shapely.get_parts(shapely.intersection(rings[first[k] : last[k]], area))
+        lines = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(_lines_of(parts))))
+        result.append(
+            [np.rint(shapely.get_coordinates(line) * STEPS_PER_MM) / STEPS_PER_MM for line in lines]
+        )
+    return result
+
+
+def _lines_of(shapes: Shapes) -> Shapes:
+    """Those of the shapes that are lines, not points in which something touched."""
+    return shapes[np.isin(shapely.get_type_id(shapes), (1, 2))]
 
 
 def offset(layers: list[Any], distance: Float, join: Join) -> list[Any]:

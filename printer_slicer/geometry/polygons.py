@@ -46,6 +46,9 @@ class Polygons(Protocol):
     def combine(self, operation: Operation, a: list[Layer], b: list[Layer]) -> list[Layer]:
         """Union, difference or intersection, entry by entry."""
 
+    def outlines_within(self, outlines: Areas, layers: list[Layer]) -> list[list[Float]]:
+        """For each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+
     def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
         """Each entry with its outlines moved outward by its distance, mm."""
 

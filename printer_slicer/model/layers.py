@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -152,11 +152,14 @@ class Regions:
     Attributes:
         plan: the layers.
         bottom_skin: solid, on the bed.
-        bridge: solid, nothing but air below.
+        bridge: solid, nothing but air below, and what holds it at its sides.
         top_skin: solid, nothing above.
         solid: solid, within the shell thickness of a surface but not at it.
         sparse: to be filled with the infill pattern.
-        bridge_angle: (L,) radians; the direction in which most bridge lines rest on something at both ends.
+        bridge_angle: (R,) radians for each ring of `bridge`, the same for all rings of a connected area: the direction
+            in which most of its lines rest on something at both ends.
+        internal_bridge: solid, over the sparse infill of the layer below, and what holds it at its sides.
+        inside: all regions together, as the walls leave it.
     """
 
     plan: LayerPlan
@@ -166,7 +169,12 @@ class Regions:
     solid: Areas
     sparse: Areas
     bridge_angle: Float
+    internal_bridge: Areas = field(default_factory=lambda: Areas.empty(0))
+    inside: Areas = field(default_factory=lambda: Areas.empty(0))
 
     def __post_init__(self) -> None:
-        angle = frozen_array(self.bridge_angle, np.float64, (self.plan.n_layers,))
+        angle = frozen_array(self.bridge_angle, np.float64, (self.bridge.n_rings,))
         object.__setattr__(self, "bridge_angle", angle)
+        for name in ("internal_bridge", "inside"):
+            if getattr(self, name).n_layers == 0:  # not given
+                object.__setattr__(self, name, Areas.empty(self.plan.n_layers))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model.layers import LayerPlan
 
 __all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
+
+
+_NOT_GIVEN: Final = np.zeros(0)
+_NO_NUMBERS: Final = np.zeros(0, np.int64)
 
 
 class Role(IntEnum):
@@ -24,11 +29,14 @@ class Role(IntEnum):
     RAFT = 3
     INNER_PERIMETER = 4
     OUTER_PERIMETER = 5
-    BRIDGE = 6
-    BOTTOM_SKIN = 7
-    SOLID = 8
-    TOP_SKIN = 9
-    SPARSE = 10
+    OVERHANG_PERIMETER = 6  # a bead of a perimeter that is carried by less than half
+    BRIDGE = 7
+    BOTTOM_SKIN = 8
+    SPARSE = 9
+    INTERNAL_BRIDGE = 10
+    SOLID = 11
+    TOP_SKIN = 12
+    IRONING = 13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +53,10 @@ class Toolpaths:
         height: (M,) how high the bead is: the layer's height, unless it reaches down through several layers or is
             squeezed less.
         closed: (M,) whether the path returns to its first point.
+        carried: (N,) share of the bead's width, 0 to 1, that lies over the layer below from each point to the next;
+            1 everywhere where it is not given.
+        sweep: (M,) paths with the same number follow each other as they stand, or all of them turned around and the
+            last one first; -1, everywhere where it is not given, for those that may be printed in any order.
     """
 
     plan: LayerPlan
@@ -55,9 +67,15 @@ class Toolpaths:
     role: Int
     height: Float
     closed: Bool
+    carried: Float = field(default_factory=lambda: _NOT_GIVEN)
+    sweep: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
+        if self.carried is _NOT_GIVEN:
+            object.__setattr__(self, "carried", np.ones(n_points))
+        if self.sweep is _NO_NUMBERS:
+            object.__setattr__(self, "sweep", np.full(n_paths, -1))
         for name, dtype, shape in (
             ("xy", np.float64, (-1, 2)),
             ("width", np.float64, (n_points,)),
@@ -66,6 +84,8 @@ class Toolpaths:
             ("role", np.int64, (n_paths,)),
             ("height", np.float64, (n_paths,)),
             ("closed", np.bool_, (n_paths,)),
+            ("carried", np.float64, (n_points,)),
+            ("sweep", np.int64, (n_paths,)),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
@@ -81,20 +101,26 @@ class Toolpaths:
         width: Float,
         closed: bool | Bool,
         height: Float | None = None,
+        carried: Float | None = None,
+        sweep: Int | None = None,
     ) -> Toolpaths:
         """Paths given one after the other with `size` (M,) points each, in any order of layers.
 
-        `width` is (N,) for each point or (M,) for each path; `height` (M,) is the layer's where it is not given.
+        `width` is (N,) for each point or (M,) for each path; `height` (M,) is the layer's where it is not given. All of
+        it is carried and free to be ordered where `carried` and `sweep` are not given.
         """
         flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
         heights = plan.height[layer] if height is None else height
         widths = width if len(width) == len(xy) else np.repeat(width, size)
+        shares = np.ones(len(xy)) if carried is None else carried
+        sweeps = np.full(len(layer), -1) if sweep is None else sweep
         if (np.diff(layer) < 0).any():
             order = np.argsort(layer, kind="stable")
-            (xy, widths), size = reordered((xy, widths), size, order)
-            layer, role, flags, heights = layer[order], role[order], flags[order], heights[order]
+            (xy, widths, shares), size = reordered((xy, widths, shares), size, order)
+            layer, role, flags = layer[order], role[order], flags[order]
+            heights, sweeps = heights[order], sweeps[order]
         start = np.concatenate([[0], np.cumsum(size)])
-        return cls(plan, xy, widths, start, layer, role, heights, flags)
+        return cls(plan, xy, widths, start, layer, role, heights, flags, shares, sweeps)
 
     @classmethod
     def joined(cls, plan: LayerPlan, parts: Sequence[Toolpaths]) -> Toolpaths:
@@ -108,6 +134,8 @@ class Toolpaths:
             width=np.concatenate([part.width for part in parts]),
             closed=np.concatenate([part.closed for part in parts]),
             height=np.concatenate([part.height for part in parts]),
+            carried=np.concatenate([part.carried for part in parts]),
+            sweep=_numbered_apart([part.sweep for part in parts]),
         )
 
     def lifted(self, plan: LayerPlan) -> Toolpaths:
@@ -122,6 +150,13 @@ class Toolpaths:
     def path(self, index: int) -> Float:
         """(n, 2) the points of one path."""
         return self.xy[self.start[index] : self.start[index + 1]]
+
+
+def _numbered_apart(sweeps: Sequence[Int]) -> Int:
+    """The numbers of several parts one after the other, so that sweeps of different parts stay different."""
+    used = np.cumsum([0, *(int(sweep.max(initial=-1)) + 1 for sweep in sweeps)])
+    numbered = [np.where(sweep < 0, -1, sweep + first) for sweep, first in zip(sweeps, used, strict=False)]
+    return np.concatenate([np.zeros(0, np.int64), *numbered])
 
 
 def reordered(columns: Sequence[Float], size: Int, order: Int) -> tuple[list[Float], Int]:

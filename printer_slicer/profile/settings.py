@@ -116,6 +116,18 @@ class Material(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True)
         float, _meta("part fan when a layer takes the minimum time", "0-1", ge=0, le=1)
     ] = 1
     fan_ratio_bridge: Annotated[float, _meta("part fan on bridges", "0-1", ge=0, le=1)] = 1
+    fan_overhang_75_ratio: Annotated[
+        float,
+        _meta(
+            "fan on perimeters with 75 % of their bead carried, from the layer's to that on bridges",
+            "0-1",
+            ge=0,
+            le=1,
+        ),
+    ] = 0
+    fan_overhang_50_ratio: Annotated[float, _meta("the same with 50 % of it", "0-1", ge=0, le=1)] = 0.5
+    fan_overhang_25_ratio: Annotated[float, _meta("the same with 25 % of it", "0-1", ge=0, le=1)] = 1
+    fan_overhang_0_ratio: Annotated[float, _meta("the same over nothing but air", "0-1", ge=0, le=1)] = 1
     fan_off_below: Annotated[float, _meta("no fan below this z", "mm", ge=0, le=100)] = 0.3
     fan_full_above: Annotated[float, _meta("the fan has ramped up at this z", "mm", ge=0, le=100)] = 0.8
     fan_layer_time: Annotated[float, _meta("layers quicker than this get more fan", "s", ge=0, le=600)] = 30
@@ -131,7 +143,20 @@ class Speeds(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sparse: Annotated[float, _meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
     solid: Annotated[float, _meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
     top_skin: Annotated[float, _meta("top skins", "mm/s", gt=0, le=1000)] = 40
+    ironing: Annotated[float, _meta("ironing", "mm/s", gt=0, le=1000)] = 15
     bridge: Annotated[float, _meta("bridges", "mm/s", gt=0, le=1000)] = 30
+    internal_bridge: Annotated[
+        float, _meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
+    ] = 40
+    overhang_75_ratio: Annotated[
+        float,
+        _meta("perimeters with 75 % of their bead over the layer below, of their speed", "0-1", gt=0, le=1),
+    ] = 0.9
+    overhang_50_ratio: Annotated[float, _meta("the same with 50 % of it", "0-1", gt=0, le=1)] = 0.7
+    overhang_25_ratio: Annotated[float, _meta("the same with 25 % of it", "0-1", gt=0, le=1)] = 0.55
+    overhang_0_ratio: Annotated[
+        float, _meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1)
+    ] = 0.45
     raft: Annotated[float, _meta("rafts", "mm/s", gt=0, le=1000)] = 30
     first_layer: Annotated[
         float,
@@ -284,6 +309,31 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         0.6
     )
     top_thickness: Annotated[float, _meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
+    min_sparse_area: Annotated[
+        float,
+        _meta(
+            "smaller areas, and strips under three beads wide, are not sparse but solid; 0: none",
+            "mm²",
+            ge=0,
+            le=1e6,
+        ),
+    ] = 15
+    ironing: Annotated[bool, _meta("smooth top skins with the nozzle, in lines close together")] = False
+    ironing_spacing: Annotated[float, _meta("from line to line of ironing", "mm", ge=0.1, le=1)] = 0.1
+    ironing_flow_ratio: Annotated[
+        float, _meta("plastic in ironing, as a share of a full layer", "ratio", ge=0.01, le=0.3)
+    ] = 0.15
+    thick_bridges: Annotated[
+        bool,
+        _meta("bridges are round threads as thick as the nozzle, not pressed flat to the layer's height"),
+    ] = True
+    bridge_flow_ratio: Annotated[float, _meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
+    internal_bridge_flow_ratio: Annotated[
+        float, _meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2)
+    ] = 1
+    bridge_anchor: Annotated[
+        float, _meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
+    ] = 1.5
     infill: Annotated[
         Literal[
             "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"

@@ -23,7 +23,8 @@ either = pytest.mark.parametrize("relative", [True, False], ids=["relative", "ab
 
 @cache
 def wanted(printer: str, relative: bool) -> Profile:
-    return profile(printer, relative_extrusion=relative, start_gcode="", end_gcode="", brim_width=2)
+    changes = {"start_gcode": "", "end_gcode": "", "brim_width": 2, "min_sparse_area": 0, "ironing": True}
+    return profile(printer, relative_extrusion=relative, **changes)
 
 
 @cache

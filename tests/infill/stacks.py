@@ -31,7 +31,7 @@ def sparse_stack(rings: Sequence[Sequence[Float]], tops: Float = UNEVEN) -> Regi
     plan = LayerPlan.from_tops(tops)
     none = Areas.empty(plan.n_layers)
     area = Areas.from_rings([list(one) for one in rings])
-    return Regions(plan, none, none, none, none, area, np.zeros(plan.n_layers))
+    return Regions(plan, none, none, none, none, area, np.zeros(0))
 
 
 def sparse_only(rings: Sequence[Float], tops: Float = UNEVEN) -> Regions:
@@ -49,7 +49,7 @@ def solid_only(rings: Sequence[Float], role: Role = Role.SOLID, tops: Float = UN
         areas[Role.TOP_SKIN],
         areas[Role.SOLID],
         Areas.empty(len(tops)),
-        np.zeros(len(tops)),
+        np.zeros(areas[Role.BRIDGE].n_rings),
     )
 
 

@@ -135,7 +135,7 @@ def test_no_sparse_line_crosses_the_mouth_of_a_slot(pattern: str) -> None:
 @given(area=clean_areas(4))
 def test_lines_stay_where_centre_lines_may_lie(pattern: str, engine: str, area: Areas) -> None:
     regions = sparse_only([], layers(4, 0.2).top)
-    regions = type(regions)(regions.plan, *[Areas.empty(4)] * 4, area, np.zeros(4))
+    regions = type(regions)(regions.plan, *[Areas.empty(4)] * 4, area, np.zeros(0))
     with using_engine(engine):
         paths = infill_paths(regions, sparse_with(pattern, 0.3, sparse_overlap=0))
 

@@ -1,0 +1,84 @@
+"""How deep points lie inside the areas of their layers, near the outlines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Float, Int, consecutive
+from printer_slicer.geometry.planes import spread
+
+__all__ = ["depths"]
+
+_CELL = 2.0  # reaches: large enough that few outlines lie in many cells, small enough that few lie in one
+_SIDEWAYS = (
+    1e-9  # of two edges that meet in the nearest point, the one that is seen less from its end tells the side
+)
+
+
+def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
+    """(P,) how far inside the areas of its layer each point lies, mm; negative outside.
+
+    Outlines are looked up in a lattice of cells, so the cost grows with points and outlines, not with their product.
+
+    Args:
+        areas: clean areas.
+        points: (P, 2) mm.
+        layer: (P,) of each point.
+        reach: mm; points farther from all outlines of their layer get nan.
+    """
+    result = np.full(len(points), np.nan)
+    areas = areas.select(np.isin(areas.ring_layer, layer))
+    if not areas.n_rings:
+        return result
+    begin, end, of_layer = _short_edges(areas, _CELL * reach)
+    owner, edge = _pairs(points, layer, (begin, end, of_layer), reach)
+    if not len(owner):
+        return result
+    way, gap = end[edge] - begin[edge], points[owner] - begin[edge]
+    length = (way**2).sum(axis=1)
+    place = np.clip((gap * way).sum(axis=1) / length, 0.0, 1.0)
+    away = ((gap - place[:, None] * way) ** 2).sum(axis=1)
+    side = way[:, 0] * gap[:, 1] - way[:, 1] * gap[:, 0]
+    rank = away - _SIDEWAYS * side**2 / length
+    first = np.flatnonzero(np.diff(owner, prepend=-1))
+    nearest = np.flatnonzero(
+        rank == np.repeat(np.minimum.reduceat(rank, first), np.diff(first, append=len(rank)))
+    )
+    near = nearest[away[nearest] <= reach**2]
+    result[owner[near]] = np.sqrt(away[near]) * np.where(side[near] >= 0, 1.0, -1.0)
+    return result
+
+
+def _short_edges(areas: Areas, longest: float) -> tuple[Float, Float, Int]:
+    """Both ends (E, 2) and the layer (E,) of the edges, cut into pieces that are not longer."""
+    along = areas.xy.take(areas.following, axis=0) - areas.xy
+    count = np.maximum(np.ceil(np.hypot(*along.T) / longest), 1).astype(np.int64)
+    owner, step = spread(count)
+    piece = along[owner] / count[owner, None]
+    begin = areas.xy[owner] + piece * step[:, None]
+    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))[owner]
+    long = np.flatnonzero(piece.any(axis=1))
+    return begin[long], (begin + piece)[long], layer[long]
+
+
+def _pairs(points: Float, layer: Int, edges: tuple[Float, Float, Int], reach: float) -> tuple[Int, Int]:
+    """Point and edge of all pairs that may be within reach of each other, by ascending point."""
+    begin, end, of_layer = edges
+    size = _CELL * reach
+    low = np.floor((np.minimum(begin, end) - reach) / size).astype(np.int64)
+    high = np.floor((np.maximum(begin, end) + reach) / size).astype(np.int64)
+    cell = np.floor(points / size).astype(np.int64)
+    origin = np.minimum(low.min(axis=0), cell.min(axis=0))
+    wide = np.maximum(high.max(axis=0), cell.max(axis=0)) - origin + 1
+    columns = high[:, 0] - low[:, 0] + 1
+    edge, x = np.repeat(np.arange(len(begin)), columns), consecutive(low[:, 0], columns)
+    rows = (high[:, 1] - low[:, 1] + 1)[edge]
+    x, y = np.repeat(x, rows), consecutive(low[edge, 1], rows)
+    edge = np.repeat(edge, rows)
+    key = (of_layer[edge] * wide[0] + x - origin[0]) * wide[1] + y - origin[1]
+    own = (layer * wide[0] + cell[:, 0] - origin[0]) * wide[1] + cell[:, 1] - origin[1]
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    first = np.searchsorted(key, own)
+    count = np.searchsorted(key, own, side="right") - first
+    return np.repeat(np.arange(len(points)), count), edge[order[consecutive(first, count)]]

@@ -1,0 +1,210 @@
+"""Toolpaths -> Toolpaths: how much of each perimeter's bead lies over the layer below.
+
+A bead whose centre line runs at the depth d inside the section of the layer below has the share 1/2 + d / width of its
+width over it. The sections themselves are compared, so the step from layer to layer is what it is at any layer height.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    depths,
+    difference,
+    offset,
+    rings_around,
+    window_intersection,
+)
+from printer_slicer.geometry.planes import spread
+from printer_slicer.model import Sections, Toolpaths
+
+__all__ = ["graded"]
+
+_CARRIED = 0.9  # of a bead: walls that stand on each other differ by what contours are simplified
+_GRADES = (0.02, 0.25, 0.5, 0.75, _CARRIED)
+_STEP = 1.0  # bead between the places that are looked at
+_SHORTEST = 0.5  # bead: shorter stretches of one grade are not told apart
+_REACH = 1.05  # beads from an outline at which it is known on which side a place is; over a step
+
+
+def graded(paths: Toolpaths, sections: Sections) -> Toolpaths:
+    """The same perimeters, with `carried` filled in, and a point wherever that changes from one grade to the next.
+
+    Grades are over 90, 75, 50, 25 and 2 % of the bead; within a stretch of one grade `carried` is the mean. Stretches
+    shorter than half a bead is wide belong to the one before.
+    """
+    if not paths.n_paths:
+        return paths
+    solid = sections.solid
+    own = np.arange(solid.n_layers)
+    below = window_intersection(solid, own - 1, own)
+    width = float(paths.width.mean())
+    pieces = _cut(paths, _near(paths, _hanging(solid, below, width), width), _STEP * width)
+    return _joined(paths, pieces, _carried(paths, pieces, below, width))
+
+
+def _hanging(solid: Areas, below: Areas, width: float) -> Areas:
+    """What of each section is farther out than a bead can reach that still counts as carried."""
+    air = difference(solid.select(solid.ring_layer > 0), offset(below, (1 - _CARRIED) * width))
+    return air.select(np.abs(air.ring_area()) > 1e-3 * width**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pieces:
+    """The segments of all paths, some of them cut into equal pieces.
+
+    Attributes:
+        point: (K,) where the segment begins; the last point of an open path has a piece of no length.
+        following: (K,) where it ends.
+        step: (K,) which piece of its segment each is.
+        count: (K,) how many that has.
+        path: (K,) ascending.
+        open: (K,) whether it is to be looked at.
+    """
+
+    point: Int
+    following: Int
+    step: Int
+    count: Int
+    path: Int
+    open: Bool
+
+    def at(self, paths: Toolpaths, ahead: int = 0) -> Float:
+        """(K, 2) where each piece begins, or ends with `ahead` = 1."""
+        share = ((self.step + ahead) / self.count)[:, None]
+        begin = paths.xy[self.point]
+        return begin + share * (paths.xy[self.following] - begin)
+
+
+def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
+    """(N,) whether the segment that begins at each point passes the box around something that hangs."""
+    following = _following(paths)
+    low = np.minimum(paths.xy, paths.xy[following]) - width
+    high = np.maximum(paths.xy, paths.xy[following]) + width
+    result = np.zeros(len(paths.xy), np.bool_)
+    if not air.n_rings:
+        return result
+    lowest = np.minimum.reduceat(air.xy, air.ring_start[:-1])
+    highest = np.maximum.reduceat(air.xy, air.ring_start[:-1])
+    bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
+    rings = air.layer_start
+    for layer in np.unique(air.ring_layer).tolist():
+        here = slice(int(bounds[layer]), int(bounds[layer + 1]))
+        some = slice(int(rings[layer]), int(rings[layer + 1]))
+        meets = low[here, None, 0] <= highest[None, some, 0]
+        meets &= high[here, None, 0] >= lowest[None, some, 0]
+        meets &= low[here, None, 1] <= highest[None, some, 1]
+        meets &= high[here, None, 1] >= lowest[None, some, 1]
+        result[here] = meets.any(axis=1)
+    return result
+
+
+def _following(paths: Toolpaths) -> Int:
+    """(N,) the point after each; itself at the end of an open path."""
+    following = np.arange(1, len(paths.xy) + 1)
+    last = paths.start[1:] - 1
+    following[last] = np.where(paths.closed, paths.start[:-1], last)
+    return following
+
+
+def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
+    following = _following(paths)
+    length = np.hypot(*(paths.xy[following] - paths.xy).T)
+    count = np.where(near, np.maximum(np.ceil(length / longest), 1), 1).astype(np.int64)
+    point, step = spread(count)
+    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))[point]
+    return _Pieces(point, following[point], step, count[point], path, near[point])
+
+
+def _carried(paths: Toolpaths, pieces: _Pieces, below: Areas, width: float) -> Float:
+    """(K,) share of each piece that is carried, from that at both of its ends."""
+    result = np.ones(len(pieces.point))
+    chosen = np.flatnonzero(pieces.open)
+    if not len(chosen):
+        return result
+    layer = paths.layer[pieces.path[chosen]]
+    begin, end = pieces.at(paths)[chosen], pieces.at(paths, 1)[chosen]
+    # A piece mostly begins where the one before it ends: only the other ends are looked at too.
+    apart = np.append((end[:-1] != begin[1:]).any(axis=1) | (np.diff(chosen) != 1), True)
+    size = 1 + apart
+    place = np.cumsum(size) - size
+    points = np.zeros((int(size.sum()), 2))
+    points[place], points[place[apart] + 1] = begin, end[apart]
+    depth = _resolved(below, points, np.repeat(layer, size), _REACH * width, place[apart] + 1)
+    share = np.clip(0.5 + depth / width, 0, 1)
+    result[chosen] = (share[place] + share[place + 1]) / 2
+    return result
+
+
+def _resolved(below: Areas, points: Float, layer: Int, reach: float, last: Int) -> Float:
+    """(P,) depth of points one after the other, cut at +- `reach`; `last` are those that end a chain."""
+    depth = depths(below, points, layer, reach)
+    chain = np.zeros(len(points), np.int64)
+    chain[last[:-1] + 1] = 1
+    chain = np.cumsum(chain)
+    # A step is shorter than the reach: who is not known is on the same side as who is known beside it.
+    known = np.flatnonzero(~np.isnan(depth))
+    for side in (-1, 0):
+        unknown = np.flatnonzero(np.isnan(depth))
+        nearest = np.searchsorted(known, unknown) + side
+        exists = (nearest >= 0) & (nearest < len(known))
+        source = known[nearest[exists]]
+        same = chain[source] == chain[unknown[exists]]
+        depth[unknown[exists][same]] = np.copysign(reach, depth[source[same]])
+    # Of what is left, whole chains, one tells the side of all.
+    unknown = np.flatnonzero(np.isnan(depth))
+    _, probe, which = np.unique(chain[unknown], return_index=True, return_inverse=True)
+    probe = unknown[probe]
+    order = np.argsort(layer[probe], kind="stable")
+    found = np.full(len(probe), -1)
+    found[order] = rings_around(below, points[probe[order]], layer[probe[order]])
+    inside = (found >= 0) & (np.append(below.ring_area(), 0)[found] > 0)
+    depth[unknown] = np.where(inside[which], reach, -reach)
+    return depth
+
+
+def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float) -> Toolpaths:
+    """Paths with the points at which a stretch of one grade begins."""
+    at, ahead = pieces.at(paths), pieces.at(paths, 1)
+    length = np.hypot(*(ahead - at).T)
+    of_piece = np.digitize(carried, _GRADES)
+    grade = _without_short(of_piece, pieces.path, length, _SHORTEST * float(paths.width.mean()))
+    begins = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))
+    stretch = np.cumsum(begins) - 1
+    weight = length * (grade == of_piece)
+    total = np.bincount(stretch, weight)
+    mean = np.bincount(stretch, weight * carried) / np.where(total > 0, total, 1.0)
+    mean = np.where((grade[begins] == len(_GRADES)) | (total == 0), 1.0, mean)
+    kept = np.flatnonzero((pieces.step == 0) | begins)
+    share = pieces.step[kept] / pieces.count[kept]
+    width, following = paths.width[pieces.point[kept]], paths.width[pieces.following[kept]]
+    size = np.bincount(pieces.path[kept], minlength=paths.n_paths)
+    return Toolpaths(
+        paths.plan,
+        at[kept],
+        width + share * (following - width),
+        np.append(0, np.cumsum(size)),
+        paths.layer,
+        paths.role,
+        paths.height,
+        paths.closed,
+        mean[stretch[kept]],
+        paths.sweep,
+    )
+
+
+def _without_short(grade: Int, path: Int, length: Float, shortest: float) -> Int:
+    """(K,) grades where stretches shorter than `shortest` have that of the last one before that is longer."""
+    begins = np.append(True, (np.diff(grade) != 0) | (np.diff(path) != 0))
+    stretch = np.cumsum(begins) - 1
+    first = np.flatnonzero(begins)
+    long = np.bincount(stretch, length) >= shortest
+    long |= np.append(True, np.diff(path[first]) != 0)  # the first of a path has none before it
+    source = np.maximum.accumulate(np.where(long, np.arange(len(first)), 0))
+    return np.asarray(grade[first][source][stretch])
