@@ -174,9 +174,8 @@ Result = tuple["Float", str, list[str]]
 
 
 def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
-    notes: list[str] = []
     if not announces_its_size(source) and looks_like_ascii_stl(source):
-        triangles = read_ascii_stl(source, limits)
+        triangles, notes = read_ascii_stl(source, limits)
     else:
         triangles, notes = read_binary_stl(source, limits)
     return _scaled(triangles, unit or "mm"), unit or "mm", notes

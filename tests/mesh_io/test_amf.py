@@ -104,9 +104,8 @@ VERSION = "<metadata type='slic3rpe_amf_version'>2</metadata>"
 
 
 def placed(head: str, **place: float) -> str:
-    return amf(
-        f"{head}<object id='1'>{amf_mesh(10 * CORNERS)}</object><constellation id='2'>{instance(1, **place)}</constellation>"
-    )
+    plate = f"<constellation id='2'>{instance(1, **place)}</constellation>"
+    return amf(f"{head}<object id='1'>{amf_mesh(10 * CORNERS)}</object>{plate}")
 
 
 PRUSA_SLICERS = [
