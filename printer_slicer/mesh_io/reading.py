@@ -46,6 +46,9 @@ PACKED: Final = (
     b"\x28\xb5\x2f\xfd",
 )
 """How files that programs have packed begin: gzip, 7z, RAR, xz, bzip2, zstd."""
+VERTEX: Final = re.compile(rb"(?<![^\r\n])[ \t]*v[ \t]+[-+.\d]")
+FACE: Final = re.compile(rb"(?<![^\r\n])[ \t]*f[ \t]+[-+]?\d")
+"""How lines of an OBJ begin."""
 N_CERTAIN: Final = 3
 """So many entries of MAGIC say more than the name of the file does."""
 
@@ -156,9 +159,7 @@ def _kind(source: Source) -> str:
         return "stl"
     if re.search(rb"<(\w+:)?amf[\s>]", source.head[:4096]):
         return "amf"
-    if re.search(rb"(?m)^v\s+[-+.\d]", source.head) and re.search(
-        rb"(?m)^f\s+-?\d", source.whole(LIMITS.text_bytes)
-    ):
+    if VERTEX.search(source.head) and FACE.search(source.whole(LIMITS.text_bytes)):
         return "obj"
     names = ", ".join(f".{name}" for name in FORMATS)
     raise UsageError(
@@ -173,9 +174,8 @@ Result = tuple["Float", str, list[str]]
 
 
 def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
-    notes: list[str] = []
     if not announces_its_size(source) and looks_like_ascii_stl(source):
-        triangles = read_ascii_stl(source, limits)
+        triangles, notes = read_ascii_stl(source, limits)
     else:
         triangles, notes = read_binary_stl(source, limits)
     return _scaled(triangles, unit or "mm"), unit or "mm", notes
@@ -212,6 +212,13 @@ def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> 
     return read_step(source.whole(limits.text_bytes), source.path, limits)
 
 
+def _read_obj(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.obj import read_obj  # noqa: PLC0415
+
+    triangles, notes = read_obj(source, limits)
+    return _scaled(triangles, unit or "mm"), unit or "mm", notes
+
+
 def _read_other(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.others import read_other  # noqa: PLC0415
 
@@ -223,6 +230,7 @@ _READERS: Final = {
     "stl": _read_stl,
     "3mf": _read_zip,
     "amf": _read_zip,
+    "obj": _read_obj,
     "glb": _read_glb,
     "step": _read_step,
 }
