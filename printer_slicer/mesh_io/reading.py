@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMATS", "Model", "load_mesh", "load_model"]
 
-FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "amf", "glb", "step")
+FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "amf", "glb", "gltf", "step")
 """Extensions of the formats that can be read, without dot."""
 ALIASES: Final = {"stp": "step"}
 
@@ -202,6 +202,13 @@ def _read_glb(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
     return read_glb(source.whole(limits.text_bytes), source.path, limits, unit)
 
 
+def _read_gltf(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.gltf import read_gltf  # noqa: PLC0415
+
+    source.whole(limits.text_bytes)  # no longer than that
+    return read_gltf(source.path, limits, unit)
+
+
 def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.step import read_step  # noqa: PLC0415
 
@@ -232,6 +239,7 @@ _READERS: Final = {
     "amf": _read_zip,
     "obj": _read_obj,
     "glb": _read_glb,
+    "gltf": _read_gltf,
     "step": _read_step,
 }
 
