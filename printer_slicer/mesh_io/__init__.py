@@ -1,8 +1,8 @@
 """A file becomes a `Mesh`, and a `Mesh` a file.
 
-One module per format; `reading` chooses between them, and `soundness` judges what came out. STL is read here block by
-block, 3MF and AMF as streams of XML, GLB, PLY and OFF from their arrays; OBJ goes through trimesh, STEP through
-OpenCASCADE, each imported only then.
+One module per format; `reading` chooses between them, and `soundness` judges what came out. STL and OBJ are read
+piece by piece, 3MF and AMF as streams of XML, GLB, PLY and OFF from their arrays; STEP goes through OpenCASCADE,
+imported only then.
 
 What a file may contain and still be a part: it has facets, all coordinates are finite, and it extends in x, y and z.
 Facets with two equal corners are left out and counted. Whether the surface is closed, faces outward and encloses a

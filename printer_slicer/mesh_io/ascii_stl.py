@@ -27,6 +27,8 @@ COORDINATES: Final = (8, 9, 10, 12, 13, 14, 16, 17, 18)
 FIXED: Final = tuple((place, word) for place, word in enumerate(GRAMMAR) if word != b"#")
 LONGEST_LINE: Final = 1 << 24
 """bytes"""
+PADDING: Final = b"\0\x1a"
+"""What programs leave behind the end of a text: zeros, and the mark of an end that CP/M and DOS had."""
 
 
 class _OddError(Exception):
@@ -38,14 +40,17 @@ def looks_like_ascii_stl(source: Source) -> bool:
     head = source.head
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         head = head.replace(b"\0", b"")[2:]
+    if b"facet" in head.lower():
+        head = head.rstrip(PADDING)
     start = head[:1024].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
     return start.startswith((b"solid", b"facet")) and head.count(0) * 100 < len(head)
 
 
-def read_ascii_stl(source: Source, limits: Limits) -> Float:
-    """(F, 3, 3) corners of an ASCII STL of any number of solids.
+def read_ascii_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
+    """(F, 3, 3) corners of an ASCII STL of any number of solids, and what deserves a look.
 
-    Only when something is wrong the file is read line by line, to say where.
+    Only when something is wrong the file is read line by line, to say where. A file may end with padding, and without
+    `endsolid` where its last facet is whole.
 
     Raises:
         MeshError: names the line that is not as it should be.
@@ -63,17 +68,18 @@ def read_ascii_stl(source: Source, limits: Limits) -> Float:
             check_facets(count, source.path, limits)
     except _OddError:
         raise _fault(source) from None
-    if left or last != b"end":
+    if left or (last != b"end" and not count):
         raise _fault(source)
     corners = np.zeros((count, 3, 3))
     np.concatenate([np.zeros((0, 3, 3)), *pieces], out=corners)
-    return corners
+    cut = f"the file ends without 'endsolid', behind {count} whole facets: it may have been cut off"
+    return corners, [] if last == b"end" else [cut]
 
 
 def _whole_lines(source: Source) -> Iterator[bytes]:
     """The file in lower case, in pieces that end with a line."""
     rest = b""
-    for chunk in source.text_chunks():
+    for chunk in _without_padding(source.text_chunks()):
         text = rest + chunk.lower() if rest else chunk.lower()
         end = text.rfind(b"\n") + 1
         rest = text[end:]
@@ -84,6 +90,17 @@ def _whole_lines(source: Source) -> Iterator[bytes]:
             )
         yield text[:end]
     yield rest
+
+
+def _without_padding(chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """The text without what is behind its end; within the text, where it is wrong, one byte of it is left."""
+    held = b""
+    for chunk in chunks:
+        text = chunk.rstrip(PADDING)
+        if text:
+            yield held + text
+            held = b""
+        held = held or chunk[len(text) : len(text) + 1]
 
 
 def _words_between_solids(text: bytes, last: bytes) -> tuple[list[bytes], bytes]:

@@ -20,10 +20,10 @@ class Limits:
     """What `load_mesh` takes; everything beyond is a `MeshError`.
 
     Attributes:
-        facets: of one file, copies of objects counted as often as they are placed; also its vertices, as 3MF, AMF and
-            GLB store them, and a third of the vertices of all copies.
+        facets: of one file, copies of objects counted as often as they are placed; also its vertices, as 3MF, AMF, GLB
+            and OBJ store them, and a third of the vertices of all copies.
         file_bytes: length of a file of any format.
-        text_bytes: length of a file that is read as a whole: OBJ, PLY, OFF, GLB, STEP.
+        text_bytes: length of a file that is read as a whole: PLY, OFF, GLB, STEP.
         expanded_bytes: length of all that is unpacked from one 3MF or AMF archive, or of an AMF file.
         expansion: unpacked length divided by packed length of a member of an archive, where it is over 1 MiB.
         members: files in an archive.

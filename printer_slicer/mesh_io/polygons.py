@@ -1,4 +1,4 @@
-"""Facets from the polygons that PLY and OFF files are made of."""
+"""Facets from the polygons that OBJ, PLY and OFF files are made of."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMATS", "Model", "load_mesh", "load_model"]
 
-FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "amf", "glb", "step")
+FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "amf", "glb", "gltf", "step")
 """Extensions of the formats that can be read, without dot."""
 ALIASES: Final = {"stp": "step"}
 
@@ -46,6 +46,9 @@ PACKED: Final = (
     b"\x28\xb5\x2f\xfd",
 )
 """How files that programs have packed begin: gzip, 7z, RAR, xz, bzip2, zstd."""
+VERTEX: Final = re.compile(rb"(?<![^\r\n])[ \t]*v[ \t]+[-+.\d]")
+FACE: Final = re.compile(rb"(?<![^\r\n])[ \t]*f[ \t]+[-+]?\d")
+"""How lines of an OBJ begin."""
 N_CERTAIN: Final = 3
 """So many entries of MAGIC say more than the name of the file does."""
 
@@ -156,9 +159,7 @@ def _kind(source: Source) -> str:
         return "stl"
     if re.search(rb"<(\w+:)?amf[\s>]", source.head[:4096]):
         return "amf"
-    if re.search(rb"(?m)^v\s+[-+.\d]", source.head) and re.search(
-        rb"(?m)^f\s+-?\d", source.whole(LIMITS.text_bytes)
-    ):
+    if VERTEX.search(source.head) and FACE.search(source.whole(LIMITS.text_bytes)):
         return "obj"
     names = ", ".join(f".{name}" for name in FORMATS)
     raise UsageError(
@@ -173,9 +174,8 @@ Result = tuple["Float", str, list[str]]
 
 
 def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
-    notes: list[str] = []
     if not announces_its_size(source) and looks_like_ascii_stl(source):
-        triangles = read_ascii_stl(source, limits)
+        triangles, notes = read_ascii_stl(source, limits)
     else:
         triangles, notes = read_binary_stl(source, limits)
     return _scaled(triangles, unit or "mm"), unit or "mm", notes
@@ -202,6 +202,13 @@ def _read_glb(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
     return read_glb(source.whole(limits.text_bytes), source.path, limits, unit)
 
 
+def _read_gltf(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.gltf import read_gltf  # noqa: PLC0415
+
+    source.whole(limits.text_bytes)  # no longer than that
+    return read_gltf(source.path, limits, unit)
+
+
 def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.step import read_step  # noqa: PLC0415
 
@@ -210,6 +217,13 @@ def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> 
             f"{source.path}: a STEP file says itself what its numbers mean", remedy="Use --scale instead."
         )
     return read_step(source.whole(limits.text_bytes), source.path, limits)
+
+
+def _read_obj(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.obj import read_obj  # noqa: PLC0415
+
+    triangles, notes = read_obj(source, limits)
+    return _scaled(triangles, unit or "mm"), unit or "mm", notes
 
 
 def _read_other(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
@@ -223,7 +237,9 @@ _READERS: Final = {
     "stl": _read_stl,
     "3mf": _read_zip,
     "amf": _read_zip,
+    "obj": _read_obj,
     "glb": _read_glb,
+    "gltf": _read_gltf,
     "step": _read_step,
 }
 

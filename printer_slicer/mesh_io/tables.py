@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
     from printer_slicer.model import Int
 
-__all__ = ["Body", "Bytes", "Column", "Element", "Property", "Words", "read_table"]
+__all__ = ["NUMBER", "Body", "Bytes", "Column", "Element", "Property", "Words", "numbers_in", "read_table"]
 
 NUMBER: Final = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
+"""A number in a text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +100,7 @@ class Words:
     """A body of text, as its numbers."""
 
     def __init__(self, data: bytes) -> None:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # what older numpy says of words like that
-                self._words = np.fromstring(data, dtype=np.float64, sep=" ")
-        except (ValueError, DeprecationWarning):
-            words = (match[0] for match in re.finditer(rb"\S+", data))
-            wrong = next((word for word in words if not NUMBER.fullmatch(word)), b"something")
-            raise ValueError(f"'{wrong[:60].decode('ascii', 'replace')}' where a number should be") from None
+        self._words = numbers_in(data, "f8")
         self.end = len(self._words)
 
     def size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
@@ -124,6 +118,24 @@ class Words:
     def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Rows of numbers, each `stride` places after the one before."""
         return np.ndarray(shape, np.float64, self._words, 8 * start, (8 * stride, 8))
+
+
+def numbers_in(text: bytes, kind: str) -> NDArray[Any]:
+    """(N,) the numbers of a kind that a text consists of, blanks between them.
+
+    A word such as `1-2` counts as two: who knows the number of words compares.
+
+    Raises:
+        ValueError: a word is none; says which.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # what older numpy says of words like that
+            return np.fromstring(text, dtype=kind, sep=" ")
+    except (ValueError, DeprecationWarning):
+        words = (match[0] for match in re.finditer(rb"\S+", text))
+        wrong = next((word for word in words if not NUMBER.fullmatch(word)), b"something")
+        raise ValueError(f"'{wrong[:60].decode('ascii', 'replace')}' where a number should be") from None
 
 
 def read_table(

@@ -100,6 +100,94 @@ def test_curves_are_told(tmp_path: Path) -> None:
     assert read(tmp_path, text).notes == ("curved facets are read as flat ones",)
 
 
+VERSION = "<metadata type='slic3rpe_amf_version'>2</metadata>"
+
+
+def placed(head: str, **place: float) -> str:
+    plate = f"<constellation id='2'>{instance(1, **place)}</constellation>"
+    return amf(f"{head}<object id='1'>{amf_mesh(10 * CORNERS)}</object>{plate}")
+
+
+PRUSA_SLICERS = [
+    (
+        {"deltax": 25.9954, "deltay": 36.5767, "deltaz": 76.0892, "rx": 0.493, "ry": -2.4352, "rz": -0.4012}
+        | {"scalex": 1.6976, "scaley": 0.8993, "scalez": 2.3364, "mirrorx": -1, "mirrory": -1, "mirrorz": -1},
+        85604.8544,
+        [[24.344, 1.375], [116.24, 56.426]],
+        94.378,
+    ),
+    (
+        {"deltax": 66.235, "deltay": 85.2025, "deltaz": 34.5034, "rx": 0.7805, "ry": -1.211, "rz": 1.4505}
+        | {"scalex": 2.3054, "scaley": 1.0468, "scalez": 2.5747, "mirrorx": -1, "mirrory": 1, "mirrorz": 1},
+        149124.1311,
+        [[39.652, -25.464], [129.958, 85.202]],
+        76.701,
+    ),
+    (
+        {"deltax": 88.1422, "deltay": 40.8881, "deltaz": 41.979, "rx": 2.3503, "ry": 0.511, "rz": -0.1721}
+        | {"scalex": 2.4332, "scaley": 0.5759, "scalez": 2.2674, "mirrorx": 1, "mirrory": -1, "mirrorz": -1},
+        76254.2792,
+        [[84.301, 33.619], [171.727, 112.099]],
+        90.126,
+    ),
+]  # fmt: skip
+"""Place of a box, and volume, bounds in x and y and height of what PrusaSlicer 2.5.0 exports of it as STL."""
+
+
+@pytest.mark.parametrize(("place", "volume", "bounds", "height"), PRUSA_SLICERS)
+def test_instances_of_prusa_slicer_stand_as_it_exports_them(
+    tmp_path: Path, place: dict[str, float], volume: float, bounds: list[list[float]], height: float
+) -> None:
+    model = read(tmp_path, placed(VERSION, **place, printable=1))
+
+    np.testing.assert_allclose(model.mesh.bounds[:, :2], bounds, atol=1e-3)
+    assert model.mesh.size[2] == pytest.approx(height, abs=1e-3)
+    assert model.mesh.volume == pytest.approx(volume, rel=1e-6)  # outside out, mirrored or not
+    assert model.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("head", "angle"),
+    [
+        ("", 90),
+        ("<metadata type='cad'>Slic3r 1.1.7</metadata>", 90),
+        ("<metadata type='cad'>Slic3r 1.2.9</metadata>", np.pi / 2),
+        ("<metadata type='cad'>Slic3r 1.3.1-dev</metadata>", np.pi / 2),
+        ("<metadata type='cad'>SuperSlicer</metadata>" + VERSION, np.pi / 2),
+        ("<metadata type='cad'>some CAD 2.0</metadata>", 90),
+    ],
+)
+def test_angles_are_degrees_but_for_those_of_slicers(tmp_path: Path, head: str, angle: float) -> None:
+    mesh = read(tmp_path, placed(head, deltax=100, rz=angle, scale=0.5)).mesh
+
+    np.testing.assert_allclose(mesh.bounds, [[85, 0, 0], [100, 10, 20]], atol=1e-9)
+
+
+def test_instances_that_are_not_printable_are_left_out_and_told(tmp_path: Path) -> None:
+    text = f"{ONE}<constellation id='2'>{instance(1, deltax=9)}{instance(1, printable=0)}</constellation>"
+    model = read(tmp_path, amf(text))
+
+    assert model.mesh.bounds.tolist() == [[9, 0, 0], [11, 3, 4]]
+    assert model.notes == ("1 instances are marked as not printable and left out",)
+
+
+def test_an_object_none_of_whose_instances_is_printable_is_not_there(tmp_path: Path) -> None:
+    text = ONE + f"<object id='3'>{amf_mesh(CORNERS + 5)}</object>"
+    text += f"<constellation id='2'>{instance(1, printable=0)}</constellation>"
+
+    assert read(tmp_path, amf(text)).mesh.bounds.tolist() == [[5, 5, 5], [7, 8, 9]]
+
+
+def test_what_is_not_known_of_an_instance_is_told(tmp_path: Path) -> None:
+    odd = instance(1, shearx=3, deltax=9, twist=1).replace(
+        "</instance>", "<metadata type='a'>b</metadata></instance>"
+    )
+    model = read(tmp_path, amf(f"{ONE}<constellation id='2'>{odd}</constellation><twist/>"))
+
+    assert model.mesh.bounds.tolist() == [[9, 0, 0], [11, 3, 4]]
+    assert model.notes == ("instances have shearx, twist, which is not followed: look at the shape",)
+
+
 FAULTS = {
     "vertex beyond the last": (amf(ONE).replace("<v1>0<", "<v1>99<", 1), "object 1: facet 1 has vertex 99 of 8"),
     "facet with two corners": (amf(ONE).replace("<v1>0</v1>", "", 1), "facet 1 has vertex -1 of 8"),

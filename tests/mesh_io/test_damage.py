@@ -16,6 +16,7 @@ from printer_slicer.model import Mesh
 FOUND = [
     ("part.obj", 61),  # points in the plane
     ("part.obj", 66),
+    ("part.obj", 10644),  # the last line continued by nothing
     ("ascii.ply", 4),  # vertices without facets, in other shapes than usual
     ("ascii.ply", 21),
     ("part.off", 21),

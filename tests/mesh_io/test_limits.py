@@ -264,7 +264,7 @@ def test_every_format_keeps_the_limit_of_the_file(tmp_path: Path) -> None:
         )
 
 
-@pytest.mark.parametrize("name", ["part.obj", "ascii.ply", "part.off", "part.glb"])
+@pytest.mark.parametrize("name", ["ascii.ply", "part.off", "part.glb"])
 def test_what_is_read_as_a_whole_has_a_limit_of_its_own(tmp_path: Path, name: str) -> None:
     content = every_format()[name]
 

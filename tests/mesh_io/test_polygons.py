@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tiny_files import BOX, CORNERS, MIXED, QUADS, off_of, ply, ply_of, write
+from tiny_files import BOX, CORNERS, FACES, MIXED, QUADS, off_of, ply, ply_of, write
 
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io import Limits, load_mesh
@@ -132,6 +132,44 @@ def test_an_off_may_begin_in_several_ways(tmp_path: Path, head: str) -> None:
     assert load_mesh(write(tmp_path, content, "box.off")).volume == pytest.approx(24)
 
 
+FLAT = {
+    "one line": lambda text: text.replace("\n", " "),
+    "a number a line": lambda text: text.replace(" ", "\n"),
+    "a line a piece": lambda text: text.replace("\n", " ").replace("8 8 0", "\n8 8 0\n"),
+    "comments between": lambda text: text.replace("\n", " # x\n").replace(" 0.0", "\n0.0", 3),
+    "no edges": lambda text: text.replace("\n", " ").replace("8 8 0", "\n8 8\n"),
+}
+
+
+@pytest.mark.parametrize("behind", ["", "C", "N", "CN"])
+@pytest.mark.parametrize("change", FLAT.values(), ids=FLAT.keys())
+def test_an_off_need_not_have_a_line_for_each(
+    tmp_path: Path, change: Callable[[str], str], behind: str
+) -> None:
+    head, counts, *rows = off_of(CORNERS, MIXED).splitlines()
+    numbers = " 0.5" * (4 * ("C" in behind) + 3 * ("N" in behind))
+    vertices = [row + numbers for row in rows[:8]]
+    mesh = load_mesh(
+        write(tmp_path, change("\n".join([behind + head, counts, *vertices, *rows[8:]])), "a.off")
+    )
+
+    assert mesh.n_facets == 12
+    assert mesh.volume == pytest.approx(24)
+
+
+def test_numbers_that_are_too_many_or_too_few_are_not_guessed_at(tmp_path: Path) -> None:
+    """Colours of faces are told from the next face by the ends of lines only."""
+    flat = off_of(CORNERS, MIXED).replace("\n", " ")
+    for content in (
+        flat + "0",
+        flat.rstrip()[:-2],
+        flat.replace("2.0", "", 1),
+        off_of(CORNERS, MIXED, " 255 0 0").replace("\n", " "),
+    ):
+        with pytest.raises(MeshError, match=r"8 vertices and 8 faces in 0 lines|do not stand"):
+            load_mesh(write(tmp_path, content, "a.off"))
+
+
 @pytest.mark.parametrize("kind", ["off", *KINDS])
 def test_a_polygon_that_is_not_convex_is_cut_without_folds(tmp_path: Path, kind: str) -> None:
     vertices, faces = prism()
@@ -207,6 +245,7 @@ def test_a_file_that_breaks_off_anywhere_is_refused(tmp_path: Path, kind: str) -
         ("a.ply", ply().replace(b"vertex_indices", b"corners"), "'face' has no property 'vertex_indices'"),
         ("a.off", off_of(CORNERS, MIXED).replace("2.0 0.0 0.0", "2.0 0.0", 1), "a vertex without 3 numbers"),
         ("a.off", off_of(CORNERS, MIXED).replace("3 0 2 3", "3 0  2  ", 1), "a face without 3 numbers"),
+        ("a.off", off_of(CORNERS, FACES.tolist()).replace("0 1 4", "0 1", 1), "face 5: '3 0 1'"),
         ("a.off", off_of(CORNERS, MIXED).replace("3 0 2 3", "9999 0 2 3", 1), "face 1: '9999 0 2 3'"),
         ("a.off", "4OFF\n1 1 0\n", "other than three coordinates"),
         ("a.off", "OFF BINARY\n\0\0", "numbers of vertices and faces"),

@@ -17,6 +17,8 @@ from printer_slicer.mesh_io import Limits, Model, export_stl, load_mesh, load_mo
 from printer_slicer.mesh_io.files import CHUNK
 from printer_slicer.model import Mesh
 
+CUT = "the file ends without 'endsolid', behind {} whole facets: it may have been cut off"
+
 
 def read(folder: Path, content: str | bytes, name: str = "part.stl") -> Model:
     return load_model(write(folder, content, name))
@@ -123,7 +125,35 @@ def test_a_text_longer_than_one_chunk_is_read_whole(tmp_path: Path) -> None:
     late = content.replace(b"vertex", b"vertax", 25_001).replace(b"vertax", b"vertex", 25_000)
     line = late[: late.find(b"vertax")].count(b"\n") + 1
     assert f"line {line}: 'vertax' where 'vertex' should be" in fault(tmp_path, late)
-    assert "endsolid" in fault(tmp_path, content[:-12])
+    cut = read(tmp_path, content[:-12])
+    assert np.array_equal(cut.mesh.triangles, triangles)
+    assert cut.notes == (CUT.format(12_000),)
+
+
+@pytest.mark.parametrize("size", [1, 20, 5_000, 3 * CHUNK], ids=["byte", "bytes", "page", "many"])
+@pytest.mark.parametrize("padding", [b"\0", b"\x1a", b"\x1a\0"], ids=["zeros", "Ctrl-Z", "both"])
+def test_a_text_may_be_padded(tmp_path: Path, padding: bytes, size: int) -> None:
+    text = ascii_stl().encode()
+    model = read(tmp_path, text + padding * size)
+    cut = read(tmp_path, text[: text.find(b"endsolid")] + padding * size)
+
+    assert np.array_equal(model.mesh.triangles, BOX)
+    assert np.array_equal(cut.mesh.triangles, BOX)
+    assert (model.notes, cut.notes) == ((), (CUT.format(12),))
+
+
+def test_padding_within_a_text_is_not_left_out(tmp_path: Path) -> None:
+    text = ascii_stl().encode()
+    place = text.find(b"facet normal", 500)
+
+    assert "where 'facet' should be" in fault(tmp_path, text[:place] + 30 * b"\x1a" + text[place:])
+    assert "line 3: the file ends within a facet" in fault(
+        tmp_path, b"\n".join(text.split(b"\n")[:3]) + 9 * b"\0"
+    )
+
+
+def test_a_text_without_its_end_and_without_facets_is_refused(tmp_path: Path) -> None:
+    assert "line 1: the file ends without 'endsolid'" in fault(tmp_path, "solid a\n")
 
 
 def test_a_binary_file_longer_than_one_chunk_tells_how_far_it_is(tmp_path: Path) -> None:

@@ -1,0 +1,268 @@
+"""OBJ: the facets of all its objects and groups, read piece by piece, each as whole arrays.
+
+Written after appendix B1 of the Advanced Visualizer manual of Wavefront. Of its statements `v` and `f` are read; what
+belongs to a picture, and points, lines, curves and free-form surfaces are not. A weight behind the coordinates of a
+vertex matters to curves only, a colour to pictures: both are left out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.limits import check_facets, check_vertices
+from printer_slicer.mesh_io.polygons import triangulated
+from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
+from printer_slicer.mesh_io.tables import NUMBER, numbers_in
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.limits import Limits
+    from printer_slicer.model import Float, Int
+
+__all__ = ["read_obj"]
+
+BLANK: Final = 32
+"""Bytes up to this one part words."""
+LONGEST_LINE: Final = 1 << 24
+"""bytes"""
+MOST_CONTINUED: Final = 1000
+"""Lines at the end of a piece that are looked at for one that is not continued."""
+COMMENT: Final = re.compile(rb"#[^\n]*")
+INDENT: Final = re.compile(rb"(?m)^[\t\v\f ]+")
+CORNER: Final = re.compile(rb"([-+]?\d+)(/\S*)?")
+UNREAD: Final = {
+    b"p": "points",
+    b"l": "lines",
+    b"curv": "curves",
+    b"curv2": "curves",
+    b"surf": "free-form surfaces",
+}
+"""Statements that draw something without facets."""
+
+
+class _OddError(Exception):
+    """Something is not as it should be; where is looked for then."""
+
+
+def read_obj(source: Source, limits: Limits) -> tuple[Float, list[str]]:
+    """(F, 3, 3) corners of the facets, and what deserves a look; polygons are cut into fans.
+
+    Only when something is wrong the file is read line by line, to say where.
+
+    Raises:
+        MeshError: too many facets, or no sound file; names the line.
+    """
+    vertices, counts, corners = [np.zeros((0, 3))], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    n_vertices = n_faces = n_facets = n_surfaces = 0
+    try:
+        for text in _pieces(source):
+            lines = _Lines(text)
+            vertices.append(lines.vertices())
+            size, corner = lines.faces(n_vertices)
+            counts.append(size)
+            corners.append(corner)
+            n_vertices += len(vertices[-1])
+            n_faces += len(size)
+            n_facets += int(np.maximum(size - 2, 0).sum())
+            n_surfaces += text.count(b"\nsurf ") + text.startswith(b"surf ")
+            check_vertices(n_vertices, source.path, limits)
+            check_facets(max(n_faces, n_facets), source.path, limits)
+    except _OddError:
+        raise _fault(source, None) from None
+    corner = np.concatenate(corners)
+    del corners
+    if len(corner) and corner.max() >= n_vertices:
+        raise _fault(source, n_vertices)
+    if not n_facets:
+        raise _nothing(source)
+    notes = [f"{n_surfaces} free-form surfaces are not read"] if n_surfaces else []
+    return triangulated(np.concatenate(vertices), np.concatenate(counts), corner, source.path, limits), notes
+
+
+def _pieces(source: Source) -> Iterator[bytes]:
+    """The file in pieces of whole statements, each ending its lines with LF and the last one too."""
+    rest = b""
+    for chunk in source.text_chunks():
+        text = rest + chunk if rest else chunk
+        end = _end_of_statements(text)
+        rest = text[end:]
+        if len(rest) > LONGEST_LINE:
+            raise MeshError(
+                f"{source.path}: a line of over {LONGEST_LINE} bytes is no line of an OBJ",
+                remedy=EXPORT_AGAIN,
+            )
+        if end:
+            yield _with_new_lines(text[:end])
+    yield _with_new_lines(rest + b"\n\n")  # two: the last line may be continued
+
+
+def _end_of_statements(text: bytes) -> int:
+    """The place behind the last line that is not continued by the next one."""
+    end = text.rfind(b"\n") + 1
+    for _ in range(MOST_CONTINUED):
+        if not text.endswith((b"\\\n", b"\\\r\n"), 0, end):
+            return end
+        end = text.rfind(b"\n", 0, end - 1) + 1
+    return 0
+
+
+def _with_new_lines(text: bytes) -> bytes:
+    return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
+
+
+class _Lines:
+    """The statements of a piece of the file: where they begin, and which are vertices or faces."""
+
+    def __init__(self, text: bytes) -> None:
+        if b"#" in text:
+            text = COMMENT.sub(b" ", text)
+        if b"\\\n" in text:
+            text = text.replace(b"\\\n", b"  ")
+        if text[:1] in (b" ", b"\t") or b"\n " in text or b"\n\t" in text:
+            text = INDENT.sub(b"", text)
+        self._bytes = np.frombuffer(text, np.uint8)
+        ends = np.flatnonzero(self._bytes == ord("\n")) + 1
+        self._begins = np.concatenate([[0], ends[:-1]])
+        self._lengths = ends - self._begins
+        first, second = self._bytes[self._begins], self._bytes[np.minimum(self._begins + 1, len(text) - 1)]
+        self._is_vertex = (first == ord("v")) & (second <= BLANK)
+        self._is_face = (first == ord("f")) & (second <= BLANK)
+
+    def vertices(self) -> Float:
+        """(V, 3) coordinates."""
+        text, counts = self._words_of(self._is_vertex)
+        if not len(counts):
+            return np.zeros((0, 3))
+        numbers = _numbers(text, "f8", counts)
+        if counts.min() < 3:
+            raise _OddError
+        if counts.min() == counts.max():
+            return numbers.reshape(len(counts), -1)[:, :3]
+        xyz: Float = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
+        return xyz
+
+    def faces(self, n_before: int) -> tuple[Int, Int]:
+        """(P,) corners of each face, and the vertices of all corners, counted from 0.
+
+        Args:
+            n_before: vertices in the pieces before.
+        """
+        text, counts = self._words_of(self._is_face)
+        if not len(counts):
+            return counts, counts
+        numbers = _numbers(text, "i8", counts)
+        if numbers.min() >= 1:
+            return counts, numbers - 1
+        # -1 is the last vertex that stands before the face.
+        known = (n_before + np.cumsum(self._is_vertex))[self._is_face]
+        corners = np.where(numbers < 0, np.repeat(known, counts) + numbers, numbers - 1)
+        if corners.min() < 0:
+            raise _OddError
+        return counts, corners
+
+    def _words_of(self, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], Int]:
+        """The text of some statements without their keywords and all from `/` to the end of a word; words of each."""
+        lengths = self._lengths[chosen]
+        text = self._bytes[np.repeat(chosen, self._lengths)]
+        begins = np.cumsum(lengths) - lengths
+        text[begins] = BLANK
+        if not len(text):
+            return text, np.zeros(0, np.int64)
+        blank = text <= BLANK
+        slash = text == ord("/")
+        if slash.any():
+            if (slash[1:] & blank[:-1]).any():
+                raise _OddError
+            marks = np.flatnonzero(blank | slash)
+            behind = np.repeat(slash[marks], np.diff(marks, append=len(text)))  # the first byte is blank
+            text[behind] = BLANK
+            blank |= behind
+        begun = np.zeros(len(text), np.bool_)
+        begun[1:] = blank[:-1] & ~blank[1:]
+        return text, np.add.reduceat(begun, begins, dtype=np.int64)
+
+
+def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
+    """One number for every word."""
+    try:
+        numbers = numbers_in(text.tobytes(), kind)
+    except ValueError:
+        raise _OddError from None
+    if len(numbers) != counts.sum():
+        raise _OddError
+    return numbers
+
+
+def _statements(source: Source) -> Iterator[tuple[int, list[bytes]]]:
+    """The number of the line it begins in, and the words of every statement, the slow way."""
+    number, begun, left = 0, 1, b""
+    for text in _pieces(source):
+        for line in text.split(b"\n")[:-1]:
+            number += 1
+            begun = begun if left else number
+            words = left + COMMENT.sub(b" ", line)
+            left = words[:-1] + b" " if words.endswith(b"\\") else b""
+            if not left:
+                yield begun, words.split()
+
+
+def _fault(source: Source, n_vertices: int | None) -> MeshError:
+    """Describe the first statement that is not as it should be.
+
+    Args:
+        source: the file.
+        n_vertices: in all of it, where one beyond them is looked for.
+    """
+    known = 0
+    for number, words in _statements(source):
+        wrong = ""
+        if words[:1] == [b"v"]:
+            known += 1
+            wrong = _wrong_vertex(words[1:])
+        elif words[:1] == [b"f"]:
+            wrong = _wrong_face(words[1:], known, n_vertices)
+        if wrong:
+            return MeshError(f"{source.path}, line {number}: {wrong}", remedy=EXPORT_AGAIN)
+    return MeshError(f"{source.path}: not a sound .obj file", remedy=EXPORT_AGAIN)
+
+
+def _wrong_vertex(words: list[bytes]) -> str:
+    """What is wrong with a vertex; empty where nothing is."""
+    for word in words:
+        if not NUMBER.fullmatch(word):
+            return f"'{_spoken(word)}' where a number should be"
+    return "" if len(words) >= 3 else f"a vertex of {len(words)} coordinates"
+
+
+def _wrong_face(words: list[bytes], known: int, n_vertices: int | None) -> str:
+    """What is wrong with a face behind so many vertices; empty where nothing is."""
+    for word in words:
+        match = CORNER.fullmatch(word)
+        if match is None:
+            return f"'{_spoken(word)}' where the number of a vertex should be"
+        corner = int(match[1][:20])
+        if corner == 0:
+            return "a face has vertex 0; they are counted from 1"
+        if corner < -known:
+            return f"a face has vertex {corner}, but only {known} stand before it"
+        if n_vertices is not None and corner > n_vertices:
+            return f"a face has vertex {corner} of {n_vertices}"
+    return ""
+
+
+def _spoken(word: bytes) -> str:
+    return word[:60].decode("ascii", "replace")
+
+
+def _nothing(source: Source) -> MeshError:
+    """What to say of a file without facets."""
+    found = {UNREAD[words[0]] for _, words in _statements(source) if words and words[0] in UNREAD}
+    only = f", only {' and '.join(sorted(found))}" if found else ""
+    return MeshError(f"{source.path}: there are no facets in it{only}", remedy=EXPORT_AGAIN)
