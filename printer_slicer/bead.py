@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cross_section", "filament_per_mm", "spacing", "width_for_spacing"]
+__all__ = ["cross_section", "filament_per_mm", "spacing", "width_for_section", "width_for_spacing"]
 
 Float = NDArray[np.float64]
 _ROUNDING = 1 - pi / 4  # share of the height that the round sides take away from the spacing
@@ -31,6 +31,16 @@ def width_for_spacing(spacing: Float | float, height: Float | float) -> Float:
 def cross_section(width: Float | float, height: Float | float) -> Float:
     """Cross-section of a bead, mm². Needs width >= height; the profile's bounds see to that."""
     return spacing(width, height) * height
+
+
+def width_for_section(section: Float | float, height: Float | float) -> Float:
+    """Width of a bead with this cross-section, mm²: the inverse of `cross_section`.
+
+    What is too little to be pressed flat at this height stays a round thread, as wide as it is high.
+    """
+    section, height = np.asarray(section, dtype=np.float64), np.asarray(height, dtype=np.float64)
+    thread = np.sqrt(4 * section / pi)
+    return np.where(thread < height, thread, width_for_spacing(section / height, height))
 
 
 def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: float) -> Float:

@@ -68,3 +68,17 @@ def test_layers_of_different_height_are_worked_out_at_once() -> None:
     assert bead.cross_section(np.full(3, 0.45), height).tolist() == [
         float(bead.cross_section(0.45, h)) for h in height
     ]
+
+
+@given(height=heights, ratio=ratios)
+def test_width_for_section_is_the_inverse_of_cross_section(height: float, ratio: float) -> None:
+    width = height * ratio
+
+    assert bead.width_for_section(bead.cross_section(width, height), height) == pytest.approx(width)
+
+
+def test_what_is_too_little_to_be_pressed_flat_stays_a_round_thread() -> None:
+    section = pi * 0.15**2
+
+    assert bead.width_for_section(section, 0.4) == pytest.approx(0.3)
+    assert bead.width_for_section(section, 0.3) == pytest.approx(0.3)

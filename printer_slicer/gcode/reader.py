@@ -1,7 +1,7 @@
 """Text -> moves: what a file will make the machine do, for the time model and for checks before the print.
 
-Knows straight lines and arcs, relative and absolute modes, inches, offsets, homing, dwells and changes of acceleration.
-What does not move or wait is passed over.
+Knows straight lines and arcs, relative and absolute modes, inches, offsets, homing, dwells, changes of acceleration,
+tools, and extrusion by volume (M200). What does not move or wait is passed over.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["Moves", "read_moves"]
 
 _STOPS: Final = frozenset({"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M400", "M600"})
 _NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison
-_CODE: Final = re.compile(r" *([GM]) *([0-9]+)", re.IGNORECASE)
+_CODE: Final = re.compile(r" *([GMT]) *([0-9]+)", re.IGNORECASE)
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))?", re.IGNORECASE)
 
 
@@ -36,6 +36,7 @@ class Moves:
         speed: (K,) as the file asks, mm/s.
         acceleration: (K,) as the file set it by then, mm/s²; nan where it did not.
         line: (K,) index of the command that made it.
+        tool: (K,) number of the tool in use.
         stop: (K,) whether the machine stands still after it.
         dwell_seconds: asked for with G4.
         changes: changes of the machine's limits: (first move they hold for, kind, axis -> value).
@@ -46,6 +47,7 @@ class Moves:
     speed: Float
     acceleration: Float
     line: Int
+    tool: Int
     stop: Bool
     dwell_seconds: float
     changes: tuple[tuple[int, str, Mapping[str, float]], ...] = ()
@@ -106,6 +108,9 @@ class _State:
     relative: bool = False
     relative_e: bool = False
     unit: float = 1.0
+    diameter: float = 1.75
+    volumetric: bool = False
+    tool: int = 0
     feed: float = 25.0
     printing: float = np.nan
     travel: float = np.nan
@@ -115,6 +120,11 @@ class _State:
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
     rows: list[tuple[float, ...]] = field(default_factory=list)
     stops: list[int] = field(default_factory=list)
+
+    @property
+    def unit_e(self) -> float:
+        """Mm of filament that an E of 1 feeds; mm³, or cubic inches, of it where M200 says so."""
+        return self.unit**3 / (np.pi * self.diameter**2 / 4) if self.volumetric else self.unit
 
 
 def read_moves(commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0)) -> Moves:
@@ -133,7 +143,7 @@ def read_moves(commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0)
             action(state, words, index)
         if code in _STOPS and state.rows:
             state.stops.append(len(state.rows) - 1)
-    table = np.array(state.rows, np.float64).reshape(-1, 10)
+    table = np.array(state.rows, np.float64).reshape(-1, 11)
     stop = np.zeros(len(table), np.bool_)
     stop[state.stops] = True
     return Moves(
@@ -142,6 +152,7 @@ def read_moves(commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0)
         speed=table[:, 7],
         acceleration=table[:, 8],
         line=table[:, 9].astype(np.int64),
+        tool=table[:, 10].astype(np.int64),
         stop=stop,
         dwell_seconds=state.dwell,
         changes=tuple(state.changes),
@@ -155,6 +166,8 @@ def _parse(command: bytes) -> tuple[str, dict[str, float]]:
     if match is None:
         return "", {}
     code = f"{match[1].upper()}{int(match[2])}"
+    if code[0] == "T":
+        return "T", {"T": float(match[2][:3])}
     if code not in _ACTIONS:
         return code, {}
     found = _WORD.findall(text, match.end())
@@ -169,7 +182,7 @@ def _goal(state: _State, words: Mapping[str, float]) -> list[float]:
     goal = list(state.position)
     for axis, letter in enumerate("XYZE"):
         if letter in words:
-            value = words[letter] * state.unit
+            value = words[letter] * (state.unit_e if letter == "E" else state.unit)
             relative = state.relative_e if letter == "E" else state.relative
             goal[axis] = goal[axis] + value if relative else value - state.offset[axis]
     if words.get("F", 0) > 0:
@@ -183,7 +196,9 @@ def _move(state: _State, goal: list[float], index: int) -> None:
     if any(delta):
         travels = delta[0] or delta[1] or delta[2]
         acceleration = state.travel if not delta[3] else state.printing if travels else state.retract
-        state.rows.append((*goal[:3], *delta, state.feed * state.speed_ratio, acceleration, index))
+        state.rows.append(
+            (*goal[:3], *delta, state.feed * state.speed_ratio, acceleration, index, state.tool)
+        )
     state.position = goal
 
 
@@ -212,11 +227,10 @@ def _set_position(state: _State, words: Mapping[str, float], _index: int) -> Non
     """G92: the same place under other numbers."""
     for axis, letter in enumerate("XYZE"):
         if letter in words:
-            value = words[letter] * state.unit
             if letter == "E":
-                state.position[3] = value
+                state.position[3] = words[letter] * state.unit_e
             else:
-                state.offset[axis] = value - state.position[axis]
+                state.offset[axis] = words[letter] * state.unit - state.position[axis]
 
 
 def _home(state: _State, words: Mapping[str, float], _index: int) -> None:
@@ -250,6 +264,17 @@ def _speed_ratio(state: _State, words: Mapping[str, float], _index: int) -> None
         state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
 
 
+def _volumetric(state: _State, words: Mapping[str, float], _index: int) -> None:
+    """M200: from now on E counts mm³ of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
+    diameter = words.get("D", 0.0) * state.unit
+    state.volumetric = bool(words.get("S", diameter))
+    state.diameter = diameter or state.diameter
+
+
+def _tool(state: _State, words: Mapping[str, float], _index: int) -> None:
+    state.tool = int(words["T"])
+
+
 def _mode(name: str, value: float) -> Callable[[_State, Mapping[str, float], int], None]:
     def run(state: _State, _words: Mapping[str, float], _index: int) -> None:
         setattr(state, name, value)
@@ -273,9 +298,11 @@ _ACTIONS: Final[Mapping[str, Callable[[_State, Mapping[str, float], int], None]]
     "G92": _set_position,
     "M82": _mode("relative_e", False),
     "M83": _mode("relative_e", True),
+    "M200": _volumetric,
     "M201": _limit("M201"),
     "M203": _limit("M203"),
     "M204": _acceleration,
     "M205": _limit("M205"),
     "M220": _speed_ratio,
+    "T": _tool,
 }

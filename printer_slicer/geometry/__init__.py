@@ -14,6 +14,7 @@ from printer_slicer.geometry.engine import (
     offset,
     offset_open,
     simplify,
+    stroked,
     union,
     window_intersection,
 )
@@ -39,6 +40,7 @@ __all__ = [
     "offset_open",
     "rings_around",
     "simplify",
+    "stroked",
     "union",
     "window_intersection",
 ]

@@ -13,10 +13,10 @@ import clipper2
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Areas, Float
+from printer_slicer.geometry.areas import Areas, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
-__all__ = ["combine", "load", "load_any", "offset", "store"]
+__all__ = ["combine", "load", "load_any", "offset", "store", "stroke"]
 
 Rings = list[NDArray[np.int64]]
 
@@ -90,3 +90,20 @@ def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
             inflater.add_paths(rings, kind, clipper2.EndType.POLYGON)
         result.append(inflater.execute(by) if rings else [])
     return result
+
+
+def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Rings]:
+    """What is within its radius of any of its layer's open polylines."""
+    grid = np.rint(xy * STEPS_PER_MM).astype(np.int64)
+    pens: dict[tuple[int, float], Rings] = {}
+    for (begin, end), one, by in zip(pairwise(start.tolist()), layer.tolist(), radius.tolist(), strict=True):
+        pens.setdefault((one, by), []).append(grid[begin:end])
+    inflater = clipper2.ClipperOffset(MITER_LIMIT, ROUND_TOLERANCE * STEPS_PER_MM)
+    result: list[Rings] = [[] for _ in range(n_layers)]
+    several = [False] * n_layers
+    for (one, by), lines in pens.items():
+        inflater.clear()
+        inflater.add_paths(lines, clipper2.JoinType.ROUND, clipper2.EndType.ROUND)
+        several[one] = bool(result[one])
+        result[one] = result[one] + inflater.execute(by * STEPS_PER_MM)
+    return combine("union", result, [[] for _ in result]) if any(several) else result

@@ -29,6 +29,7 @@ __all__ = [
     "offset",
     "offset_open",
     "simplify",
+    "stroked",
     "union",
     "using_engine",
     "window_intersection",
@@ -173,6 +174,31 @@ def offset_open(areas: Areas, distance: float | Float) -> Areas:
     layers = engine.load(areas)
     opened = engine.offset(engine.offset(layers, -by, "miter"), by + CLEARANCE, "miter")
     return engine.store(engine.combine("intersection", layers, opened))
+
+
+def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
+    """What lies within a radius of polylines: lines drawn with round pens, layer by layer.
+
+    Round ends and corners follow the circle to 0.005 mm, from within. Radii are rounded to 0.001 mm, so that lines of
+    nearly one width are drawn together.
+
+    Args:
+        xy: (N, 2) mm; polyline i is `xy[start[i]:start[i + 1]]`, of two points or more, and stays open.
+        start: (M + 1,) where each polyline begins.
+        layer: (M,) of each polyline, in any order.
+        radius: (M,) mm, over 0: half the width of each line.
+        n_layers: of the stack.
+
+    Raises:
+        ValueError: a radius that is not over 0, or a layer outside the stack.
+    """
+    if len(layer) and not (layer.min() >= 0 and layer.max() < n_layers):
+        raise ValueError(f"a line leaves the {n_layers} layers")
+    steps = np.round(radius, 3)
+    if not (np.isfinite(steps).all() and (steps > 0).all()):
+        raise ValueError("lines need radii over 0")
+    engine = _engine()
+    return engine.store(engine.stroke(xy, start, layer, steps, n_layers))
 
 
 def simplify(areas: Areas, tolerance: float) -> Areas:

@@ -33,14 +33,24 @@ class Outlines:
         moved = np.stack([self._begin + cell, self._end + cell], axis=1)
         self._tree = SegmentTree(moved) if len(moved) else None
 
-    def distance(self, points: Float, layer: Int) -> Float:
-        """(P,) mm from each point (P, 2) to the nearest outline of its layer; inf where the layer is empty."""
-        result = np.full(len(points), np.inf)
+    def nearest(self, points: Float, layer: Int) -> Int:
+        """(P,) index of the segment of its layer nearest to each point (P, 2); -1 where the layer is empty.
+
+        Segment i begins at point i of the areas, and ends at the point that follows it.
+        """
+        result = np.full(len(points), -1, np.int64)
         known = np.flatnonzero(self._filled[layer])
         if self._tree is not None and len(known):
-            here, cell = points[known], self._cell(layer[known])
-            nearest = self._tree.nearest(here + cell)
-            result[known] = distance_to_segments(here, self._begin[nearest], self._end[nearest])
+            result[known] = self._tree.nearest(points[known] + self._cell(layer[known]))
+        return result
+
+    def distance(self, points: Float, layer: Int) -> Float:
+        """(P,) mm from each point (P, 2) to the nearest outline of its layer; inf where the layer is empty."""
+        nearest = self.nearest(points, layer)
+        result = np.full(len(points), np.inf)
+        known = nearest >= 0
+        segment = nearest[known]
+        result[known] = distance_to_segments(points[known], self._begin[segment], self._end[segment])
         return result
 
     def inside(self, points: Float, layer: Int) -> Bool:

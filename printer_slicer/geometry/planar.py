@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
-__all__ = ["SegmentTree", "combine", "load", "load_any", "offset", "simplify", "store"]
+__all__ = ["SegmentTree", "combine", "load", "load_any", "offset", "simplify", "store", "stroke"]
 
 Shapes = NDArray[np.object_]
 
@@ -79,6 +79,19 @@ def offset(layers: list[Any], distance: Float, join: Join) -> list[Any]:
     shrunk = shapely.difference(square, kites[sharp], grid_size=1 / STEPS_PER_MM)
     result[sharp] = np.where(distance[sharp] > 0, grown, shrunk)
     return list(result)
+
+
+def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Any]:
+    """What is within its radius of any of its layer's open polylines."""
+    index = np.repeat(np.arange(len(layer)), np.diff(start))
+    lines = np.asarray(shapely.linestrings(xy, indices=index), dtype=np.object_)
+    order = np.lexsort((radius, layer))
+    new = np.diff(layer[order], prepend=-1).astype(np.bool_) | (np.diff(radius[order], prepend=-1.0) != 0)
+    pen, first = np.cumsum(new) - 1, order[new]
+    drawn = shapely.buffer(
+        _grouped(lines[order], pen, len(first)), radius[first], quad_segs=_quarter_steps(radius)
+    )
+    return list(shapely.union_all(_grouped(drawn, layer[first], n_layers)[:, None], axis=1))
 
 
 def _mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal, Protocol
 
-from printer_slicer.geometry.areas import Areas, Float
+from printer_slicer.geometry.areas import Areas, Float, Int
 
 __all__ = ["MITER_LIMIT", "ROUND_TOLERANCE", "STEPS_PER_MM", "Join", "Layer", "Operation", "Polygons"]
 
@@ -48,3 +48,6 @@ class Polygons(Protocol):
 
     def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
         """Each entry with its outlines moved outward by its distance, mm."""
+
+    def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Layer]:
+        """One value per layer: what is within its radius of any of its open polylines."""

@@ -264,3 +264,26 @@ def test_the_moves_of_a_file_are_those_of_the_program() -> None:
     assert moves.delta[:, 3].sum() == pytest.approx(program.filament.sum(), abs=1e-4)
     assert moves.end[-1] == pytest.approx(program.xyz[-1], abs=1e-3)
     assert moves.heights() == pytest.approx(program.plan.top.tolist(), abs=1e-4)
+
+
+# --- tools and extrusion by volume ---
+
+
+def test_e_counts_volume_after_m200_and_filament_again_after_d0() -> None:
+    section = pi * 1.75**2 / 4
+    moves = read("M83", "M200 D1.75", "G1 X1 E2", "M200 D0", "G1 X2 E2", "M200 S1", "G1 X3 E2")
+
+    assert moves.delta[:, 3].tolist() == pytest.approx([2 / section, 2, 2 / section])
+
+
+def test_absolute_volumes_and_g92_count_in_the_same_unit() -> None:
+    section = pi * 1.75**2 / 4
+    moves = read("M82", "M200 D1.75", "G92 E10", "G1 X1 E12", "G1 X2 E13")
+
+    assert moves.delta[:, 3].tolist() == pytest.approx([2 / section, 1 / section])
+
+
+def test_every_move_knows_its_tool() -> None:
+    moves = read("G1 X1", "T1", "G1 X2", "G1 X3", "T0", "G1 X4")
+
+    assert moves.tool.tolist() == [0, 1, 1, 0]
