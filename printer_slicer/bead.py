@@ -12,7 +12,14 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cross_section", "filament_per_mm", "spacing", "width_for_section", "width_for_spacing"]
+__all__ = [
+    "cross_section",
+    "filament_per_mm",
+    "side_loss",
+    "spacing",
+    "width_for_section",
+    "width_for_spacing",
+]
 
 Float = NDArray[np.float64]
 _ROUNDING = 1 - pi / 4  # share of the height that the round sides take away from the spacing
@@ -26,6 +33,11 @@ def spacing(width: Float | float, height: Float | float) -> Float:
 def width_for_spacing(spacing: Float | float, height: Float | float) -> Float:
     """Width whose spacing is `spacing`, mm: the inverse of `spacing`."""
     return np.asarray(spacing + np.asarray(height) * _ROUNDING, dtype=np.float64)
+
+
+def side_loss(height: Float | float) -> Float:
+    """How much farther a bead reaches on each side than a rectangle of its height and cross-section, mm."""
+    return np.asarray(np.asarray(height) * _ROUNDING / 2, dtype=np.float64)
 
 
 def cross_section(width: Float | float, height: Float | float) -> Float:

@@ -21,7 +21,7 @@ from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.profile import Profile
 from printer_slicer.stream.framing import check_commands, strip
 
-__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of"]
+__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of", "read_text"]
 
 _MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
@@ -90,7 +90,7 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     """
     if is_gcode(path):
         report("reading")
-        return _job(path.name, _read(path), profile, None)
+        return _job(path.name, read_text(path), profile, None)
     report("loading")
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
@@ -160,7 +160,12 @@ def _line_of(text: bytes, command: int) -> int:
     return next(islice(held, command, None), 0) if command >= 0 else 0
 
 
-def _read(path: Path) -> bytes:
+def read_text(path: Path) -> bytes:
+    """The bytes of a G-code file.
+
+    Raises:
+        UsageError: it is not there, or cannot be read.
+    """
     try:
         with path.open("rb") as file:
             endless = os.fstat(file.fileno()).st_size > _MOST_BYTES

@@ -16,13 +16,22 @@ _WITH_SIGN: Final = ("--rotate", "--center")
 """Flags whose values may begin with a minus sign, which argparse takes for a flag."""
 
 
-def add_models(parser: argparse.ArgumentParser, *, gcode: bool = False, flag: str = "") -> None:
+def add_models(
+    parser: argparse.ArgumentParser,
+    *,
+    gcode: bool = False,
+    flag: str = "",
+    meaning: str = "",
+    required: bool = False,
+) -> None:
     """The models of a command, and the flags that say how they are taken.
 
     Args:
         parser: of the command.
         gcode: whether one G-code file may stand in their place.
-        flag: for commands that need no model: the flag that names them.
+        flag: for commands whose models are not what comes first: the flag that names them.
+        meaning: of that flag.
+        required: whether it must be given.
     """
     metavar = "MODEL|FILE.gcode" if gcode else "MODEL"
     if flag:
@@ -33,13 +42,14 @@ def add_models(parser: argparse.ArgumentParser, *, gcode: bool = False, flag: st
             type=Path,
             nargs="+",
             default=[],
-            help="judge at the end whether this was printed",
+            required=required,
+            help=meaning,
         )
     else:
-        meaning = "parts, on one plate as their files place them" + (
+        what = "parts, on one plate as their files place them" + (
             "; or G-code of any slicer" if gcode else ": STL, 3MF, OBJ, PLY, AMF, GLB, STEP, ..."
         )
-        parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=meaning)
+        parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
     _add_group(parser)
 
 

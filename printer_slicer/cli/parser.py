@@ -19,6 +19,7 @@ examples:
   printer-slicer slice part.stl                      write part.gcode
   printer-slicer slice part.stl --quality adaptive   thick layers where the shape allows, thin ones elsewhere
   printer-slicer plan part.stl --picture plan.svg    compare layer plans, draw the chosen one
+  printer-slicer check part.gcode --model part.stl   hold any slicer's G-code against the part
   printer-slicer dry-run part.stl                    print it on a simulated printer and say what would happen
   printer-slicer print part.stl --port sim:          the same over the serial protocol, line by line
   printer-slicer ports                               which serial ports there are
@@ -32,7 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
     """The parser of the whole command line; `run` in its result is the function to call."""
     parser = _Parser(
         prog="printer-slicer",
-        description="Slice a part with adaptive layer heights, export G-code, print it over USB, or dry-run it.",
+        description="Slice a part with adaptive layer heights, check any G-code, print it over USB, or dry-run it.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -42,6 +43,7 @@ def build_parser() -> argparse.ArgumentParser:
     _slice(commands)
     _plan(commands)
     _contours(commands)
+    _check(commands)
     _dry_run(commands)
     _print(commands)
     _sim(commands)
@@ -283,6 +285,58 @@ def _contours(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     parser.set_defaults(run=_later("contours", "contours_command"))
 
 
+def _check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "check",
+        "hold the material that any slicer's G-code lays against the part it shall print",
+        "  printer-slicer check part.gcode --model part.stl\n"
+        "  printer-slicer check part.gcode --model part.stl --picture faults.png --json\n"
+        "  printer-slicer check part.gcode --model part.stl --limit under=0.95 --limit air=5\n"
+        "  printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85",
+    )
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
+    meaning = "what it shall print; several lie to each other as their files place them"
+    add_models(parser, flag="--model", meaning=meaning, required=True)
+    group = parser.add_argument_group("measuring")
+    group.add_argument(
+        "--filament", metavar="MM", type=_length, help="diameter; default: as the file says, else 1.75"
+    )
+    group.add_argument(
+        "--shell",
+        metavar="MM",
+        type=_length,
+        help="depth of the shell; default: of the file's own perimeters",
+    )
+    group.add_argument(
+        "--skin",
+        metavar="MM",
+        type=_factor,
+        default=0.0,
+        help="height under and over air that belongs to the shell; default: the layer next to it",
+    )
+    group.add_argument(
+        "--limit",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="change one limit: uncovered, outside, overlap, air, under, over, outline; may be repeated",
+    )
+    _output(parser)
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw the worst layers, SVG or PNG by the name"
+    )
+    parser.set_defaults(run=_later("checking", "check_command"), strict=False)
+
+
+def _length(text: str) -> float:
+    """A number of mm over 0."""
+    value = float(text)
+    if not 0 < value < 1000:
+        raise argparse.ArgumentTypeError(f"{text} is no length in mm")
+    return value
+
+
 def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = _command(
         commands,
@@ -332,7 +386,7 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
     )
-    add_models(parser, gcode=True, flag="--expect")
+    add_models(parser, gcode=True, flag="--expect", meaning="judge at the end whether this was printed")
     _common(parser)
     parser.set_defaults(run=_later("printing", "sim_command"))
 

@@ -1,0 +1,247 @@
+"""G-code of any slicer against its model: where the model lies in it, and the ledger of its material."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.errors import UsageError
+from printer_slicer.geometry import Areas, Bool, difference
+from printer_slicer.ledger import (
+    Beads,
+    Deposit,
+    Finding,
+    Ledger,
+    Limits,
+    Match,
+    Purpose,
+    Rules,
+    Stack,
+    apart,
+    beads_of_gcode,
+    findings,
+    first_guess,
+    fitted,
+    ledger_of,
+    moved,
+    stacked,
+)
+from printer_slicer.ledger.zones import footprint
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.pipeline import Report, quiet
+from printer_slicer.placing import Placement
+from printer_slicer.slicing import cut
+
+__all__ = ["Asked", "Check", "check_gcode"]
+
+_RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer than what is printed
+_BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
+_DIFFERENT: Final = 1.0  # mm² by which those two differ where there is a flat
+_NEAR: Final = 3.0  # mm around the part: beads farther away make no layers
+_FITS: Final = 0.5  # of the length of the outer perimeters: with less the file is of another part
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Check:
+    """What a G-code file lays, against its model.
+
+    Attributes:
+        name: of the file.
+        ledger: of its material.
+        match: where the model lies, and how well it fits; its shift is from where the mesh was.
+        matched: whether it was looked for; otherwise it was told.
+        z: mm that the model stands over where its mesh was.
+        part_top: z of the top of the part, mm.
+        findings: beyond the limits, the worst first.
+        problems: what is wrong with the whole, in words.
+        notes: what was taken for granted, in words.
+        deposit: as it was read.
+    """
+
+    name: str
+    ledger: Ledger
+    match: Match
+    matched: bool
+    z: float
+    part_top: float
+    findings: tuple[Finding, ...]
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+    deposit: Deposit
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is beyond its limit."""
+        return not (self.findings or self.problems)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How to check: what is measured and let pass, and what is known about the file.
+
+    Attributes:
+        rules: of the ledger.
+        limits: what is let pass.
+        filament_diameter: mm; None: as the file says.
+        placement: where the part is; None looks for it.
+    """
+
+    rules: Rules = field(default_factory=Rules)
+    limits: Limits = field(default_factory=Limits)
+    filament_diameter: float | None = None
+    placement: Placement | None = None
+
+
+def check_gcode(
+    text: bytes, mesh: Mesh, asked: Asked, *, name: str = "G-code", report: Report = quiet
+) -> Check:
+    """Check a G-code text against the part it shall print.
+
+    Args:
+        text: of any slicer.
+        mesh: the part, repaired, scaled and turned, anywhere.
+        asked: how.
+        name: of the file, for messages.
+        report: is told the name of each stage as it begins.
+
+    Raises:
+        UsageError: the text lays nothing.
+        PartError: the part cannot be cut.
+    """
+    report("reading")
+    deposit = beads_of_gcode(text, filament_diameter=asked.filament_diameter)
+    stack = stacked(deposit.beads)
+    if not stack.n_layers:
+        raise UsageError(f"{name}: no beads of a part in it", remedy="is it G-code that extrudes?")
+    report("matching")
+    part, stack, sections, match = _matched(mesh, deposit.beads, stack, asked.placement)
+    report("measuring")
+    ledger = ledger_of(stack, sections, asked.rules, apart(stack, sections))
+    return Check(
+        name,
+        ledger,
+        match,
+        asked.placement is None,
+        float(part.bounds[0, 2] - mesh.bounds[0, 2]),
+        part.height,
+        findings(ledger, asked.limits),
+        tuple(_problems(ledger, match, part.height)),
+        tuple(_notes(deposit, ledger)),
+        deposit,
+    )
+
+
+def _matched(
+    mesh: Mesh, beads: Beads, stack: Stack, placement: Placement | None
+) -> tuple[Mesh, Stack, Areas, Match]:
+    """The part where it lies, the layers that it has there, its section in each, and how well that fits."""
+    part = _put(mesh, stack, placement)
+    pair = _cut_twice(part, stack)
+    match = _fit(stack, pair[0], look=placement is None)
+    part = part.moved((*match.shift, 0.0))
+    own = _around(part, beads)
+    again = stacked(beads, own)
+    if own.any() and not np.array_equal(again.top, stack.top):
+        # Beads beside the part made layers of their own, such as a line that primes the nozzle.
+        stack, pair = again, _cut_twice(part, again)
+    else:
+        pair = (moved(pair[0], match.shift), moved(pair[1], match.shift))
+    x, y = (part.bounds[0] - mesh.bounds[0])[:2].tolist()
+    return part, stack, _likelier(stack, *pair), replace(match, shift=(x, y))
+
+
+def _put(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
+    """The part where it was told to be, or, to be matched, on the raft or the bed with its corner over the origin."""
+    low, high = mesh.bounds
+    by = -low
+    if placement is not None and placement.as_placed:
+        by[:2] = 0.0
+    elif placement is not None and placement.center is not None:
+        by[:2] = np.asarray(placement.center) - (low + high)[:2] / 2
+    if placement is not None and not placement.drop:
+        by[2] = 0.0
+    else:
+        by[2] += stack.bottom[0]
+    return mesh.moved(by)
+
+
+def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
+    """The sections just under and just over the middle of each layer."""
+    middle = (stack.top + stack.bottom) / 2
+    low, high = (
+        cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_BESIDE, _BESIDE)
+    )
+    return low, high
+
+
+def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
+    """Where sections lie, or how well they fit where they are."""
+    if not look:
+        return replace(fitted(stack, sections, rounds=0), shift=(0.0, 0.0))
+    guess = first_guess(stack, sections)
+    match = fitted(stack, moved(sections, guess))
+    return replace(match, shift=(guess[0] + match.shift[0], guess[1] + match.shift[1]))
+
+
+def _around(part: Mesh, beads: Beads) -> Bool:
+    """(B,) the beads of a part that begin near its box."""
+    low, high = part.bounds[:, :2]
+    near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
+    return np.asarray(near) & ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+
+
+def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
+    """Of two sections of a layer, between which the part has a flat, the one that is more like what is printed.
+
+    A flat in the very middle of a layer may be printed either way.
+    """
+    doubtful = difference(low, high).area() + difference(high, low).area() > _DIFFERENT
+    if not doubtful.any():
+        return low
+    chosen = doubtful[stack.layer] & (stack.layer >= 0)
+    chosen &= ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+    printed = footprint(stack, chosen)
+    wrong = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
+    upper = doubtful & (wrong[1] < wrong[0])
+    return low.select(~upper[low.ring_layer]).merge(high.select(upper[high.ring_layer]))
+
+
+def _problems(ledger: Ledger, match: Match, part_top: float) -> Iterator[str]:
+    """What is wrong with the whole."""
+    stack = ledger.stack
+    if match.share < _FITS:
+        yield (
+            f"only {match.share:.0%} of the outer perimeters lie where those of this model would: "
+            "is it the model that was sliced, as large and turned as it was?"
+        )
+    over = part_top - float(stack.top[-1])
+    if abs(over) > float(stack.height[-1]) + 0.01:
+        where = "under" if over > 0 else "over"
+        yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
+    if not ledger.section_volume.any():
+        yield "the part is nowhere near the beads"
+
+
+def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:
+    """What was taken for granted, and what is no part of the part."""
+    stack = ledger.stack
+    if not deposit.diameter_known:
+        diameter = f"{deposit.diameter[0]:g} mm is assumed; --filament changes it"
+        yield f"the file does not tell the filament's diameter: {diameter}"
+    if (deposit.beads.purpose[ledger.of_part] == Purpose.UNKNOWN).all():
+        depth = "the shell is taken to be two beads deep; --shell changes it"
+        yield f"the file does not tell perimeters from infill: {depth}"
+    if stack.spiral:
+        yield "z rises along the beads: every turn is taken for a layer"
+    volume = stack.beads.volume
+    beside = float(volume[~ledger.of_part & (stack.beads.purpose != Purpose.SUPPORT)].sum())
+    if beside > 0.1:
+        yield f"{beside:.1f} mm3 lie beside the part (skirt, brim, priming)"
+    support = float(volume[stack.beads.purpose == Purpose.SUPPORT].sum())
+    if support > 0:
+        yield f"{support:.1f} mm3 are supports"
+    if deposit.standing > 0.1:
+        yield f"{deposit.standing:.1f} mm3 are laid while the nozzle stands still"

@@ -1,0 +1,249 @@
+"""`check`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, fields, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from printer_slicer.checking import Asked, Check, check_gcode
+from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write_file
+from printer_slicer.cli.models import plate_name, repaired_plate
+from printer_slicer.errors import UsageError, VerificationError
+from printer_slicer.geometry import Float
+from printer_slicer.jobs import read_text
+from printer_slicer.ledger import Finding, Ledger, Limits, Purpose, Rules
+from printer_slicer.profile import load_profile
+
+__all__ = ["check_command"]
+
+_TOLD = 8  # findings told in full
+_DRAWN = 4  # layers in a picture
+
+
+def check_command(arguments: argparse.Namespace) -> int:
+    """Hold G-code against its model, and say what is wrong."""
+    refuse_mixing(arguments)
+    limits = _limits(arguments.limit)
+    with stages(arguments) as report:
+        text = read_text(arguments.gcode)
+        mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
+        placement = plate.placement if arguments.center or arguments.as_placed or not arguments.drop else None
+        rules = Rules(shell=arguments.shell, skin=arguments.skin)
+        asked = Asked(rules, limits, arguments.filament, placement)
+        check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
+        if arguments.picture:
+            report("drawing")
+            _draw(check, plate_name(arguments.models), arguments.picture)
+    if arguments.json:
+        print(json.dumps(_facts(check, limits) | plate.facts()))
+    else:
+        say(arguments, "\n".join(_lines(check, plate_name(arguments.models))))
+    _insist(check)
+    return 0
+
+
+def _limits(changes: list[str]) -> Limits:
+    """The usual limits with changes.
+
+    Raises:
+        UsageError: a name that does not exist, or a value that is no limit.
+    """
+    known = {field.name for field in fields(Limits)}
+    limits = Limits()
+    for change in changes:
+        name, _, text = change.partition("=")
+        try:
+            value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        except ValueError:
+            value = np.nan
+        if name.strip() not in known or not (isfinite(value) and value >= 0):
+            raise UsageError(
+                f"--limit {change}: expected NAME=VALUE, with a value of 0 or more",
+                remedy=f"names are {', '.join(sorted(known))}; for example --limit under=0.95",
+            )
+        limits = replace(limits, **{name.strip(): value})
+    return limits
+
+
+def _insist(check: Check) -> None:
+    wrong = [*check.problems, *(_sentence(finding) for finding in check.findings)]
+    if wrong:
+        more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+        raise VerificationError(f"{check.name}: {wrong[0]}{more}")
+
+
+def _sentence(finding: Finding) -> str:
+    """Where and what, in one line."""
+    several = finding.last > finding.first
+    layers = f"layers {finding.first + 1} to {finding.last + 1}" if several else f"layer {finding.first + 1}"
+    worst = f", worst {finding.layer + 1}" if several else ""
+    place = "" if np.isnan(finding.x) else f", x {finding.x:.2f} y {finding.y:.2f}"
+    line = f", line {finding.line}" if finding.line else ""
+    return f"{layers}{worst} (z {finding.z:.4g}{place}{line}): {finding.text}"
+
+
+def _lines(check: Check, model: str) -> Iterator[str]:
+    """The verdict, then the table."""
+    wrong = [*check.problems, *(_sentence(finding) for finding in check.findings)]
+    count = (
+        f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}"
+        if wrong
+        else "nothing is beyond its limit"
+    )
+    yield f"{check.name} against {model}: {count}"
+    yield from (f"  {one}" for one in wrong[:_TOLD])
+    if len(wrong) > _TOLD:
+        yield f"  ... and {len(wrong) - _TOLD} more (--json tells all)"
+    x, y = check.match.shift
+    found = "found" if check.matched else "told"
+    yield (
+        f"  the model lies x {x:+.3f} y {y:+.3f} z {check.z:+.3f} mm from where its file has it ({found}); "
+        f"{check.match.share:.1%} of the outer perimeters fit it, half within {check.match.spread:.4f} mm"
+    )
+    yield from (f"  {note}" for note in check.notes)
+    yield from _table(check.ledger)
+
+
+def _table(ledger: Ledger) -> Iterator[str]:
+    """Measurements: the worst layer, and the whole file."""
+    fill, outline = ledger.fill, ledger.outline
+    shell, covered = ledger.shell.area(), ledger.covered.area()
+    rows = [
+        ("", "worst layer", "", "whole file"),
+        _of_areas("shell uncovered", ledger, ledger.uncovered.area(), shell),
+        _of_areas("outside the section", ledger, ledger.outside.area(), covered),
+        _of_areas("overlap", ledger, fill.overlap, covered),
+        (
+            "in the air",
+            f"{ledger.hanging.max():.1f} mm",
+            _at(ledger, ledger.hanging),
+            f"{ledger.hanging.sum():.1f} mm",
+        ),
+        (
+            "shell holds",
+            _said(np.nanmin, fill.shell, ".1%"),
+            _at(ledger, -fill.shell),
+            f"{_said(np.nanmedian, fill.shell, '.1%')} in the median",
+        ),
+        (
+            "outline off, 95 %",
+            _said(np.nanmax, outline.p95, ".3f", " mm"),
+            _at(ledger, outline.p95),
+            f"{_said(np.nanmedian, outline.p95, '.3f', ' mm')} in the median",
+        ),
+        (
+            "outline off, at most",
+            _said(np.nanmax, outline.largest, ".3f", " mm"),
+            _at(ledger, outline.largest),
+            f"{_said(np.nanmedian, outline.largest, '.3f', ' mm')} in the median",
+        ),
+    ]
+    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+    for row in rows:
+        cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
+        yield f"  {'  '.join(cells)}".rstrip()
+    laid, wanted = float(ledger.volume.sum()), float(ledger.section_volume.sum())
+    share = f", {laid / wanted:.1%} of its volume" if wanted else ""
+    yield f"  {laid:.1f} mm3 laid for the part in {ledger.stack.n_layers} layers{share}; in all"
+    kinds = [
+        (volume, Purpose(i).spoken) for i, volume in enumerate(ledger.by_purpose.tolist()) if volume > 0.05
+    ]
+    yield f"  {', '.join(f'{name} {volume:.1f}' for volume, name in sorted(kinds, reverse=True))}"
+
+
+def _of_areas(name: str, ledger: Ledger, areas: Float, whole: Float) -> tuple[str, str, str, str]:
+    """A row of the table: mm² in the worst layer and in all, and what share of the whole that is."""
+    total, of = float(areas.sum()), float(whole.sum())
+    share = f" ({total / of:.2%})" if of else ""
+    return name, f"{areas.max():.2f} mm2", _at(ledger, areas), f"{total:.1f} mm2{share}"
+
+
+def _at(ledger: Ledger, values: Float) -> str:
+    """Where the largest value is, if there is any that is not 0."""
+    if np.isnan(values).all() or not np.nanmax(np.abs(values)) > 0:
+        return ""
+    layer = int(np.nanargmax(values))
+    return f"layer {layer + 1} z {ledger.stack.top[layer]:.4g}"
+
+
+def _said(pick: Callable[[Float], float], values: Float, how: str, unit: str = "") -> str:
+    """One value of a column, or a dash where it has none."""
+    return "-" if np.isnan(values).all() else f"{pick(values):{how}}{unit}"
+
+
+def _number(value: float) -> float | None:
+    """For JSON, which knows no nan and no infinity."""
+    return round(float(value), 6) if isfinite(value) else None
+
+
+def _column(values: Float | Sequence[float]) -> list[float | None]:
+    return [_number(value) for value in np.asarray(values, np.float64).tolist()]
+
+
+def _facts(check: Check, limits: Limits) -> dict[str, Any]:
+    """All that is known, ready for JSON; layers count from 1."""
+    ledger, stack = check.ledger, check.ledger.stack
+    found = [
+        {key: _number(value) if isinstance(value, float) else value for key, value in asdict(one).items()}
+        | {"layer": one.layer + 1, "first": one.first + 1, "last": one.last + 1}
+        for one in check.findings
+    ]
+    return {
+        "file": check.name,
+        "ok": check.ok,
+        "problems": list(check.problems),
+        "findings": found,
+        "notes": list(check.notes),
+        "limits": asdict(limits),
+        "rules": asdict(ledger.rules),
+        "shift": [*_column(check.match.shift), _number(check.z)],
+        "matched": check.matched,
+        "fit": {"share": _number(check.match.share), "spread": _number(check.match.spread)},
+        "filament_diameter": _column(check.deposit.diameter),
+        "shell_depth": _number(ledger.shell_depth),
+        "volume_by_purpose": {
+            Purpose(i).spoken: _number(volume)
+            for i, volume in enumerate(ledger.by_purpose.tolist())
+            if volume
+        },
+        "layers": {
+            "top": _column(stack.top),
+            "height": _column(stack.height),
+            "section_area": _column(ledger.sections.area()),
+            "shell_area": _column(ledger.shell.area()),
+            "covered_area": _column(ledger.covered.area()),
+            "uncovered_area": _column(ledger.uncovered.area()),
+            "outside_area": _column(ledger.outside.area()),
+            "overlap_area": _column(ledger.fill.overlap),
+            "most_times": _column(ledger.fill.most),
+            "shell_fill": _column(ledger.fill.shell),
+            "in_air": _column(ledger.hanging),
+            "outline_p95": _column(ledger.outline.p95),
+            "outline_largest": _column(ledger.outline.largest),
+            "volume": _column(ledger.volume),
+            "section_volume": _column(ledger.section_volume),
+        },
+    }
+
+
+def _draw(check: Check, model: str, path: Path) -> None:
+    """The worst layer of each kind, then other layers, as long as there is room."""
+    from printer_slicer.drawing import material_picture, picture_bytes
+
+    kinds: dict[str, Finding] = {}
+    for finding in check.findings:
+        kinds.setdefault(finding.kind, finding)
+    chosen: dict[int, Finding] = {}
+    for finding in (*kinds.values(), *check.findings):
+        chosen.setdefault(finding.layer, finding)
+    title = visible(f"{check.name} against {model}")
+    write_file(
+        path, picture_bytes(material_picture(check.ledger, list(chosen.values())[:_DRAWN], title), path)
+    )

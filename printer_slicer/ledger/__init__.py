@@ -1,0 +1,36 @@
+"""The material ledger: what was laid where, against what should be there.
+
+stack = stacked(beads_of_gcode(text).beads)
+ledger = ledger_of(stack, sections)      # one section for each layer of the stack
+problems = findings(ledger)
+"""
+
+from printer_slicer.ledger.account import Ledger, Rules, ledger_of, overlapping
+from printer_slicer.ledger.beads import Beads, Purpose, beads_of, beads_of_moves
+from printer_slicer.ledger.limits import Finding, Limits, findings
+from printer_slicer.ledger.matching import Match, apart, first_guess, fitted, moved
+from printer_slicer.ledger.stack import Stack, stacked
+from printer_slicer.ledger.text import Deposit, beads_of_gcode
+
+__all__ = [
+    "Beads",
+    "Deposit",
+    "Finding",
+    "Ledger",
+    "Limits",
+    "Match",
+    "Purpose",
+    "Rules",
+    "Stack",
+    "apart",
+    "beads_of",
+    "beads_of_gcode",
+    "beads_of_moves",
+    "findings",
+    "first_guess",
+    "fitted",
+    "ledger_of",
+    "moved",
+    "overlapping",
+    "stacked",
+]

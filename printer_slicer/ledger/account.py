@@ -1,0 +1,159 @@
+"""The ledger itself: beads of all layers against the sections of the part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    difference,
+    frozen_array,
+    offset,
+    offset_open,
+)
+from printer_slicer.ledger.beads import Purpose
+from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
+from printer_slicer.ledger.ground import Air, air_of
+from printer_slicer.ledger.outline import OutlineError, outline_error
+from printer_slicer.ledger.stack import Stack
+from printer_slicer.ledger.zones import body_of, exposed, footprint, shell_depth, without_slits
+
+__all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What is measured.
+
+    Attributes:
+        shell: mm from the outline that must be filled; None: as deep as the file's own perimeters reach.
+        skin: mm under and over air that must be filled; 0: the layer that is next to it.
+        slit: mm; narrower gaps between beads do not count as uncovered.
+        beyond: mm; what sticks out of the section by less does not count as outside.
+        too_often: times the material a place needs, from which on it overlaps.
+    """
+
+    shell: float | None = None
+    skin: float = 0.0
+    slit: float = 0.1
+    beyond: float = 0.1
+    too_often: float = 1.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ledger:
+    """What was laid, against what should be there; areas in mm², volumes in mm³, lengths in mm.
+
+    Attributes:
+        rules: by which it was measured.
+        stack: all beads in their layers.
+        of_part: (B,) which of them make up the part; the rest are supports and what lies beside it.
+        sections: of the part, one for each layer of the stack.
+        shell: where there must be no gap.
+        shell_depth: mm from the outline, as it was given or found.
+        covered: what the beads of the part cover.
+        uncovered: of the shell, but for slits.
+        outside: covered, but beyond the section.
+        outline: the distance of the outlines.
+        fill: overlap, and material in the shell.
+        air: stretches of beads over air.
+        volume: (L,) laid for the part.
+        section_volume: (L,) of the sections as high as their layers.
+        by_purpose: (P,) laid for each `Purpose`.
+    """
+
+    rules: Rules
+    stack: Stack
+    of_part: Bool
+    sections: Areas
+    shell: Areas
+    shell_depth: float
+    covered: Areas
+    uncovered: Areas
+    outside: Areas
+    outline: OutlineError
+    fill: Fill
+    air: Air
+    volume: Float
+    section_volume: Float
+    by_purpose: Float
+
+    def __post_init__(self) -> None:
+        n = self.stack.n_layers
+        object.__setattr__(self, "of_part", frozen_array(self.of_part, np.bool_, (self.stack.beads.n_beads,)))
+        for name in ("volume", "section_volume"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
+        object.__setattr__(self, "by_purpose", frozen_array(self.by_purpose, np.float64, (len(Purpose),)))
+
+    @property
+    def hanging(self) -> Float:
+        """(L,) mm of beads in the air that are no bridges."""
+        lost = ~self.air.bridge
+        return np.bincount(self.air.layer[lost], self.air.length[lost], self.stack.n_layers).astype(
+            np.float64
+        )
+
+
+def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Bool | None = None) -> Ledger:
+    """The ledger of beads against the sections of a part.
+
+    Args:
+        stack: the beads.
+        sections: where the part lies among them, one layer for each of the stack's.
+        rules: what is measured.
+        beside: (B,) beads that are known to be no part of it, besides those whose purpose says so.
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    if sections.n_layers != stack.n_layers:
+        raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
+    beads, layer = stack.beads, stack.layer
+    of_part = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (layer >= 0)
+    of_part &= True if beside is None else ~beside
+    depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
+    open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
+    core = difference(offset(sections, -depth), open_to_air)
+    shell = difference(sections, core)
+    covered = footprint(stack, of_part)
+    body = body_of(covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4)
+    # The round sides of beads hold less than their outline says: a stack of beads is full from this much inside on.
+    side = bead.side_loss(stack.height)
+    inner = difference(offset(sections, side - depth), open_to_air)
+    wanted = np.maximum(offset(sections, -side).area() - inner.area(), 0.0)
+    fill, pieces, order = rasterised(stack, of_part, inner, wanted, rules.too_often)
+    volume = beads.volume
+    return Ledger(
+        rules=rules,
+        stack=stack,
+        of_part=of_part,
+        sections=sections,
+        shell=shell,
+        shell_depth=depth,
+        covered=covered,
+        uncovered=offset_open(difference(shell, covered), rules.slit / 2),
+        outside=difference(covered, offset(sections, rules.beyond)),
+        outline=outline_error(without_slits(sections, rules.slit), without_slits(body, rules.slit)),
+        fill=fill,
+        air=_in_file_order(air_of(beads.take(order), layer[order], pieces), order),
+        volume=np.bincount(layer[of_part], volume[of_part], stack.n_layers).astype(np.float64),
+        section_volume=sections.area() * stack.height,
+        by_purpose=np.bincount(beads.purpose, volume, len(Purpose)).astype(np.float64),
+    )
+
+
+def overlapping(ledger: Ledger, layer: int) -> Areas:
+    """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
+    own = np.flatnonzero(ledger.of_part & (ledger.stack.layer == layer))
+    return overlap_cells(ledger.stack.beads.take(own), ledger.rules.too_often)
+
+
+def _in_file_order(air: Air, order: Int) -> Air:
+    """The same stretches with the indices of beads as the stack has them."""
+    return Air(order[air.bead], air.layer, air.length, air.place, air.bridge)

@@ -1,0 +1,147 @@
+"""One layer after the other on the raster: how full it is, and which beads hang in the air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array, normalize
+from printer_slicer.ledger.beads import Beads, Purpose
+from printer_slicer.ledger.ground import Ground, Pieces
+from printer_slicer.ledger.raster import CELL, Window, cells_covered, filled, mean_around, rows_of
+from printer_slicer.ledger.stack import Stack
+
+__all__ = ["Fill", "overlap_cells", "rasterised"]
+
+_LEAST: Final = 1.0  # mm² of shell, under which its mean fill says nothing
+_MARGIN: Final = 1.0  # mm of cells around beads
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fill:
+    """What the raster tells of each layer.
+
+    Attributes:
+        overlap: (L,) mm² filled more than `Rules.too_often` times, in the mean over a window as wide as a bead.
+        most: (L,) the largest of these means.
+        place: (L, 2) where that is, mm.
+        shell: (L,) material in the shell by what it needs; nan where there is hardly any shell.
+    """
+
+    overlap: Float
+    most: Float
+    place: Float
+    shell: Float
+
+    def __post_init__(self) -> None:
+        n = len(self.overlap)
+        for name, shape in (("overlap", (n,)), ("most", (n,)), ("place", (n, 2)), ("shell", (n,))):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
+
+
+def rasterised(
+    stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_often: float
+) -> tuple[Fill, Pieces, Int]:
+    """How full each layer is, and which pieces of beads hang.
+
+    Args:
+        stack: all beads.
+        of_part: (B,) which of them make up the part; supports carry it, the rest is left out.
+        core: of each section, inside the shell.
+        wanted: (L,) mm² of each layer outside the core that are to be filled.
+        too_often: see `Fill`.
+
+    Returns:
+        The fill, the pieces of the beads of the part layer by layer, and (B',) the indices of these beads.
+    """
+    n, rows = stack.n_layers, rows_of(core)
+    overlap, most, place, shell = np.zeros(n), np.zeros(n), np.full((n, 2), np.nan), np.full(n, np.nan)
+    order = np.flatnonzero(of_part)
+    order = order[np.argsort(stack.layer[order], kind="stable")]
+    beads = stack.beads.take(order)
+    bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
+    reach = _reach(beads)
+    ground, found = _Ground(stack, beads), [_nothing()]
+    for k in range(n):
+        some = beads.take(np.arange(bounds[k], bounds[k + 1]))
+        ground.support_up_to(k)
+        if not some.n_beads:
+            continue
+        window = _window(some)
+        fill = filled(some, window)
+        pieces = ground.cells.pieces(some, window)
+        found.append(replace(pieces, bead=pieces.bead + bounds[k]))
+        ground.cells.lay(fill, window, float(stack.top[k]))
+        mean = mean_around(fill, reach)
+        overlap[k] = float((mean > too_often).sum()) * CELL**2
+        i, j = divmod(int(mean.argmax()), window.wide)
+        most[k], place[k] = mean[i, j], window.middle(i, j)
+        if wanted[k] > _LEAST:
+            laid = fill * (1 - cells_covered(rows, k, window))
+            shell[k] = float(laid.sum()) * CELL**2 / wanted[k]
+    return Fill(overlap, most, place, shell), _joined(found), order
+
+
+def overlap_cells(beads: Beads, too_often: float) -> Areas:
+    """Where beads of one layer overlap, as a stack of one: the cells of each row side by side as a rectangle."""
+    window = _window(beads)
+    high = mean_around(filled(beads, window), _reach(beads)) > too_often
+    steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    row, first = np.nonzero(steps > 0)
+    last = np.nonzero(steps < 0)[1]
+    x0, x1 = (window.left + first) * CELL, (window.left + last) * CELL
+    y0, y1 = (window.front + row) * CELL, (window.front + row + 1) * CELL
+    corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 2)
+    n_rings = len(row)
+    return normalize(Areas(corners, np.arange(n_rings + 1) * 4, np.zeros(n_rings, np.int64), 1))
+
+
+class _Ground:
+    """The ground of a part, with the supports that grow before each of its layers."""
+
+    def __init__(self, stack: Stack, beads: Beads) -> None:
+        """Take all beads, and those of the part, which say how much room is needed."""
+        support = stack.beads.purpose == Purpose.SUPPORT
+        self._supports = stack.beads.take(support)
+        self.cells = Ground(_window(beads, self._supports))
+        self._layer = np.searchsorted(stack.top, self._supports.z_top + 1e-3)
+
+    def support_up_to(self, layer: int) -> None:
+        """Lay the supports whose upper side is over the layer below this one, and under its own."""
+        now = np.flatnonzero(self._layer == layer)
+        if not len(now):
+            return
+        height = self._supports.z_top[now]
+        for z in np.unique(height).tolist():
+            some = self._supports.take(now[height == z])
+            window = _window(some)
+            self.cells.lay(filled(some, window), window, z, support=True)
+
+
+def _reach(beads: Beads) -> int:
+    """Cells to either side of the one in the middle of a window as wide as a usual bead."""
+    width = float(np.median(beads.width)) if beads.n_beads else CELL
+    return max(round((width / CELL - 1) / 2), 1)
+
+
+def _window(*several: Beads) -> Window:
+    """The cells around beads."""
+    ends = np.concatenate([end for beads in several for end in (beads.begin, beads.end)])
+    if not len(ends):
+        return Window(0, 0, 1, 1)
+    return Window.around(ends.min(axis=0), ends.max(axis=0), _MARGIN)
+
+
+def _nothing() -> Pieces:
+    return Pieces(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
+
+
+def _joined(parts: list[Pieces]) -> Pieces:
+    return Pieces(
+        np.concatenate([part.bead for part in parts]),
+        np.concatenate([part.middle for part in parts]),
+        np.concatenate([part.length for part in parts]),
+        np.concatenate([part.hanging for part in parts]),
+    )

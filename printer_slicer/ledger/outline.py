@@ -1,0 +1,80 @@
+"""How far the outline of what is printed is from the outline of the section."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Float, Int, frozen_array
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.nearest import Outlines
+
+__all__ = ["OutlineError", "outline_error", "sampled"]
+
+_APART: Final = 0.5  # mm between samples along an outline, at most
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutlineError:
+    """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
+
+    Attributes:
+        p95: (L,) exceeded on a twentieth of the length of both.
+        largest: (L,) the largest.
+        place: (L, 2) where that is.
+    """
+
+    p95: Float
+    largest: Float
+    place: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p95", frozen_array(self.p95, np.float64, (-1,)))
+        object.__setattr__(self, "largest", frozen_array(self.largest, np.float64, (len(self.p95),)))
+        object.__setattr__(self, "place", frozen_array(self.place, np.float64, (len(self.p95), 2)))
+
+
+def outline_error(sections: Areas, printed: Areas) -> OutlineError:
+    """The distances of samples on either outline from the other, layer by layer.
+
+    Samples are 0.5 mm apart at most, and at every corner; between two samples the distance differs from theirs by less
+    than half of that.
+    """
+    n = sections.n_layers
+    nothing = OutlineError(np.full(n, np.nan), np.full(n, np.nan), np.full((n, 2), np.nan))
+    if not (sections.n_rings and printed.n_rings):
+        return nothing
+    low = np.minimum(sections.xy.min(axis=0), printed.xy.min(axis=0))
+    high = np.maximum(sections.xy.max(axis=0), printed.xy.max(axis=0))
+    parts = []
+    for own, other in ((sections, printed), (printed, sections)):
+        points, layer, weight = sampled(own)
+        distance = Outlines(other, low, high).distance(points, layer)
+        known = np.isfinite(distance)
+        parts.append((points[known], layer[known], weight[known], distance[known]))
+    points, layer, weight, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((distance, layer))
+    layer, weight, distance = layer[order], weight[order], distance[order]
+    used, first = np.unique(layer, return_index=True)
+    last = np.append(first[1:], len(layer)) - 1
+    reached = np.cumsum(weight)
+    before = reached[first] - weight[first]
+    wanted = np.searchsorted(reached, before + 0.95 * (reached[last] - before))
+    p95, largest, place = nothing.p95.copy(), nothing.largest.copy(), nothing.place.copy()
+    p95[used], largest[used] = distance[np.minimum(wanted, last)], distance[last]
+    place[used] = points[order[last]]
+    return OutlineError(p95, largest, place)
+
+
+def sampled(areas: Areas) -> tuple[Float, Int, Float]:
+    """Points along all outlines (P, 2), their layers, and the length that each stands for, mm."""
+    way = areas.xy[areas.following] - areas.xy
+    length = np.hypot(*way.T)
+    count = np.maximum(np.ceil(length / _APART), 1).astype(np.int64)
+    side = np.repeat(np.arange(len(way)), count)
+    share = consecutive(np.zeros(len(way), np.int64), count) / count[side]
+    points = areas.xy[side] + share[:, None] * way[side]
+    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    return points, layer[side], (length / count)[side]

@@ -1,0 +1,160 @@
+"""Material on a raster: how full each cell of a layer is, and what lies below.
+
+Cells are 0.1 mm wide. Beads are spread as upright bodies of their own height: as wide as their spacing, so that
+neighbours laid as they should be fill every cell once. Each body is cut into pieces smaller than a cell, and each piece
+is shared among the four cells around it in proportion to how near it is, which keeps the sum exact and moves nothing by
+more than one cell. What is judged are means over windows about as wide as a bead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Float, Int, Lines, hatch
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.ledger.beads import Beads
+
+__all__ = ["CELL", "Window", "cells_covered", "filled", "highest_around", "mean_around", "rows_of"]
+
+CELL: Final = 0.1
+_ROUND: Final = 1.15  # width by height, up to which a bead is a thread
+_AT_ONCE: Final = 1 << 20  # pieces: what bounds the memory
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A rectangle of cells; cell (i, j) reaches from ((left + j) · CELL, (front + i) · CELL) on.
+
+    Attributes:
+        left, front: of the first cell.
+        wide, deep: how many cells along x and y.
+    """
+
+    left: int
+    front: int
+    wide: int
+    deep: int
+
+    @classmethod
+    def around(cls, low: Float, high: Float, margin: float) -> Window:
+        """The cells that the box from `low` to `high` (2,) mm, with a margin, touches."""
+        left, front = np.floor((low - margin) / CELL).astype(int).tolist()
+        right, back = np.ceil((high + margin) / CELL).astype(int).tolist()
+        return cls(left, front, max(right - left, 1), max(back - front, 1))
+
+    def within(self, other: Window) -> tuple[slice, slice]:
+        """Where these cells are in an array of the cells of a window that holds them."""
+        i, j = self.front - other.front, self.left - other.left
+        return slice(i, i + self.deep), slice(j, j + self.wide)
+
+    def cell(self, points: Float) -> tuple[Int, Int]:
+        """Row and column of points (P, 2) mm; those outside are taken to the edge."""
+        j = np.clip(np.floor(points[:, 0] / CELL).astype(np.int64) - self.left, 0, self.wide - 1)
+        i = np.clip(np.floor(points[:, 1] / CELL).astype(np.int64) - self.front, 0, self.deep - 1)
+        return i, j
+
+    def middle(self, i: int, j: int) -> tuple[float, float]:
+        """x and y of the middle of a cell, mm."""
+        return (self.left + j + 0.5) * CELL, (self.front + i + 0.5) * CELL
+
+
+def filled(beads: Beads, window: Window) -> Float:
+    """(deep, wide) how often each cell is filled to the height of the beads in it: 1 where it is just full.
+
+    Args:
+        beads: of one layer, all within the window.
+        window: the cells, one more on each side than the beads need.
+    """
+    # To the width of the spacing the cross-section is that of a rectangle as high as the bead. Round threads, such as
+    # bridges are made of, are not pressed against each other: they fill what they are seen to cover.
+    width = beads.width
+    spread = np.where(width <= beads.height * _ROUND, width, beads.area / beads.height)
+    along = np.maximum(np.ceil(beads.length / CELL), 1).astype(np.int64)
+    across = np.maximum(np.ceil(spread / CELL), 1).astype(np.int64)
+    block = np.cumsum(along * across) // _AT_ONCE
+    sums = np.zeros(window.deep * window.wide)
+    for first, last in _runs(block):
+        some = slice(first, last)
+        sums += _spread(beads.take(np.arange(first, last)), spread[some], along[some], across[some], window)
+    return (sums / CELL**2).reshape(window.deep, window.wide)
+
+
+def _runs(block: Int) -> list[tuple[int, int]]:
+    """First and one after the last of each run of equal values."""
+    if not len(block):
+        return []
+    cuts = np.flatnonzero(np.diff(block)) + 1
+    return list(zip([0, *cuts.tolist()], [*cuts.tolist(), len(block)], strict=True))
+
+
+def _spread(beads: Beads, spread: Float, along: Int, across: Int, window: Window) -> Float:
+    """(deep · wide,) mm² of each cell that the beads cover, each as often as it does."""
+    count = along * across
+    bead = np.repeat(np.arange(beads.n_beads), count)
+    nth = consecutive(np.zeros(beads.n_beads, np.int64), count)
+    u = (nth // across[bead] + 0.5) / along[bead]
+    v = ((nth % across[bead] + 0.5) / across[bead] - 0.5) * spread[bead]
+    way = beads.end - beads.begin
+    side = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.maximum(beads.length, 1e-12)[:, None]
+    share = (spread * beads.length / count)[bead]
+    # Cell (i, j) has its middle at (i + 0.5, j + 0.5).
+    x = (beads.begin[bead, 0] + u * way[bead, 0] + v * side[bead, 0]) / CELL - window.left - 0.5
+    y = (beads.begin[bead, 1] + u * way[bead, 1] + v * side[bead, 1]) / CELL - window.front - 0.5
+    j, i = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    right, up = x - j, y - i
+    cell, size = i * window.wide + j, window.deep * window.wide
+    sums = np.zeros(size, np.float64)
+    for step, weight in (
+        (0, (1 - right) * (1 - up)),
+        (1, right * (1 - up)),
+        (window.wide, (1 - right) * up),
+        (window.wide + 1, right * up),
+    ):
+        sums += np.bincount(cell + step, weights=weight * share, minlength=size)[:size]
+    return sums
+
+
+def rows_of(areas: Areas) -> Lines:
+    """The parts of the rows of cells that lie in areas, through the middles of the cells."""
+    return hatch(areas, angle=0.0, spacing=CELL, phase=0.5)
+
+
+def cells_covered(rows: Lines, layer: int, window: Window) -> Float:
+    """(deep, wide) the share of each cell that rows of a layer cover; exact along x, at the middle along y."""
+    first, last = np.searchsorted(rows.layer, [layer, layer + 1])
+    row = rows.row[first:last] - window.front
+    inside = (row >= 0) & (row < window.deep)
+    u = np.clip(rows.u[first:last][inside] / CELL - window.left, 0, window.wide)
+    row = np.repeat(row[inside], 2)
+    place, sign = u.ravel(), np.tile([1.0, -1.0], len(u))
+    cell = np.floor(place).astype(np.int64)
+    part = place - cell
+    size = window.deep * (window.wide + 2)
+    begin = row * (window.wide + 2) + cell
+    steps = np.bincount(begin, weights=sign * (1 - part), minlength=size)
+    steps += np.bincount(begin + 1, weights=sign * part, minlength=size)
+    return np.asarray(np.cumsum(steps.reshape(window.deep, -1), axis=1)[:, : window.wide], np.float64)
+
+
+def mean_around(field: Float, reach: int) -> Float:
+    """The mean over the square of 2 · reach + 1 cells around each cell; what is outside is empty."""
+    sums = np.pad(field, ((reach + 1, reach), (reach + 1, reach))).cumsum(axis=0).cumsum(axis=1)
+    size = 2 * reach + 1
+    total = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]
+    return np.asarray(total / size**2)
+
+
+def highest_around(field: Float, reach: int) -> Float:
+    """The highest value in the square of 2 · reach + 1 cells around each cell."""
+    for _ in range(2):  # along x, then, turned over, along y
+        field = np.pad(field, ((0, 0), (reach, reach)), mode="edge")
+        done, wanted = 1, 2 * reach + 1
+        while done < wanted:
+            step = min(done, wanted - done)
+            field = np.maximum(field[:, :-step], field[:, step:])
+            done += step
+        field = field.T
+    return field

@@ -1,0 +1,159 @@
+"""Which layers a file has, by where its nozzle lays plastic, and how thick each bead is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import pi
+from typing import Final
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.ledger.beads import Beads, Purpose
+
+__all__ = ["Stack", "stacked"]
+
+_LEVEL: Final = (
+    0.004  # mm: heights of the nozzle closer than this are one layer; files round z to 0.001 or 0.01
+)
+_DEEPEST: Final = 8  # layers that one bead may reach down through
+_WIDE: Final = 1.3  # of the usual width: wider beads are thicker than their layer, if they may be
+_AGREES: Final = 0.01  # mm between a height that a comment tells and one that the moves allow
+_THINNEST: Final = 0.04  # mm: no layer on a raft is thinner
+_FLAT: Final = 1e-4  # mm of z along a bead
+_UNKNOWN: Final = 0.2  # mm: how thick beads are where there is no layer to tell
+_WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
+_MAY_BE_THICK: Final = (Purpose.UNKNOWN, Purpose.BRIDGE, Purpose.SPARSE, Purpose.SUPPORT, Purpose.OVERHANG)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stack:
+    """Beads in layers.
+
+    Attributes:
+        beads: with their heights.
+        layer: (B,) of each; -1 for beads beside the part and supports between its layers.
+        top: (L,) mm, ascending.
+        bottom: (L,) mm, where what lies below each layer ends.
+    """
+
+    beads: Beads
+    layer: Int
+    top: Float
+    bottom: Float
+
+    def __post_init__(self) -> None:
+        for name, dtype, shape in (
+            ("layer", np.int64, (self.beads.n_beads,)),
+            ("top", np.float64, (-1,)),
+            ("bottom", np.float64, (len(self.top),)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @property
+    def n_layers(self) -> int:
+        """How many."""
+        return len(self.top)
+
+    @property
+    def height(self) -> Float:
+        """(L,) mm."""
+        return self.top - self.bottom
+
+    @property
+    def spiral(self) -> bool:
+        """Whether most of it is laid while z rises."""
+        rising = np.abs(self.beads.rise) >= _FLAT
+        return bool(self.beads.length[rising].sum() > self.beads.length.sum() / 2)
+
+
+def stacked(beads: Beads, part: Bool | None = None) -> Stack:
+    """The beads in their layers.
+
+    A layer is a z at which beads lie flat. Where z rises while beads are laid, a turn of the spiral is one. A layer is
+    as high as the step from what lies below, whatever comments say.
+
+    Args:
+        beads: in the order in which they are laid.
+        part: (B,) which beads are of the part; the rest makes no layers. None: all but supports and what lies beside.
+    """
+    own = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) if part is None else part
+    flat = np.abs(beads.rise) < _FLAT
+    levels = _levels(beads.z_top[own & flat])
+    free = np.flatnonzero(own & ~flat & (beads.z_top > levels.max(initial=0.0) + _LEVEL))
+    low, step, n_turns = _turns(beads.take(free), levels)
+    turns = low + (np.arange(n_turns) + 0.5) * step
+    top = np.concatenate([levels, turns])
+    bottom = np.concatenate([np.zeros(1), top[:-1]])[: len(top)]
+    bottom[len(levels) :] = turns - step
+    if len(levels):
+        # On a raft, what lies below the first layer of the part is the raft.
+        raft = (beads.purpose == Purpose.SUPPORT) & (beads.z_top < top[0] - _THINNEST)
+        bottom[0] = beads.z_top[raft].max(initial=0.0)
+    layer = np.searchsorted(levels, beads.z_top - _LEVEL)
+    middle = beads.z_top[free] - beads.rise[free] / 2
+    layer[free] = len(levels) + np.clip(np.floor((middle - low) / step), 0, max(n_turns - 1, 0))
+    away = np.abs(np.append(top, np.inf)[np.minimum(layer, len(top))] - beads.z_top) > 2 * _LEVEL
+    layer = np.where((away & ~own) | (layer >= len(top)), -1, layer)
+    return Stack(replace(beads, height=_heights(beads, layer, top, bottom, len(levels))), layer, top, bottom)
+
+
+def _levels(z: Float) -> Float:
+    """The heights at which beads lie, those that differ by rounding only once: the highest of each."""
+    values = np.unique(np.round(z, 4))
+    return np.asarray(values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]])
+
+
+def _turns(free: Beads, levels: Float) -> tuple[float, float, int]:
+    """Where a spiral begins, how much it rises with each turn, mm, and how many turns it has."""
+    rise = float(np.maximum(free.rise, 0.0).sum())
+    if not rise > 0:
+        return 0.0, 1.0, 0
+    # Once around any loop that does not cross itself, the heading turns once.
+    way = free.end - free.begin
+    heading = np.arctan2(way[:, 1], way[:, 0])
+    turned = (np.diff(heading) + pi) % (2 * pi) - pi
+    step = rise / max(abs(float(turned.sum())) / (2 * pi), 1.0)
+    usual = float(levels[-1] - levels[-2]) if len(levels) > 1 else 0.0
+    if abs(step - usual) < usual / 10:
+        step = usual
+    return float((free.z_top - free.rise).min()), step, max(round(rise / step), 1)
+
+
+def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -> Float:
+    """(B,) how thick each bead is.
+
+    As thick as its layer, unless it may reach deeper and would be unusually wide otherwise. What comments tell counts
+    where the moves allow it.
+    """
+    told = beads.height
+    if not len(top):
+        return np.where(np.isnan(told), _UNKNOWN, told)
+    own = (top - bottom)[layer]
+    sloped = (np.abs(beads.rise) >= _FLAT) & (layer < n_flat) & (layer >= 0)
+    own = np.where(sloped, np.clip(beads.z_top - beads.rise / 2 - bottom[layer], own / 10, own), own)
+    width = bead.width_for_section(beads.area, own)
+    walls = np.isin(beads.purpose, _WALLS)
+    usual = _median(width, beads.length * (walls if walls.any() else layer >= 0))
+    height, may = own.copy(), np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0)
+    wide = may & (width > _WIDE * usual)
+    for deep in range(1, _DEEPEST):
+        reach = top[layer] - bottom[np.maximum(layer - deep, 0)]
+        width = bead.width_for_section(beads.area, reach)
+        wide &= layer >= deep
+        agrees = may & (layer >= deep) & (np.abs(reach - told) < _AGREES) & (width * _WIDE > usual)
+        height[wide | agrees] = reach[wide | agrees]
+        wide &= ~agrees & (width > _WIDE * usual)
+    # Threads across a gap hang freely, as thick as they leave the nozzle.
+    thread = (beads.purpose == Purpose.BRIDGE) & (told > own + _AGREES)
+    height = np.where(thread, np.maximum(np.minimum(told, np.sqrt(4 * beads.area / pi)), own), height)
+    beside = (layer < 0) & ~np.isnan(told)
+    return np.asarray(np.where(beside, told, height))
+
+
+def _median(values: Float, weights: Float) -> float:
+    """The value with half of the weight on either side."""
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0

@@ -1,0 +1,127 @@
+"""Which layers there are, and how thick each bead is."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+
+from printer_slicer.ledger import Purpose, beads_of_gcode, stacked
+from printer_slicer.ledger.stack import Stack
+from tests.ledger.lines import WIDTH, beads_along, joined, path
+
+
+def stack_of(*lines: str) -> Stack:
+    return stacked(beads_of_gcode("\n".join(["M83", *lines]).encode()).beads)
+
+
+def loop(z: float, height: float = 0.2, width: float = WIDTH) -> list[str]:
+    return path([(0, 0), (20, 0), (20, 20), (0, 20), (0, 0)], z, height, width)
+
+
+def test_layers_are_where_plastic_is_laid_whatever_comments_say() -> None:
+    stack = stack_of(
+        ";LAYER:7", ";HEIGHT:3", *loop(0.3, 0.3), "G0 Z5", ";Z:9", *loop(0.5), "G0 Z1", *loop(0.7)
+    )
+
+    assert stack.top.tolist() == pytest.approx([0.3, 0.5, 0.7])
+    assert stack.height.tolist() == pytest.approx([0.3, 0.2, 0.2])
+    assert stack.layer.tolist() == [0] * 4 + [1] * 4 + [2] * 4
+    assert stack.beads.width == pytest.approx(np.full(12, WIDTH), abs=1e-4)
+
+
+def test_beads_after_a_layer_that_is_missing_have_more_height_to_fill() -> None:
+    stack = stack_of(";TYPE:Perimeter", *loop(0.2), *loop(0.4), ";HEIGHT:0.2", *loop(0.8))
+
+    assert stack.height.tolist() == pytest.approx([0.2, 0.2, 0.4])
+    assert stack.beads.height[-4:] == pytest.approx(np.full(4, 0.4))
+
+
+def test_heights_that_differ_by_rounding_are_one_layer() -> None:
+    assert stack_of(*loop(0.2), *loop(0.399), *loop(0.4001)).top.tolist() == pytest.approx([0.2, 0.4001])
+
+
+@pytest.mark.parametrize("comment", [[], [";HEIGHT:0.4"]], ids=["from its flow", "as a comment says"])
+def test_sparse_infill_printed_every_second_layer_is_twice_as_thick(comment: list[str]) -> None:
+    thick = [";TYPE:Internal infill", *comment, *path([(2, 2), (18, 18)], 0.4, 0.4)]
+    wall = [";TYPE:Perimeter", ";HEIGHT:0.2"]
+    stack = stack_of(*wall, *loop(0.2), *wall, *loop(0.4), *thick, *wall, *loop(0.6))
+    sparse = stack.beads.purpose == Purpose.SPARSE
+
+    assert stack.beads.height[sparse] == pytest.approx([0.4])
+    assert stack.beads.width[sparse] == pytest.approx([WIDTH], abs=1e-4)
+    assert stack.beads.height[~sparse] == pytest.approx(np.full(12, 0.2))
+
+
+def test_perimeters_with_too_much_plastic_are_wide_not_thick() -> None:
+    stack = stack_of(";TYPE:Perimeter", *loop(0.2), *loop(0.4), *loop(0.6, 0.2, 0.9))
+
+    assert stack.beads.height == pytest.approx(np.full(12, 0.2))
+    assert stack.beads.width[-4:] == pytest.approx(np.full(4, 0.9), abs=1e-4)
+
+
+def test_a_height_in_a_comment_that_the_flow_contradicts_does_not_count() -> None:
+    lie = [";TYPE:Internal infill", ";HEIGHT:0.6", *path([(2, 2), (18, 18)], 0.6, 0.2, 0.4)]
+    stack = stack_of(";TYPE:Perimeter", *loop(0.2), *loop(0.4), *loop(0.6), *lie)
+
+    assert stack.beads.height[-1] == pytest.approx(0.2)
+
+
+def test_threads_across_a_gap_are_as_thick_as_they_leave_the_nozzle() -> None:
+    thread = [";TYPE:Bridge infill", ";HEIGHT:0.4", *path([(2, 2), (18, 2)], 0.6, 0.4, 0.4)]
+    stack = stack_of(";TYPE:Perimeter", *loop(0.3, 0.3), *loop(0.6, 0.3), *thread)
+
+    assert stack.beads.height[-1] == pytest.approx(0.4)
+    assert stack.beads.width[-1] == pytest.approx(0.4, abs=1e-4)
+
+
+def spiral(turns: int, height: float = 0.2, low: float = 0.4) -> list[str]:
+    sides = 48
+    lines, area = [], height * (WIDTH - height * (1 - pi / 4))
+    chord = 2 * 10 * sin(pi / sides)
+    for k in range(1, turns * sides + 1):
+        angle = 2 * pi * k / sides
+        fed = chord * area / (pi * 1.75**2 / 4)
+        z = low + height * k / sides
+        lines.append(f"G1 X{10 + 10 * cos(angle):.5f} Y{10 + 10 * sin(angle):.5f} Z{z:.5f} E{fed:.6f}")
+    return lines
+
+
+def test_every_turn_of_a_spiral_is_a_layer() -> None:
+    stack = stack_of(*loop(0.2), *loop(0.4), "G0 X20 Y10", *spiral(10))
+
+    assert stack.spiral
+    assert stack.top.tolist() == pytest.approx([0.2, 0.4, *(0.5 + 0.2 * k for k in range(10))])
+    assert stack.beads.height == pytest.approx(np.full(stack.beads.n_beads, 0.2))
+    assert np.bincount(stack.layer).tolist() == [4, 4, *[48] * 10]
+
+
+def test_a_spiral_without_layers_below_has_layers_too() -> None:
+    stack = stack_of("G0 X20 Y10 Z0", *spiral(6, low=0.0))
+
+    assert stack.n_layers == 6
+    assert np.diff(stack.top) == pytest.approx(np.full(5, 0.2), abs=1e-3)
+
+
+def test_the_first_layer_of_a_part_on_a_raft_begins_where_the_raft_ends() -> None:
+    raft = [";TYPE:Support material", *path([(0, 0), (20, 0)], 0.3, 0.3), *path([(0, 1), (20, 1)], 0.6, 0.3)]
+    stack = stack_of(*raft, ";TYPE:Perimeter", *loop(0.8), *loop(1.0))
+
+    assert stack.top.tolist() == pytest.approx([0.8, 1.0])
+    assert stack.height.tolist() == pytest.approx([0.2, 0.2])
+    assert stack.layer[:2].tolist() == [-1, -1]
+
+
+def test_beads_beside_the_part_make_no_layers() -> None:
+    beads = joined(
+        beads_along([(0, 0), (50, 0)], z=0.3, height=0.3, purpose=Purpose.BESIDE),
+        beads_along([(0, 9), (50, 9)], z=0.2),
+    )
+
+    assert stacked(beads).top.tolist() == [0.2]
+    assert stacked(beads).layer.tolist() == [-1, 0]
+
+
+def test_no_beads_have_no_layers() -> None:
+    assert stacked(beads_of_gcode(b"G28\nG1 X5\n").beads).n_layers == 0
