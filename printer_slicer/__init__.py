@@ -15,8 +15,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from printer_slicer.checking import Check, check_gcode
     from printer_slicer.deviation import Deviation, measure_deviation
-    from printer_slicer.drawing import draw_layer, draw_plan, layer_picture, picture_bytes
+    from printer_slicer.drawing import draw_layer, draw_plan, layer_picture, material_picture, picture_bytes
     from printer_slicer.errors import PrinterSlicerError
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.healing import repair
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "LIMITS": "mesh_io",
     "Certificate": "surface",
+    "Check": "checking",
     "Deviation": "deviation",
     "Job": "jobs",
     "LayerPlan": "model",
@@ -50,6 +52,7 @@ _HOMES = {
     "Stages": "pipeline",
     "Verdict": "verdict",
     "certify": "surface",
+    "check_gcode": "checking",
     "contours": "slicing",
     "cut": "slicing",
     "draw_layer": "drawing",
@@ -64,6 +67,7 @@ _HOMES = {
     "load_mesh": "mesh_io",
     "load_model": "mesh_io",
     "load_profile": "profile",
+    "material_picture": "drawing",
     "measure_deviation": "deviation",
     "move_seconds": "extrusion",
     "picture_bytes": "drawing",
@@ -82,6 +86,7 @@ _HOMES = {
 __all__ = [
     "LIMITS",
     "Certificate",
+    "Check",
     "Deviation",
     "Job",
     "LayerPlan",
@@ -97,6 +102,7 @@ __all__ = [
     "Stages",
     "Verdict",
     "certify",
+    "check_gcode",
     "contours",
     "cut",
     "draw_layer",
@@ -111,6 +117,7 @@ __all__ = [
     "load_mesh",
     "load_model",
     "load_profile",
+    "material_picture",
     "measure_deviation",
     "move_seconds",
     "picture_bytes",

@@ -95,8 +95,11 @@ class Asked:
     placement: Placement | None = None
 
 
+USUAL: Final = Asked()
+
+
 def check_gcode(
-    text: bytes, mesh: Mesh, asked: Asked, *, name: str = "G-code", report: Report = quiet
+    text: bytes, mesh: Mesh, asked: Asked = USUAL, *, name: str = "G-code", report: Report = quiet
 ) -> Check:
     """Check a G-code text against the part it shall print.
 

@@ -151,7 +151,8 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
 def overlapping(ledger: Ledger, layer: int) -> Areas:
     """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
     own = np.flatnonzero(ledger.of_part & (ledger.stack.layer == layer))
-    return overlap_cells(ledger.stack.beads.take(own), ledger.rules.too_often)
+    height = float(ledger.stack.height[layer])
+    return overlap_cells(ledger.stack.beads.take(own), height, ledger.rules.too_often)
 
 
 def _in_file_order(air: Air, order: Int) -> Air:

@@ -56,7 +56,7 @@ def rasterised(
     Returns:
         The fill, the pieces of the beads of the part layer by layer, and (B',) the indices of these beads.
     """
-    n, rows = stack.n_layers, rows_of(core)
+    n, rows, height = stack.n_layers, rows_of(core), stack.height
     overlap, most, place, shell = np.zeros(n), np.zeros(n), np.full((n, 2), np.nan), np.full(n, np.nan)
     order = np.flatnonzero(of_part)
     order = order[np.argsort(stack.layer[order], kind="stable")]
@@ -70,7 +70,7 @@ def rasterised(
         if not some.n_beads:
             continue
         window = _window(some)
-        fill = filled(some, window)
+        fill = filled(some, window, float(height[k]))
         pieces = ground.cells.pieces(some, window)
         found.append(replace(pieces, bead=pieces.bead + bounds[k]))
         ground.cells.lay(fill, window, float(stack.top[k]))
@@ -84,10 +84,10 @@ def rasterised(
     return Fill(overlap, most, place, shell), _joined(found), order
 
 
-def overlap_cells(beads: Beads, too_often: float) -> Areas:
+def overlap_cells(beads: Beads, layer_height: float, too_often: float) -> Areas:
     """Where beads of one layer overlap, as a stack of one: the cells of each row side by side as a rectangle."""
     window = _window(beads)
-    high = mean_around(filled(beads, window), _reach(beads)) > too_often
+    high = mean_around(filled(beads, window, layer_height), _reach(beads)) > too_often
     steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(steps > 0)
     last = np.nonzero(steps < 0)[1]

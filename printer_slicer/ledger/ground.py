@@ -39,6 +39,16 @@ class Pieces:
     length: Float
     hanging: Bool
 
+    def __post_init__(self) -> None:
+        n = len(self.bead)
+        for name, dtype, shape in (
+            ("bead", np.int64, (n,)),
+            ("middle", np.float64, (n, 2)),
+            ("length", np.float64, (n,)),
+            ("hanging", np.bool_, (n,)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Air:

@@ -59,8 +59,9 @@ def first_guess(stack: Stack, sections: Areas) -> tuple[float, float]:
     both = np.isfinite(low[:, 0]) & np.isfinite(floor[:, 0])
     if not both.any():
         return 0.0, 0.0
-    step = ((low + high) - (floor + ceiling))[both] / 2
-    differs = np.abs((high - low) - (ceiling - floor))[both].max(axis=1)
+    low, high, floor, ceiling = (corner[both] for corner in (low, high, floor, ceiling))
+    step = ((low + high) - (floor + ceiling)) / 2
+    differs = np.abs((high - low) - (ceiling - floor)).max(axis=1)
     likely = differs < max(_SAME_SIZE, float(np.quantile(differs, 0.1)) * 1.01)
     x, y = np.median(step[likely], axis=0).tolist()
     return x, y

@@ -21,6 +21,7 @@ __all__ = ["CELL", "Window", "cells_covered", "filled", "highest_around", "mean_
 
 CELL: Final = 0.1
 _ROUND: Final = 1.15  # width by height, up to which a bead is a thread
+_DEEPER: Final = 0.01  # mm
 _AT_ONCE: Final = 1 << 20  # pieces: what bounds the memory
 
 
@@ -61,17 +62,19 @@ class Window:
         return (self.left + j + 0.5) * CELL, (self.front + i + 0.5) * CELL
 
 
-def filled(beads: Beads, window: Window) -> Float:
+def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
     """(deep, wide) how often each cell is filled to the height of the beads in it: 1 where it is just full.
 
     Args:
         beads: of one layer, all within the window.
         window: the cells, one more on each side than the beads need.
+        layer_height: mm.
     """
-    # To the width of the spacing the cross-section is that of a rectangle as high as the bead. Round threads, such as
-    # bridges are made of, are not pressed against each other: they fill what they are seen to cover.
+    # To the width of the spacing the cross-section is that of a rectangle as high as the bead. Round threads that hang
+    # deeper than their layer, as bridges do, are not pressed against each other: they fill what they are seen to cover.
     width = beads.width
-    spread = np.where(width <= beads.height * _ROUND, width, beads.area / beads.height)
+    threads = (beads.height > layer_height + _DEEPER) & (width <= beads.height * _ROUND)
+    spread = np.where(threads, width, beads.area / beads.height)
     along = np.maximum(np.ceil(beads.length / CELL), 1).astype(np.int64)
     across = np.maximum(np.ceil(spread / CELL), 1).astype(np.int64)
     block = np.cumsum(along * across) // _AT_ONCE

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.gcode import read_moves
-from printer_slicer.geometry import Float, Int
+from printer_slicer.geometry import Float, Int, frozen_array
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of_moves
 from printer_slicer.stream.framing import strip
 
@@ -80,6 +80,10 @@ class Deposit:
     diameter: Float
     diameter_known: bool
     settings: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "turn", frozen_array(self.turn, np.int64, (self.beads.n_beads,)))
+        object.__setattr__(self, "diameter", frozen_array(self.diameter, np.float64, (-1,)))
 
 
 def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> Deposit:

@@ -1,0 +1,143 @@
+"""`check`: what is said, what is written, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from printer_slicer.mesh_io import export_stl, load_mesh
+from tests.cli.command_line import BOX, PARTS, QUICK, is_message, typed
+
+
+@pytest.fixture(scope="module")
+def gcode(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("check") / "box.gcode"
+    assert typed("slice", BOX, "-o", path, "--planner", "uniform", *QUICK).code == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def faulty(gcode: Path) -> Path:
+    """The same without its outer perimeters from the third to the fifth layer."""
+    kept, layer, outer = [], 0, False
+    for line in gcode.read_text().splitlines():
+        layer += line == ";LAYER_CHANGE"
+        outer = line == ";TYPE:External perimeter" if line.startswith(";TYPE") else outer
+        gone = outer and 3 <= layer <= 5 and line.startswith("G1") and "X" in line + "Y"
+        kept.append(line.partition(" E")[0] if gone else line)
+    path = gcode.with_name("faulty.gcode")
+    path.write_text("\n".join(kept))
+    return path
+
+
+def test_a_file_that_is_right_passes(gcode: Path) -> None:
+    done = typed("check", gcode, "--model", BOX)
+
+    assert done.code == 0
+    assert done.out.startswith("box.gcode against box.stl: nothing is beyond its limit\n")
+    assert "shell holds" in done.out
+    assert "x +110.000 y +110.000 z +0.000" in done.out
+    assert done.err == ""
+
+
+def test_a_file_that_is_wrong_does_not(faulty: Path) -> None:
+    done = typed("check", faulty, "--model", BOX)
+
+    assert done.code == 7
+    assert "layers 3 to 5" in done.out
+    assert "of the shell are not covered" in done.out
+    assert is_message(done, "faulty.gcode", "layers 3 to 5", "more")
+
+
+def test_json_tells_all(faulty: Path) -> None:
+    done = typed("check", faulty, "--model", BOX, "--json", "--shell", "0.8")
+    facts = json.loads(done.out)
+
+    assert done.code == 7
+    assert facts["ok"] is False
+    assert facts["matched"] is True
+    assert facts["shift"] == pytest.approx([110, 110, 0], abs=0.01)
+    assert facts["shell_depth"] == 0.8
+    assert facts["rules"]["shell"] == 0.8
+    assert {len(column) for column in facts["layers"].values()} == {len(facts["layers"]["top"])}
+    uncovered = [one for one in facts["findings"] if one["kind"] == "uncovered"]
+    assert [(one["first"], one["last"]) for one in uncovered] == [(3, 5)]
+    assert facts["models"][0]["file"] == str(BOX)
+    assert facts["volume_by_purpose"]["beside"] > 0
+
+
+@pytest.mark.parametrize("kind", ["svg", "png"])
+def test_a_picture_shows_the_worst_layers(faulty: Path, tmp_path: Path, kind: str) -> None:
+    picture = tmp_path / f"faults.{kind}"
+
+    assert typed("check", faulty, "--model", BOX, "--picture", picture, "--quiet").code == 7
+    data = picture.read_bytes()
+    if kind == "svg":
+        names = {element.get("class") for element in ET.fromstring(data).iter()}
+        assert {"bead", "section", "uncovered", "frame", "close-up"} <= names
+        assert b"faulty.gcode against box.stl" in data
+    else:
+        assert data.startswith(b"\x89PNG")
+
+
+def test_a_picture_of_a_file_that_is_right_says_so(gcode: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "nothing.svg"
+
+    assert typed("check", gcode, "--model", BOX, "--picture", picture, "-q").code == 0
+    assert "nothing is beyond its limit" in picture.read_text()
+
+
+def test_json_and_a_picture_cannot_both_go_to_stdout(gcode: Path) -> None:
+    done = typed("check", gcode, "--model", BOX, "--json", "--picture", "-")
+
+    assert done.code == 2
+    assert is_message(done, "both want stdout")
+
+
+@pytest.mark.parametrize("limit", ["under=101%", "under=1.01"])
+def test_limits_can_be_changed(gcode: Path, limit: str) -> None:
+    assert typed("check", gcode, "--model", BOX, "--limit", limit).code == 7
+
+
+@pytest.mark.parametrize("limit", ["under", "under=", "under=much", "undr=0.9", "under=-1", "under=nan"])
+def test_limits_that_make_no_sense_are_refused(gcode: Path, limit: str) -> None:
+    done = typed("check", gcode, "--model", BOX, "--limit", limit)
+
+    assert done.code == 2
+    assert is_message(done, limit, "outline")
+
+
+def test_the_model_may_be_turned_and_scaled_as_it_was_sliced(tmp_path: Path) -> None:
+    gcode, model = tmp_path / "wall.gcode", PARTS / "bridge.stl"
+    changes = ["--rotate", "30", "--scale", "80%"]
+    assert typed("slice", model, "-o", gcode, *changes, "--planner", "uniform", *QUICK).code == 0
+
+    assert typed("check", gcode, "--model", model, *changes).code == 0
+    assert typed("check", gcode, "--model", model).code == 7
+
+
+def test_several_models_lie_as_their_files_place_them(tmp_path: Path) -> None:
+    plate, other = tmp_path / "plate.gcode", tmp_path / "other.stl"
+    export_stl(load_mesh(PARTS / "cylinder.stl").moved((40, 5, 0)), other)
+    assert typed("slice", BOX, other, "-o", plate, "--planner", "uniform", *QUICK).code == 0
+
+    assert typed("check", plate, "--model", BOX, other).code == 0
+    one = typed("check", plate, "--model", BOX)
+    assert one.code == 7
+    assert "outside the section" in one.out
+
+
+def test_what_is_not_there_is_named(tmp_path: Path) -> None:
+    missing = typed("check", tmp_path / "none.gcode", "--model", BOX)
+    empty = tmp_path / "empty.gcode"
+    empty.write_text("G28\n")
+
+    assert missing.code == 2
+    assert is_message(missing, "none.gcode", "no such file")
+    nothing = typed("check", empty, "--model", BOX)
+    assert nothing.code == 2
+    assert is_message(nothing, "empty.gcode", "no beads")
+    assert typed("check", empty).code == 2
