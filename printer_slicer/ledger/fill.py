@@ -54,11 +54,13 @@ def rasterised(
         too_often: see `Fill`.
 
     Returns:
-        The fill, the pieces of the beads of the part layer by layer, and (B',) the indices of these beads.
+        The fill, the pieces of the beads of the part layer by layer, and (B',) the indices of these beads; ironing is
+        left out.
     """
     n, rows, height = stack.n_layers, rows_of(core), stack.height
     overlap, most, place, shell = np.zeros(n), np.zeros(n), np.full((n, 2), np.nan), np.full(n, np.nan)
-    order = np.flatnonzero(of_part)
+    # Ironing levels what is there already.
+    order = np.flatnonzero(of_part & (stack.beads.purpose != Purpose.IRONING))
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()

@@ -21,6 +21,7 @@ _DEEPEST: Final = 8  # layers that one bead may reach down through
 _WIDE: Final = 1.3  # of the usual width: wider beads are thicker than their layer, if they may be
 _AGREES: Final = 0.01  # mm between a height that a comment tells and one that the moves allow
 _THINNEST: Final = 0.04  # mm: no layer on a raft is thinner
+_CONTACT: Final = 0.3  # mm that slicers leave between raft and part, at most
 _FLAT: Final = 1e-4  # mm of z along a bead
 _UNKNOWN: Final = 0.2  # mm: how thick beads are where there is no layer to tell
 _WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
@@ -88,9 +89,11 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
     bottom = np.concatenate([np.zeros(1), top[:-1]])[: len(top)]
     bottom[len(levels) :] = turns - step
     if len(levels):
-        # On a raft, what lies below the first layer of the part is the raft.
+        # On a raft, what lies below the first layer of the part is the raft, or a little air over it.
         raft = (beads.purpose == Purpose.SUPPORT) & (beads.z_top < top[0] - _THINNEST)
-        bottom[0] = beads.z_top[raft].max(initial=0.0)
+        below = float(beads.z_top[raft].max(initial=0.0))
+        usual = top[0] - float(np.diff(top[:2]).sum() or np.inf)
+        bottom[0] = np.clip(usual, below, below + _CONTACT) if raft.any() else 0.0
     layer = np.searchsorted(levels, beads.z_top - _LEVEL)
     middle = beads.z_top[free] - beads.rise[free] / 2
     layer[free] = len(levels) + np.clip(np.floor((middle - low) / step), 0, max(n_turns - 1, 0))

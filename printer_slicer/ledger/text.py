@@ -104,6 +104,9 @@ def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> De
         key.decode(): value.decode("utf-8", "replace").strip() for key, value in _SETTING.findall(text)
     }
     diameter, known = _diameter(settings, filament_diameter)
+    if settings.get("use_volumetric_e", "0") == "1" and not any(one.startswith(b"M200") for one in commands):
+        # The printer was told before, or is, by a start macro.
+        commands, numbers = [b"M200 D%f" % diameter[0], *commands], [0, *numbers]
     beads, _, standing = beads_of_moves(read_moves(commands), diameter)
     line = np.array(numbers, np.int64)[beads.line]
     purpose, height, turn = _noted(text, line)

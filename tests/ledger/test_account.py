@@ -270,3 +270,13 @@ def test_findings_are_runs_of_layers_and_the_worst_comes_first() -> None:
     assert [(one.first, one.last) for one in outside] == [(3, 4)]
     assert [one.severity for one in found] == sorted((one.severity for one in found), reverse=True)
     assert outside[0].line > 0
+
+
+def test_ironing_does_not_overlap() -> None:
+    beads = solid(12.0, 20)
+    wide = 20 * GAP + (WIDTH - GAP)
+    section = [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])]
+    iron = beads_along([(0, 4), (12, 4)], purpose=Purpose.IRONING)
+
+    assert account(joined(beads, iron), section).fill.overlap.tolist() == [0]
+    assert account(joined(beads, beads_along([(0, 4), (12, 4)])), section).fill.overlap[0] > 3

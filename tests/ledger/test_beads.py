@@ -59,6 +59,13 @@ def test_the_same_bead_is_read_whatever_way_it_is_said(lines: list[str]) -> None
     assert beads.area[0] == pytest.approx(BEAD, rel=1e-5)
 
 
+def test_a_file_may_count_volume_without_a_command_that_says_so() -> None:
+    beads = read("M83", "G0 X1 Y2 Z0.2", f"G1 X11 E{10 * BEAD:.9f}", "; use_volumetric_e = 1").beads
+
+    assert beads.area[0] == pytest.approx(BEAD, rel=1e-5)
+    assert beads.line[0] == 3
+
+
 def test_beads_know_their_line() -> None:
     deposit = read("; a header", "M83", "", "G0 X1 Y1 Z0.2", "G1 X5 E1 ; one", "G1 X9 E1")
 

@@ -104,11 +104,14 @@ def test_a_spiral_without_layers_below_has_layers_too() -> None:
     assert np.diff(stack.top) == pytest.approx(np.full(5, 0.2), abs=1e-3)
 
 
-def test_the_first_layer_of_a_part_on_a_raft_begins_where_the_raft_ends() -> None:
+@pytest.mark.parametrize("gap", [0.0, 0.1])
+def test_the_first_layer_of_a_part_on_a_raft_begins_where_the_raft_ends_or_a_little_higher(
+    gap: float,
+) -> None:
     raft = [";TYPE:Support material", *path([(0, 0), (20, 0)], 0.3, 0.3), *path([(0, 1), (20, 1)], 0.6, 0.3)]
-    stack = stack_of(*raft, ";TYPE:Perimeter", *loop(0.8), *loop(1.0))
+    stack = stack_of(*raft, ";TYPE:Perimeter", *loop(0.6 + gap + 0.2), *loop(1.0 + gap))
 
-    assert stack.top.tolist() == pytest.approx([0.8, 1.0])
+    assert stack.top.tolist() == pytest.approx([0.8 + gap, 1.0 + gap])
     assert stack.height.tolist() == pytest.approx([0.2, 0.2])
     assert stack.layer[:2].tolist() == [-1, -1]
 
