@@ -16,7 +16,7 @@ from printer_slicer.ledger.stack import Stack
 __all__ = ["Fill", "overlap_cells", "rasterised"]
 
 _LEAST: Final = 1.0  # mm² of shell, under which its mean fill says nothing
-_MARGIN: Final = 1.0  # mm of cells around beads
+_LEAST_MARGIN, _WIDEST_MARGIN = 1.0, 5.0  # mm of cells around beads: their width, within reason
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,9 +131,10 @@ def _reach(beads: Beads) -> int:
 def _window(*several: Beads) -> Window:
     """The cells around beads."""
     ends = np.concatenate([end for beads in several for end in (beads.begin, beads.end)])
+    widest = max(float(beads.width.max(initial=0.0)) for beads in several)
     if not len(ends):
         return Window(0, 0, 1, 1)
-    return Window.around(ends.min(axis=0), ends.max(axis=0), _MARGIN)
+    return Window.around(ends.min(axis=0), ends.max(axis=0), min(max(widest, _LEAST_MARGIN), _WIDEST_MARGIN))
 
 
 def _nothing() -> Pieces:

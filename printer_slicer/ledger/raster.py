@@ -57,6 +57,13 @@ class Window:
         i = np.clip(np.floor(points[:, 1] / CELL).astype(np.int64) - self.front, 0, self.deep - 1)
         return i, j
 
+    def room(self, beads: Beads) -> float:
+        """Mm around the centre lines of beads, of which none comes nearer than that to the outermost cells."""
+        ends = np.concatenate([beads.begin, beads.end]) / CELL
+        low = (ends - (self.left, self.front)).min(initial=np.inf)
+        high = ((self.left + self.wide, self.front + self.deep) - ends).min(initial=np.inf)
+        return max(float(min(low, high)) - 1.0, 1.0) * CELL
+
     def middle(self, i: int, j: int) -> tuple[float, float]:
         """x and y of the middle of a cell, mm."""
         return (self.left + j + 0.5) * CELL, (self.front + i + 0.5) * CELL
@@ -67,7 +74,7 @@ def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
 
     Args:
         beads: of one layer, all within the window.
-        window: the cells, one more on each side than the beads need.
+        window: the cells; beads too wide for it are laid narrower, with all that they hold.
         layer_height: mm.
     """
     # To the width of the spacing the cross-section is that of a rectangle as high as the bead. Round threads that hang
@@ -75,13 +82,16 @@ def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
     width = beads.width
     threads = (beads.height > layer_height + _DEEPER) & (width <= beads.height * _ROUND)
     spread = np.where(threads, width, beads.area / beads.height)
+    reach = np.minimum(spread, 2 * window.room(beads))
     along = np.maximum(np.ceil(beads.length / CELL), 1).astype(np.int64)
-    across = np.maximum(np.ceil(spread / CELL), 1).astype(np.int64)
+    across = np.maximum(np.ceil(reach / CELL), 1).astype(np.int64)
     block = np.cumsum(along * across) // _AT_ONCE
     sums = np.zeros(window.deep * window.wide)
     for first, last in _runs(block):
         some = slice(first, last)
-        sums += _spread(beads.take(np.arange(first, last)), spread[some], along[some], across[some], window)
+        count = along[some], across[some]
+        weight = (spread * beads.length)[some] / (count[0] * count[1])
+        sums += _spread(beads.take(np.arange(first, last)), reach[some], weight, count, window)
     return (sums / CELL**2).reshape(window.deep, window.wide)
 
 
@@ -93,16 +103,25 @@ def _runs(block: Int) -> list[tuple[int, int]]:
     return list(zip([0, *cuts.tolist()], [*cuts.tolist(), len(block)], strict=True))
 
 
-def _spread(beads: Beads, spread: Float, along: Int, across: Int, window: Window) -> Float:
-    """(deep · wide,) mm² of each cell that the beads cover, each as often as it does."""
+def _spread(beads: Beads, reach: Float, weight: Float, counts: tuple[Int, Int], window: Window) -> Float:
+    """(deep · wide,) what the pieces of beads lay in each cell.
+
+    Args:
+        beads: some.
+        reach: (B,) mm, their width.
+        weight: (B,) what each piece holds.
+        counts: (B,) pieces along and across.
+        window: the cells.
+    """
+    along, across = counts
     count = along * across
     bead = np.repeat(np.arange(beads.n_beads), count)
     nth = consecutive(np.zeros(beads.n_beads, np.int64), count)
     u = (nth // across[bead] + 0.5) / along[bead]
-    v = ((nth % across[bead] + 0.5) / across[bead] - 0.5) * spread[bead]
+    v = ((nth % across[bead] + 0.5) / across[bead] - 0.5) * reach[bead]
     way = beads.end - beads.begin
     side = np.stack([-way[:, 1], way[:, 0]], axis=1) / np.maximum(beads.length, 1e-12)[:, None]
-    share = (spread * beads.length / count)[bead]
+    share = weight[bead]
     # Cell (i, j) has its middle at (i + 0.5, j + 0.5).
     x = (beads.begin[bead, 0] + u * way[bead, 0] + v * side[bead, 0]) / CELL - window.left - 0.5
     y = (beads.begin[bead, 1] + u * way[bead, 1] + v * side[bead, 1]) / CELL - window.front - 0.5
@@ -110,13 +129,13 @@ def _spread(beads: Beads, spread: Float, along: Int, across: Int, window: Window
     right, up = x - j, y - i
     cell, size = i * window.wide + j, window.deep * window.wide
     sums = np.zeros(size, np.float64)
-    for step, weight in (
+    for step, part in (
         (0, (1 - right) * (1 - up)),
         (1, right * (1 - up)),
         (window.wide, (1 - right) * up),
         (window.wide + 1, right * up),
     ):
-        sums += np.bincount(cell + step, weights=weight * share, minlength=size)[:size]
+        sums += np.bincount(cell + step, weights=part * share, minlength=size)[:size]
     return sums
 
 

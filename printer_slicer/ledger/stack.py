@@ -23,6 +23,7 @@ _AGREES: Final = 0.01  # mm between a height that a comment tells and one that t
 _THINNEST: Final = 0.04  # mm: no layer on a raft is thinner
 _CONTACT: Final = 0.3  # mm that slicers leave between raft and part, at most
 _FLAT: Final = 1e-4  # mm of z along a bead
+_SHORT: Final = 5.0  # mm
 _UNKNOWN: Final = 0.2  # mm: how thick beads are where there is no layer to tell
 _WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
 _MAY_BE_THICK: Final = (Purpose.UNKNOWN, Purpose.BRIDGE, Purpose.SPARSE, Purpose.SUPPORT, Purpose.OVERHANG)
@@ -63,10 +64,16 @@ class Stack:
         return self.top - self.bottom
 
     @property
+    def rising(self) -> Bool:
+        """(L,) layers that are laid, for the most part, while z rises: turns of a spiral."""
+        own = self.layer >= 0
+        length = self.beads.length * np.where(np.abs(self.beads.rise) >= _FLAT, 1.0, -1.0)
+        return np.bincount(self.layer[own], length[own], self.n_layers) > 0
+
+    @property
     def spiral(self) -> bool:
-        """Whether most of it is laid while z rises."""
-        rising = np.abs(self.beads.rise) >= _FLAT
-        return bool(self.beads.length[rising].sum() > self.beads.length.sum() / 2)
+        """Whether most layers are turns of a spiral."""
+        return 2 * int(self.rising.sum()) > self.n_layers
 
 
 def stacked(beads: Beads, part: Bool | None = None) -> Stack:
@@ -80,7 +87,7 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
         part: (B,) which beads are of the part; the rest makes no layers. None: all but supports and what lies beside.
     """
     own = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) if part is None else part
-    flat = np.abs(beads.rise) < _FLAT
+    flat = _lie_flat(beads, own)
     levels = _levels(beads.z_top[own & flat])
     free = np.flatnonzero(own & ~flat & (beads.z_top > levels.max(initial=0.0) + _LEVEL))
     low, step, n_turns = _turns(beads.take(free), levels)
@@ -100,6 +107,22 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
     away = np.abs(np.append(top, np.inf)[np.minimum(layer, len(top))] - beads.z_top) > 2 * _LEVEL
     layer = np.where((away & ~own) | (layer >= len(top)), -1, layer)
     return Stack(replace(beads, height=_heights(beads, layer, top, bottom, len(levels))), layer, top, bottom)
+
+
+def _lie_flat(beads: Beads, own: Bool) -> Bool:
+    """(B,) which beads are laid at one height.
+
+    In spirals z is rounded, so short beads seem flat between others that rise; flat runs so short are no layers.
+    """
+    flat = np.abs(beads.rise) < _FLAT
+    index = np.flatnonzero(own)
+    if flat[index].all() or not len(index):
+        return flat
+    run = np.append(0, np.cumsum(np.diff(flat[index]) != 0))
+    long = np.bincount(run, weights=beads.length[index]) > _SHORT
+    result = flat.copy()
+    result[index] &= long[run]
+    return result
 
 
 def _levels(z: Float) -> Float:

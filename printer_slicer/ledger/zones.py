@@ -77,6 +77,8 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
         return 1.0
     outer = near & (beads.purpose[bead] == Purpose.OUTER_PERIMETER)
     half = float(np.median(depth[outer] if outer.any() else beads.width[walls] / 2))
+    if not (beads.purpose[walls] == Purpose.INNER_PERIMETER).any():
+        return 2 * half
     # Deeper ones stand in corners and narrow places only.
     return float(np.quantile(depth[near], 0.9)) + half
 
