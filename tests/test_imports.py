@@ -95,6 +95,15 @@ def test_slicing_an_stl_imports_neither_trimesh_nor_the_serial_library(tmp_path:
     assert taken & {"trimesh", "scipy", "networkx", "serial", "rich"} == set()
 
 
+def test_slicing_imports_no_ledger(tmp_path: Path) -> None:
+    code = (
+        "import sys\nfrom printer_slicer.cli import main\nassert main(sys.argv[1:]) == 0\n"
+        "print([name for name in sys.modules if 'ledger' in name or 'checking' in name])"
+    )
+
+    assert python(code, "slice", str(BOX), "-o", str(tmp_path / "box.gcode"), "-q").strip() == "[]"
+
+
 def test_every_module_can_be_imported_without_a_warning() -> None:
     python("\n".join(f"import {name}" for name in MODULES))
 

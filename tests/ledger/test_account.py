@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -101,6 +102,36 @@ def test_beads_a_spacing_apart_fill_a_layer_just_once(height: float) -> None:
     assert ledger.fill.most[0] == pytest.approx(1, abs=0.02)
     assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
     assert ledger.volume[0] == pytest.approx(12 * rows * gap * height)
+
+
+@pytest.mark.parametrize("degrees", [0, 17, 30, 45])
+def test_it_does_not_matter_in_which_direction_a_layer_is_filled(degrees: float) -> None:
+    beads, turn = solid(12.0, 30), np.deg2rad(degrees)
+    matrix = np.array([(np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))])
+    wide = 30 * GAP + (WIDTH - GAP)
+    section = np.array([(0, 0), (12, 0), (12, wide), (0, wide)]) @ matrix
+    ledger = account(replace(beads, begin=beads.begin @ matrix, end=beads.end @ matrix), [section])
+
+    assert ledger.fill.overlap.tolist() == [0]
+    assert ledger.fill.most[0] == pytest.approx(1, abs=0.02)
+    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
+
+
+def test_the_inside_of_a_right_angled_corner_is_not_told() -> None:
+    ledger = account(joined(ring(20), ring(20, inset=WIDTH / 2 + GAP)), [square(20)])
+
+    assert ledger.fill.overlap.tolist() == [0]
+    assert 1 < ledger.fill.most[0] < 1.3
+
+
+def test_a_shell_with_nothing_inside_is_full_but_for_two_hundredths() -> None:
+    beads = joined(ring(20), ring(20, inset=WIDTH / 2 + GAP))
+    stack = stacked(
+        joined(beads, replace(beads, z_top=beads.z_top * 2), replace(beads, z_top=beads.z_top * 3))
+    )
+    ledger = ledger_of(stack, sections(*[[square(20)]] * 3), Rules(shell=2 * GAP + WIDTH - GAP))
+
+    assert 0.975 < ledger.fill.shell[1] <= 1
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 1.2])
