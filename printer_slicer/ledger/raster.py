@@ -21,6 +21,7 @@ __all__ = ["CELL", "Window", "cells_covered", "filled", "highest_around", "mean_
 
 CELL: Final = 0.1
 _ROUND: Final = 1.15  # width by height, up to which a bead is a thread
+_ROWS: Final = 4
 _DEEPER: Final = 0.01  # mm
 _AT_ONCE: Final = 1 << 20  # pieces: what bounds the memory
 
@@ -140,18 +141,18 @@ def _spread(beads: Beads, reach: Float, weight: Float, counts: tuple[Int, Int], 
 
 
 def rows_of(areas: Areas) -> Lines:
-    """The parts of the rows of cells that lie in areas, through the middles of the cells."""
-    return hatch(areas, angle=0.0, spacing=CELL, phase=0.5)
+    """The parts in areas of rows along x, four through each row of cells."""
+    return hatch(areas, angle=0.0, spacing=CELL / _ROWS, phase=0.5)
 
 
 def cells_covered(rows: Lines, layer: int, window: Window) -> Float:
-    """(deep, wide) the share of each cell that rows of a layer cover; exact along x, at the middle along y."""
+    """(deep, wide) the share of each cell that rows of a layer cover; exact along x, to a quarter of a cell along y."""
     first, last = np.searchsorted(rows.layer, [layer, layer + 1])
-    row = rows.row[first:last] - window.front
+    row = rows.row[first:last] // _ROWS - window.front
     inside = (row >= 0) & (row < window.deep)
     u = np.clip(rows.u[first:last][inside] / CELL - window.left, 0, window.wide)
     row = np.repeat(row[inside], 2)
-    place, sign = u.ravel(), np.tile([1.0, -1.0], len(u))
+    place, sign = u.ravel(), np.tile([1.0 / _ROWS, -1.0 / _ROWS], len(u))
     cell = np.floor(place).astype(np.int64)
     part = place - cell
     size = window.deep * (window.wide + 2)
