@@ -111,10 +111,14 @@ def check_gcode(
         report: is told the name of each stage as it begins.
 
     Raises:
-        UsageError: the text lays nothing.
+        UsageError: the text lays nothing, or is no text.
         PartError: the part cannot be cut.
     """
     report("reading")
+    if text.startswith(b"GCDE"):
+        raise UsageError(
+            f"{name}: is binary G-code", remedy="export it as plain G-code, or convert it with bgcode"
+        )
     deposit = beads_of_gcode(text, filament_diameter=asked.filament_diameter)
     stack = stacked(deposit.beads)
     if not stack.n_layers:

@@ -209,9 +209,12 @@ def test_a_part_that_begins_in_the_air_is_found() -> None:
 
 
 def test_the_wrong_model_is_found() -> None:
-    check = checked(program(), sphere(radius=10))
+    text = write_gcode(program(), PROFILE)
+    bare = b"\n".join(line for line in text.split(b"\n") if not line.startswith(b";"))
 
-    assert any("is it the model" in one for one in check.problems)
+    for one in (text, bare):
+        check = check_gcode(one, sphere(radius=10), Asked())
+        assert any("is it the model" in problem for problem in check.problems)
 
 
 # --- what is asked ---
@@ -242,6 +245,7 @@ def test_a_file_without_comments_is_understood() -> None:
     check = check_gcode(text, PART, Asked())
 
     assert check.findings == ()
+    assert check.problems == ()
     assert any("1.75 mm is assumed" in note for note in check.notes)
     assert any("two beads deep" in note for note in check.notes)
 
@@ -259,6 +263,8 @@ def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
 def test_text_without_beads_is_refused() -> None:
     with pytest.raises(UsageError, match="no beads"):
         check_gcode(b"G28\nG1 X10\n", PART, Asked())
+    with pytest.raises(UsageError, match="binary G-code"):
+        check_gcode(b"GCDE\x01\x00", PART)
 
 
 # --- other slicers ---

@@ -9,7 +9,7 @@ from printer_slicer.ledger.account import Ledger, Rules, ledger_of, overlapping
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of, beads_of_moves
 from printer_slicer.ledger.limits import Finding, Limits, findings
 from printer_slicer.ledger.matching import Match, apart, first_guess, fitted, moved
-from printer_slicer.ledger.stack import Stack, stacked
+from printer_slicer.ledger.stack import Stack, stack_of, stacked
 from printer_slicer.ledger.text import Deposit, beads_of_gcode
 
 __all__ = [
@@ -32,5 +32,6 @@ __all__ = [
     "ledger_of",
     "moved",
     "overlapping",
+    "stack_of",
     "stacked",
 ]

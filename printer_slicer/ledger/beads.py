@@ -135,8 +135,8 @@ def spread_out(beads: Beads, count: int) -> tuple[Float, Int]:
     return beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead], bead
 
 
-def beads_of(program: Program, filament_diameter: float) -> Beads:
-    """The beads of a program.
+def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
+    """The beads of a program, and (B,) the index of the move that lays each.
 
     Args:
         program: the moves.
@@ -148,7 +148,7 @@ def beads_of(program: Program, filament_diameter: float) -> Beads:
     kept = np.flatnonzero((program.role != Role.TRAVEL) & (laid > _NOTHING) & (length > _NOTHING))
     of_role = np.zeros(len(Role), np.int64)
     of_role[list(_OF_ROLE)] = list(_OF_ROLE.values())
-    return Beads(
+    beads = Beads(
         begin=begin[kept, :2],
         end=end[kept, :2],
         z_top=end[kept, 2],
@@ -158,6 +158,7 @@ def beads_of(program: Program, filament_diameter: float) -> Beads:
         purpose=of_role[program.role[kept]],
         line=np.zeros(len(kept), np.int64),
     )
+    return beads, kept
 
 
 def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Beads, Int, float]:

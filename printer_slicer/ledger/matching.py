@@ -15,6 +15,7 @@ from printer_slicer.ledger.stack import Stack
 __all__ = ["Match", "apart", "first_guess", "fitted", "moved"]
 
 _POINTS: Final = 10_000  # enough to know a shift to a micrometre
+_FEWEST: Final = 0.05  # of all points that must lie near outlines
 _SAME_SIZE: Final = 0.3  # mm by which a layer's box may differ from its section's
 _FAR: Final = 1.0  # mm beside the section: what stays farther away is no part of it
 
@@ -94,9 +95,15 @@ def fitted(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
         shift = shift + step
         if np.abs(step).max() < 1e-4:
             break
-    off = np.abs(_depth(outlines, sections, point - shift, layer)[1] - half)
-    share = float((off < half).mean())
-    return Match((float(shift[0]), float(shift[1])), float(np.median(off)), share)
+    depth = _depth(outlines, sections, point - shift, layer)[1]
+    off = np.abs(depth - half)
+    if not (beads.purpose[chosen] == Purpose.OUTER_PERIMETER).any():
+        # Only those that lie near the outlines, or outside, may be outer perimeters.
+        off = off[depth < 2 * half]
+        half = half[depth < 2 * half]
+    if len(off) < _FEWEST * len(point):
+        return Match((float(shift[0]), float(shift[1])), np.inf, 0.0)
+    return Match((float(shift[0]), float(shift[1])), float(np.median(off)), float((off < half).mean()))
 
 
 def apart(stack: Stack, sections: Areas) -> Bool:

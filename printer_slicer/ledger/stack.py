@@ -10,9 +10,10 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.ledger.beads import Beads, Purpose
+from printer_slicer.ledger.beads import Beads, Purpose, beads_of
+from printer_slicer.model import Program
 
-__all__ = ["Stack", "stacked"]
+__all__ = ["Stack", "stack_of", "stacked"]
 
 _LEVEL: Final = (
     0.004  # mm: heights of the nozzle closer than this are one layer; files round z to 0.001 or 0.01
@@ -74,6 +75,18 @@ class Stack:
     def spiral(self) -> bool:
         """Whether most layers are turns of a spiral."""
         return 2 * int(self.rising.sum()) > self.n_layers
+
+
+def stack_of(program: Program, filament_diameter: float) -> Stack:
+    """The beads of a program in the layers of its plan, those that hold no plastic included.
+
+    Args:
+        program: the moves.
+        filament_diameter: mm.
+    """
+    beads, move = beads_of(program, filament_diameter)
+    plan = program.plan
+    return Stack(beads, program.layer[move], plan.top, plan.bottom)
 
 
 def stacked(beads: Beads, part: Bool | None = None) -> Stack:

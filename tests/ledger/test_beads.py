@@ -156,9 +156,10 @@ def test_every_tool_has_its_own_filament_and_its_own_retractions() -> None:
 def test_a_program_and_its_text_lay_the_same() -> None:
     profile = plain(layer_height=0.3, infill_density=0.3)
     program = slice_part(box((12, 9, 3)), profile)
-    one = beads_of(program, profile.material.filament_diameter)
+    one, moves = beads_of(program, profile.material.filament_diameter)
     other = beads_of_gcode(write_gcode(program, profile)).beads
 
+    assert (program.filament[moves] > 0).all()
     assert other.volume.sum() == pytest.approx(one.volume.sum(), rel=1e-4)
     assert other.length.sum() == pytest.approx(one.length.sum(), rel=1e-3)
     assert sorted(set(np.round(one.z_top, 4))) == sorted(set(np.round(other.z_top, 4)))

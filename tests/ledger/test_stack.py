@@ -7,12 +7,14 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from printer_slicer.ledger import Purpose, beads_of_gcode, stacked
+from printer_slicer.ledger import Purpose, beads_of_gcode, ledger_of, stack_of, stacked
 from printer_slicer.ledger.stack import Stack
+from printer_slicer.pipeline import slice_stages
 from tests.ledger.lines import WIDTH, beads_along, joined, path
+from tests.parts import cone, plain
 
 
-def stack_of(*lines: str) -> Stack:
+def read(*lines: str) -> Stack:
     return stacked(beads_of_gcode("\n".join(["M83", *lines]).encode()).beads)
 
 
@@ -21,9 +23,7 @@ def loop(z: float, height: float = 0.2, width: float = WIDTH) -> list[str]:
 
 
 def test_layers_are_where_plastic_is_laid_whatever_comments_say() -> None:
-    stack = stack_of(
-        ";LAYER:7", ";HEIGHT:3", *loop(0.3, 0.3), "G0 Z5", ";Z:9", *loop(0.5), "G0 Z1", *loop(0.7)
-    )
+    stack = read(";LAYER:7", ";HEIGHT:3", *loop(0.3, 0.3), "G0 Z5", ";Z:9", *loop(0.5), "G0 Z1", *loop(0.7))
 
     assert stack.top.tolist() == pytest.approx([0.3, 0.5, 0.7])
     assert stack.height.tolist() == pytest.approx([0.3, 0.2, 0.2])
@@ -32,21 +32,21 @@ def test_layers_are_where_plastic_is_laid_whatever_comments_say() -> None:
 
 
 def test_beads_after_a_layer_that_is_missing_have_more_height_to_fill() -> None:
-    stack = stack_of(";TYPE:Perimeter", *loop(0.2), *loop(0.4), ";HEIGHT:0.2", *loop(0.8))
+    stack = read(";TYPE:Perimeter", *loop(0.2), *loop(0.4), ";HEIGHT:0.2", *loop(0.8))
 
     assert stack.height.tolist() == pytest.approx([0.2, 0.2, 0.4])
     assert stack.beads.height[-4:] == pytest.approx(np.full(4, 0.4))
 
 
 def test_heights_that_differ_by_rounding_are_one_layer() -> None:
-    assert stack_of(*loop(0.2), *loop(0.399), *loop(0.4001)).top.tolist() == pytest.approx([0.2, 0.4001])
+    assert read(*loop(0.2), *loop(0.399), *loop(0.4001)).top.tolist() == pytest.approx([0.2, 0.4001])
 
 
 @pytest.mark.parametrize("comment", [[], [";HEIGHT:0.4"]], ids=["from its flow", "as a comment says"])
 def test_sparse_infill_printed_every_second_layer_is_twice_as_thick(comment: list[str]) -> None:
     thick = [";TYPE:Internal infill", *comment, *path([(2, 2), (18, 18)], 0.4, 0.4)]
     wall = [";TYPE:Perimeter", ";HEIGHT:0.2"]
-    stack = stack_of(*wall, *loop(0.2), *wall, *loop(0.4), *thick, *wall, *loop(0.6))
+    stack = read(*wall, *loop(0.2), *wall, *loop(0.4), *thick, *wall, *loop(0.6))
     sparse = stack.beads.purpose == Purpose.SPARSE
 
     assert stack.beads.height[sparse] == pytest.approx([0.4])
@@ -55,7 +55,7 @@ def test_sparse_infill_printed_every_second_layer_is_twice_as_thick(comment: lis
 
 
 def test_perimeters_with_too_much_plastic_are_wide_not_thick() -> None:
-    stack = stack_of(";TYPE:Perimeter", *loop(0.2), *loop(0.4), *loop(0.6, 0.2, 0.9))
+    stack = read(";TYPE:Perimeter", *loop(0.2), *loop(0.4), *loop(0.6, 0.2, 0.9))
 
     assert stack.beads.height == pytest.approx(np.full(12, 0.2))
     assert stack.beads.width[-4:] == pytest.approx(np.full(4, 0.9), abs=1e-4)
@@ -63,14 +63,14 @@ def test_perimeters_with_too_much_plastic_are_wide_not_thick() -> None:
 
 def test_a_height_in_a_comment_that_the_flow_contradicts_does_not_count() -> None:
     lie = [";TYPE:Internal infill", ";HEIGHT:0.6", *path([(2, 2), (18, 18)], 0.6, 0.2, 0.4)]
-    stack = stack_of(";TYPE:Perimeter", *loop(0.2), *loop(0.4), *loop(0.6), *lie)
+    stack = read(";TYPE:Perimeter", *loop(0.2), *loop(0.4), *loop(0.6), *lie)
 
     assert stack.beads.height[-1] == pytest.approx(0.2)
 
 
 def test_threads_across_a_gap_are_as_thick_as_they_leave_the_nozzle() -> None:
     thread = [";TYPE:Bridge infill", ";HEIGHT:0.4", *path([(2, 2), (18, 2)], 0.6, 0.4, 0.4)]
-    stack = stack_of(";TYPE:Perimeter", *loop(0.3, 0.3), *loop(0.6, 0.3), *thread)
+    stack = read(";TYPE:Perimeter", *loop(0.3, 0.3), *loop(0.6, 0.3), *thread)
 
     assert stack.beads.height[-1] == pytest.approx(0.4)
     assert stack.beads.width[-1] == pytest.approx(0.4, abs=1e-4)
@@ -89,7 +89,7 @@ def spiral(turns: int, height: float = 0.2, low: float = 0.4) -> list[str]:
 
 
 def test_every_turn_of_a_spiral_is_a_layer() -> None:
-    stack = stack_of(*loop(0.2), *loop(0.4), "G0 X20 Y10", *spiral(10))
+    stack = read(*loop(0.2), *loop(0.4), "G0 X20 Y10", *spiral(10))
 
     assert stack.spiral
     assert stack.top.tolist() == pytest.approx([0.2, 0.4, *(0.5 + 0.2 * k for k in range(10))])
@@ -98,7 +98,7 @@ def test_every_turn_of_a_spiral_is_a_layer() -> None:
 
 
 def test_a_spiral_without_layers_below_has_layers_too() -> None:
-    stack = stack_of("G0 X20 Y10 Z0", *spiral(6, low=0.0))
+    stack = read("G0 X20 Y10 Z0", *spiral(6, low=0.0))
 
     assert stack.n_layers == 6
     assert np.diff(stack.top) == pytest.approx(np.full(5, 0.2), abs=1e-3)
@@ -109,7 +109,7 @@ def test_the_first_layer_of_a_part_on_a_raft_begins_where_the_raft_ends_or_a_lit
     gap: float,
 ) -> None:
     raft = [";TYPE:Support material", *path([(0, 0), (20, 0)], 0.3, 0.3), *path([(0, 1), (20, 1)], 0.6, 0.3)]
-    stack = stack_of(*raft, ";TYPE:Perimeter", *loop(0.6 + gap + 0.2), *loop(1.0 + gap))
+    stack = read(*raft, ";TYPE:Perimeter", *loop(0.6 + gap + 0.2), *loop(1.0 + gap))
 
     assert stack.top.tolist() == pytest.approx([0.8 + gap, 1.0 + gap])
     assert stack.height.tolist() == pytest.approx([0.2, 0.2])
@@ -124,6 +124,18 @@ def test_beads_beside_the_part_make_no_layers() -> None:
 
     assert stacked(beads).top.tolist() == [0.2]
     assert stacked(beads).layer.tolist() == [-1, 0]
+
+
+def test_a_program_keeps_the_layers_of_its_plan_even_where_nothing_fits() -> None:
+    # The tip of a cone is narrower than a bead.
+    profile = plain(layer_height=0.3, planner__kind="uniform")
+    stages = slice_stages(cone(radius=4, height=8), profile)
+    stack = stack_of(stages.program, profile.material.filament_diameter)
+    ledger = ledger_of(stack, stages.sections.solid)
+
+    assert stack.n_layers == stages.sections.plan.n_layers
+    assert ledger.volume[-1] == 0
+    assert ledger.fill.shell[:20] == pytest.approx(np.ones(20), abs=0.1)
 
 
 def test_no_beads_have_no_layers() -> None:
