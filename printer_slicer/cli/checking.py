@@ -208,6 +208,7 @@ def _facts(check: Check, limits: Limits) -> dict[str, Any]:
         "fit": {"share": _number(check.match.share), "spread": _number(check.match.spread)},
         "filament_diameter": _column(check.deposit.diameter),
         "shell_depth": _number(ledger.shell_depth),
+        "cell": ledger.fill.cell,
         "volume_by_purpose": {
             Purpose(i).spoken: _number(volume)
             for i, volume in enumerate(ledger.by_purpose.tolist())

@@ -11,7 +11,6 @@ from printer_slicer.geometry import (
     Areas,
     Bool,
     Float,
-    Int,
     difference,
     frozen_array,
     offset,
@@ -19,7 +18,7 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.ledger.beads import Purpose
 from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
-from printer_slicer.ledger.ground import Air, air_of
+from printer_slicer.ledger.ground import Air
 from printer_slicer.ledger.outline import OutlineError, outline_error
 from printer_slicer.ledger.stack import Stack
 from printer_slicer.ledger.zones import body_of, exposed, footprint, shell_depth, without_slits
@@ -129,7 +128,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     side = bead.side_loss(stack.height)
     inner = difference(offset(sections, side - depth), open_to_air)
     wanted = np.maximum(offset(sections, -side).area() - inner.area(), 0.0)
-    fill, pieces, order = rasterised(stack, of_part, inner, wanted, rules.too_often)
+    fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
     volume = beads.volume
     return Ledger(
         rules=rules,
@@ -143,7 +142,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         outside=difference(covered, offset(sections, rules.beyond)),
         outline=outline_error(without_slits(sections, rules.slit), without_slits(body, rules.slit)),
         fill=fill,
-        air=_in_file_order(air_of(beads.take(order), layer[order], pieces), order),
+        air=air,
         volume=np.bincount(layer[of_part], volume[of_part], stack.n_layers).astype(np.float64),
         section_volume=sections.area() * stack.height,
         by_purpose=np.bincount(beads.purpose, volume, len(Purpose)).astype(np.float64),
@@ -154,9 +153,4 @@ def overlapping(ledger: Ledger, layer: int) -> Areas:
     """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
     own = np.flatnonzero(ledger.of_part & (ledger.stack.layer == layer))
     height = float(ledger.stack.height[layer])
-    return overlap_cells(ledger.stack.beads.take(own), height, ledger.rules.too_often)
-
-
-def _in_file_order(air: Air, order: Int) -> Air:
-    """The same stretches with the indices of beads as the stack has them."""
-    return Air(order[air.bead], air.layer, air.length, air.place, air.bridge)
+    return overlap_cells(ledger.stack.beads.take(own), height, ledger.rules.too_often, ledger.fill.cell)

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array, normalize
+from printer_slicer.geometry import Areas, Bool, Float, frozen_array, normalize
 from printer_slicer.ledger.beads import Beads, Purpose
-from printer_slicer.ledger.ground import Ground, Pieces
-from printer_slicer.ledger.raster import CELL, Window, cells_covered, filled, mean_around, rows_of
+from printer_slicer.ledger.ground import Air, Ground, air_of
+from printer_slicer.ledger.raster import Window, cell_for, cells_covered, filled, mean_around, rows_of
 from printer_slicer.ledger.stack import Stack
 
 __all__ = ["Fill", "overlap_cells", "rasterised"]
@@ -28,12 +28,14 @@ class Fill:
         most: (L,) the largest of these means.
         place: (L, 2) where that is, mm.
         shell: (L,) material in the shell by what it needs; nan where there is hardly any shell.
+        cell: mm, width of the cells.
     """
 
     overlap: Float
     most: Float
     place: Float
     shell: Float
+    cell: float
 
     def __post_init__(self) -> None:
         n = len(self.overlap)
@@ -41,10 +43,8 @@ class Fill:
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
 
 
-def rasterised(
-    stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_often: float
-) -> tuple[Fill, Pieces, Int]:
-    """How full each layer is, and which pieces of beads hang.
+def rasterised(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_often: float) -> tuple[Fill, Air]:
+    """How full each layer is, and which stretches of beads hang.
 
     Args:
         stack: all beads.
@@ -54,47 +54,47 @@ def rasterised(
         too_often: see `Fill`.
 
     Returns:
-        The fill, the pieces of the beads of the part layer by layer, and (B',) the indices of these beads; ironing is
-        left out.
+        The fill, and the stretches over air; ironing is left out.
     """
-    n, rows, height = stack.n_layers, rows_of(core), stack.height
+    n, height = stack.n_layers, stack.height
     overlap, most, place, shell = np.zeros(n), np.zeros(n), np.full((n, 2), np.nan), np.full(n, np.nan)
     # Ironing levels what is there already.
     order = np.flatnonzero(of_part & (stack.beads.purpose != Purpose.IRONING))
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
-    reach = _reach(beads)
-    ground, found = _Ground(stack, beads), [_nothing()]
+    ground, airs = _Ground(stack, beads), list[Air]()
+    cell = ground.cell
+    reach, rows = _reach(beads, cell), rows_of(core, cell)
     for k in range(n):
         some = beads.take(np.arange(bounds[k], bounds[k + 1]))
         ground.support_up_to(k)
         if not some.n_beads:
             continue
-        window = _window(some)
+        window = _window(cell, some)
         fill = filled(some, window, float(height[k]))
-        pieces = ground.cells.pieces(some, window)
-        found.append(replace(pieces, bead=pieces.bead + bounds[k]))
+        air = air_of(some, k, ground.cells.pieces(some, window))
+        airs.append(replace(air, bead=order[bounds[k] : bounds[k + 1]][air.bead]))
         ground.cells.lay(fill, window, float(stack.top[k]))
         mean = mean_around(fill, reach)
-        overlap[k] = float((mean > too_often).sum()) * CELL**2
+        overlap[k] = float((mean > too_often).sum()) * cell**2
         i, j = divmod(int(mean.argmax()), window.wide)
         most[k], place[k] = mean[i, j], window.middle(i, j)
         if wanted[k] > _LEAST:
             laid = fill * (1 - cells_covered(rows, k, window))
-            shell[k] = float(laid.sum()) * CELL**2 / wanted[k]
-    return Fill(overlap, most, place, shell), _joined(found), order
+            shell[k] = float(laid.sum()) * cell**2 / wanted[k]
+    return Fill(overlap, most, place, shell, cell), Air.joined(airs)
 
 
-def overlap_cells(beads: Beads, layer_height: float, too_often: float) -> Areas:
+def overlap_cells(beads: Beads, layer_height: float, too_often: float, cell: float) -> Areas:
     """Where beads of one layer overlap, as a stack of one: the cells of each row side by side as a rectangle."""
-    window = _window(beads)
-    high = mean_around(filled(beads, window, layer_height), _reach(beads)) > too_often
+    window = _window(cell, beads)
+    high = mean_around(filled(beads, window, layer_height), _reach(beads, cell)) > too_often
     steps = np.diff(np.pad(high, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(steps > 0)
     last = np.nonzero(steps < 0)[1]
-    x0, x1 = (window.left + first) * CELL, (window.left + last) * CELL
-    y0, y1 = (window.front + row) * CELL, (window.front + row + 1) * CELL
+    x0, x1 = (window.left + first) * cell, (window.left + last) * cell
+    y0, y1 = (window.front + row) * cell, (window.front + row + 1) * cell
     corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 2)
     n_rings = len(row)
     return normalize(Areas(corners, np.arange(n_rings + 1) * 4, np.zeros(n_rings, np.int64), 1))
@@ -107,7 +107,9 @@ class _Ground:
         """Take all beads, and those of the part, which say how much room is needed."""
         support = stack.beads.purpose == Purpose.SUPPORT
         self._supports = stack.beads.take(support)
-        self.cells = Ground(_window(beads, self._supports))
+        ends = np.concatenate([np.zeros((1, 2)), beads.begin, beads.end][bool(beads.n_beads) :])
+        self.cell = cell_for(ends.min(axis=0), ends.max(axis=0))
+        self.cells = Ground(_window(self.cell, beads, self._supports))
         self._layer = np.searchsorted(stack.top, self._supports.z_top + 1e-3)
 
     def support_up_to(self, layer: int) -> None:
@@ -118,33 +120,21 @@ class _Ground:
         height = self._supports.z_top[now]
         for z in np.unique(height).tolist():
             some = self._supports.take(now[height == z])
-            window = _window(some)
+            window = _window(self.cell, some)
             self.cells.lay(filled(some, window), window, z, support=True)
 
 
-def _reach(beads: Beads) -> int:
+def _reach(beads: Beads, cell: float) -> int:
     """Cells to either side of the one in the middle of a window as wide as a usual bead."""
-    width = float(np.median(beads.width)) if beads.n_beads else CELL
-    return max(round((width / CELL - 1) / 2), 1)
+    width = float(np.median(beads.width)) if beads.n_beads else cell
+    return max(round((width / cell - 1) / 2), 1)
 
 
-def _window(*several: Beads) -> Window:
+def _window(cell: float, *several: Beads) -> Window:
     """The cells around beads."""
     ends = np.concatenate([end for beads in several for end in (beads.begin, beads.end)])
     widest = max(float(beads.width.max(initial=0.0)) for beads in several)
     if not len(ends):
-        return Window(0, 0, 1, 1)
-    return Window.around(ends.min(axis=0), ends.max(axis=0), min(max(widest, _LEAST_MARGIN), _WIDEST_MARGIN))
-
-
-def _nothing() -> Pieces:
-    return Pieces(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
-
-
-def _joined(parts: list[Pieces]) -> Pieces:
-    return Pieces(
-        np.concatenate([part.bead for part in parts]),
-        np.concatenate([part.middle for part in parts]),
-        np.concatenate([part.length for part in parts]),
-        np.concatenate([part.hanging for part in parts]),
-    )
+        return Window(0, 0, 1, 1, cell)
+    margin = min(max(widest, _LEAST_MARGIN), _WIDEST_MARGIN)
+    return Window.around(ends.min(axis=0), ends.max(axis=0), margin, cell)

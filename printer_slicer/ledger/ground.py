@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +11,7 @@ import numpy as np
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.ledger.beads import Beads
-from printer_slicer.ledger.raster import CELL, Window, highest_around
+from printer_slicer.ledger.raster import Window, highest_around
 from printer_slicer.ledger.zones import lines_of
 
 __all__ = ["Air", "Ground", "Pieces", "air_of"]
@@ -79,6 +80,14 @@ class Air:
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
+    @classmethod
+    def joined(cls, parts: Sequence[Air]) -> Air:
+        """The stretches of several values, one after the other."""
+        if not parts:
+            none = np.zeros(0, np.int64)
+            return cls(none, none, np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.bool_))
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
+
 
 class Ground:
     """The height of what was laid so far, cell by cell; the bed at the beginning."""
@@ -99,9 +108,9 @@ class Ground:
         share = (consecutive(np.zeros(beads.n_beads, np.int64), count) + 0.5) / count[bead]
         middle = beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead]
         lowest = beads.z_top - np.maximum(beads.rise, 0) - beads.height * (1 + _SLACK)
-        reach = max(round(float(np.median(beads.width)) / CELL), 1) if beads.n_beads else 1
+        reach = max(round(float(np.median(beads.width)) / window.cell), 1) if beads.n_beads else 1
         around = highest_around(self._top[window.within(self._window)], reach)
-        hanging = around[window.cell(middle)] < lowest[bead]
+        hanging = around[window.cells(middle)] < lowest[bead]
         return Pieces(bead, middle, (beads.length / count)[bead], hanging)
 
     def lay(self, fill: Float, window: Window, z: float, *, support: bool = False) -> None:
@@ -110,15 +119,15 @@ class Ground:
         np.maximum(here, np.where(fill > _FULL, z + _CONTACT * support, 0.0), out=here)
 
 
-def air_of(beads: Beads, layer: Int, pieces: Pieces) -> Air:
-    """The stretches over air, and which of them are bridges.
+def air_of(beads: Beads, layer: int, pieces: Pieces) -> Air:
+    """The stretches over air in one layer, and which of them are bridges.
 
     Args:
-        beads: in the order of the pieces.
-        layer: (B,) of each bead.
-        pieces: of all beads, in order.
+        beads: in the order in which they are laid.
+        layer: of all of them.
+        pieces: of these beads.
     """
-    path = lines_of(beads, layer)
+    path = lines_of(beads, np.zeros(beads.n_beads, np.int64))
     own = path[pieces.bead]
     new_path = np.append(True, np.diff(own) != 0)[: len(own)]
     begins = pieces.hanging & (new_path | ~np.append(False, pieces.hanging)[: len(own)])
@@ -140,4 +149,5 @@ def air_of(beads: Beads, layer: Int, pieces: Pieces) -> Air:
     round_again = (closed & rests)[own[first]]
     held = (~new_path[first] | round_again) & (~last_of_path[last] | round_again)
     bead = pieces.bead[first]
-    return Air(bead, layer[bead], length, pieces.middle[first], held & (chord >= _STRAIGHT * length))
+    bridge = held & (chord >= _STRAIGHT * length)
+    return Air(bead, np.full(len(bead), layer), length, pieces.middle[first], bridge)

@@ -117,6 +117,16 @@ def test_it_does_not_matter_in_which_direction_a_layer_is_filled(degrees: float)
     assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
 
 
+def test_large_plates_have_coarser_cells() -> None:
+    far = joined(solid(12.0, 30), beads_along([(200, 200), (210, 200)]))
+    wide = 30 * GAP + (WIDTH - GAP)
+    ledger = account(far, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)]), square(9.9, (200, 199.775))])
+
+    assert (account(solid(12.0, 30), [square(12)]).fill.cell, ledger.fill.cell) == (0.1, 0.2)
+    assert ledger.fill.most[0] == pytest.approx(1, abs=0.03)
+    assert ledger.volume[0] == pytest.approx(far.volume.sum())
+
+
 def test_the_inside_of_a_right_angled_corner_is_not_told() -> None:
     ledger = account(joined(ring(20), ring(20, inset=WIDTH / 2 + GAP)), [square(20)])
 
