@@ -123,7 +123,7 @@ def test_large_plates_have_coarser_cells() -> None:
     ledger = account(far, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)]), square(9.9, (200, 199.775))])
 
     assert (account(solid(12.0, 30), [square(12)]).fill.cell, ledger.fill.cell) == (0.1, 0.2)
-    assert ledger.fill.most[0] == pytest.approx(1, abs=0.03)
+    assert ledger.fill.most[0] == pytest.approx(1, abs=0.06)
     assert ledger.volume[0] == pytest.approx(far.volume.sum())
 
 
