@@ -122,10 +122,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     if sections.n_layers != stack.n_layers:
         raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
     beads, layer = stack.beads, stack.layer
-    of_part = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (layer >= 0)
-    of_part &= True if beside is None else ~beside
-    astray = of_part & _far_off(beads, sections)
-    of_part &= ~astray
+    of_part, astray = _sorted_out(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
     # A spiral is a wall without skins.
@@ -158,6 +155,14 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         section_volume=sections.area() * stack.height,
         by_purpose=np.bincount(beads.purpose, volume, len(Purpose)).astype(np.float64),
     )
+
+
+def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
+    """(B,) which beads make up the part, and which should but lie far from it."""
+    mine = ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (stack.layer >= 0)
+    mine &= True if beside is None else ~beside
+    astray = mine & _far_off(stack.beads, sections)
+    return mine & ~astray, astray
 
 
 def _far_off(beads: Beads, sections: Areas) -> Bool:
