@@ -224,12 +224,14 @@ def _problems(ledger: Ledger, match: Match, part_top: float) -> Iterator[str]:
             f"only {match.share:.0%} of the outer perimeters lie where those of this model would: "
             "is it the model that was sliced, as large and turned as it was?"
         )
+    if ledger.astray.any():
+        lines = stack.beads.line[ledger.astray]
+        many = f"{len(lines)} beads lie" if len(lines) > 1 else "1 bead lies"
+        yield f"{many} far from the part, the first in line {lines[0]}"
     over = part_top - float(stack.top[-1])
     if abs(over) > float(stack.height[-1]) + 0.01:
         where = "under" if over > 0 else "over"
         yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
-    if not ledger.section_volume.any():
-        yield "the part is nowhere near the beads"
 
 
 def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:

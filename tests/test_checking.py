@@ -260,6 +260,32 @@ def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
     assert check.findings == ()
 
 
+def test_beads_that_fly_far_away_are_told_and_measured_no_further() -> None:
+    lines = write_gcode(program(), PROFILE).split(b"\n")
+    at = lines.index(b";TYPE:Perimeter")
+    check = check_gcode(b"\n".join([*lines[: at + 2], b"G1 X900000 E5", *lines[at + 2 :]]), PART)
+
+    assert any("far from the part" in problem and str(at + 3) in problem for problem in check.problems)
+    assert check.ledger.covered.xy.max() < 100
+
+
+def test_beads_on_the_bed_itself_make_no_layer() -> None:
+    lines = write_gcode(program(), PROFILE).split(b"\n")
+    at = lines.index(b";TYPE:Perimeter")
+    check = check_gcode(b"\n".join([*lines[:at], b"G1 Z0", b"G1 X3 E9", b"G1 Z0.3", *lines[at:]]), PART)
+
+    assert check.ledger.stack.top[0] == pytest.approx(0.3)
+
+
+def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
+    made = program()
+    huge = (made.layer == 3) & (made.role == Role.OUTER_PERIMETER)
+    check = checked(replace(made, filament=made.filament * np.where(huge, 1e4, 1.0)))
+
+    assert {"over", "outside", "outline"} <= kinds_at(check, 3)
+    assert check.ledger.covered.xy.max() < 20.1
+
+
 def test_text_without_beads_is_refused() -> None:
     with pytest.raises(UsageError, match="no beads"):
         check_gcode(b"G28\nG1 X10\n", PART, Asked())

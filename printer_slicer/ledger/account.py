@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from printer_slicer.geometry import (
     offset,
     offset_open,
 )
-from printer_slicer.ledger.beads import Purpose
+from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
 from printer_slicer.ledger.ground import Air
 from printer_slicer.ledger.outline import OutlineError, outline_error
@@ -24,6 +25,9 @@ from printer_slicer.ledger.stack import Stack
 from printer_slicer.ledger.zones import body_of, exposed, footprint, shell_depth, without_slits
 
 __all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
+
+
+_FAR: Final = 50.0  # mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,8 @@ class Ledger:
     Attributes:
         rules: by which it was measured.
         stack: all beads in their layers.
-        of_part: (B,) which of them make up the part; the rest are supports and what lies beside it.
+        of_part: (B,) which of them make up the part; the rest are supports, what lies beside it, and what is astray.
+        astray: (B,) which should make it up, but lie far from it; they are measured no further.
         sections: of the part, one for each layer of the stack.
         shell: where there must be no gap.
         shell_depth: mm from the outline, as it was given or found.
@@ -70,6 +75,7 @@ class Ledger:
     rules: Rules
     stack: Stack
     of_part: Bool
+    astray: Bool
     sections: Areas
     shell: Areas
     shell_depth: float
@@ -85,7 +91,9 @@ class Ledger:
 
     def __post_init__(self) -> None:
         n = self.stack.n_layers
-        object.__setattr__(self, "of_part", frozen_array(self.of_part, np.bool_, (self.stack.beads.n_beads,)))
+        for name in ("of_part", "astray"):
+            flags = frozen_array(getattr(self, name), np.bool_, (self.stack.beads.n_beads,))
+            object.__setattr__(self, name, flags)
         for name in ("volume", "section_volume"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
         object.__setattr__(self, "by_purpose", frozen_array(self.by_purpose, np.float64, (len(Purpose),)))
@@ -114,8 +122,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     if sections.n_layers != stack.n_layers:
         raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
     beads, layer = stack.beads, stack.layer
-    of_part = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (layer >= 0)
-    of_part &= True if beside is None else ~beside
+    of_part, astray = _sorted_out(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
     # A spiral is a wall without skins.
@@ -134,6 +141,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         rules=rules,
         stack=stack,
         of_part=of_part,
+        astray=astray,
         sections=sections,
         shell=shell,
         shell_depth=depth,
@@ -147,6 +155,23 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         section_volume=sections.area() * stack.height,
         by_purpose=np.bincount(beads.purpose, volume, len(Purpose)).astype(np.float64),
     )
+
+
+def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
+    """(B,) which beads make up the part, and which should but lie far from it."""
+    mine = ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (stack.layer >= 0)
+    mine &= True if beside is None else ~beside
+    astray = mine & _far_off(stack.beads, sections)
+    return mine & ~astray, astray
+
+
+def _far_off(beads: Beads, sections: Areas) -> Bool:
+    """(B,) which beads begin or end far from everything that is to be printed; of no part none does."""
+    if not sections.n_rings:
+        return np.zeros(beads.n_beads, np.bool_)
+    low, high = sections.xy.min(axis=0) - _FAR, sections.xy.max(axis=0) + _FAR
+    far = [((ends < low) | (ends > high)).any(axis=1) for ends in (beads.begin, beads.end)]
+    return np.asarray(far[0] | far[1])
 
 
 def overlapping(ledger: Ledger, layer: int) -> Areas:

@@ -16,6 +16,7 @@ from printer_slicer.ledger.stack import Stack
 __all__ = ["Fill", "overlap_cells", "rasterised"]
 
 _LEAST: Final = 1.0  # mm² of shell, under which its mean fill says nothing
+_NEAR: Final = 30.0  # mm around a part: supports farther away carry nothing of it
 _LEAST_MARGIN, _WIDEST_MARGIN = 1.0, 5.0  # mm of cells around beads: their width, within reason
 
 
@@ -105,10 +106,13 @@ class _Ground:
 
     def __init__(self, stack: Stack, beads: Beads) -> None:
         """Take all beads, and those of the part, which say how much room is needed."""
-        support = stack.beads.purpose == Purpose.SUPPORT
-        self._supports = stack.beads.take(support)
         ends = np.concatenate([np.zeros((1, 2)), beads.begin, beads.end][bool(beads.n_beads) :])
-        self.cell = cell_for(ends.min(axis=0), ends.max(axis=0))
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        support = stack.beads.purpose == Purpose.SUPPORT
+        for end in (stack.beads.begin, stack.beads.end):
+            support &= ((end > low - _NEAR) & (end < high + _NEAR)).all(axis=1)
+        self._supports = stack.beads.take(support)
+        self.cell = cell_for(low, high)
         self.cells = Ground(_window(self.cell, beads, self._supports))
         self._layer = np.searchsorted(stack.top, self._supports.z_top + 1e-3)
 

@@ -21,6 +21,7 @@ _LEVEL: Final = (
 _DEEPEST: Final = 8  # layers that one bead may reach down through
 _WIDE: Final = 1.3  # of the usual width: wider beads are thicker than their layer, if they may be
 _AGREES: Final = 0.01  # mm between a height that a comment tells and one that the moves allow
+_THINNEST_BEAD: Final = 1e-3  # mm, so that widths are finite
 _THINNEST: Final = 0.04  # mm: no layer on a raft is thinner
 _CONTACT: Final = 0.3  # mm that slicers leave between raft and part, at most
 _FLAT: Final = 1e-4  # mm of z along a bead
@@ -100,6 +101,7 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
         part: (B,) which beads are of the part; the rest makes no layers. None: all but supports and what lies beside.
     """
     own = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) if part is None else part
+    own = own & (beads.z_top > _LEVEL)  # what is laid on the bed itself, or under it, has no height
     flat = _lie_flat(beads, own)
     levels = _levels(beads.z_top[own & flat])
     free = np.flatnonzero(own & ~flat & (beads.z_top > levels.max(initial=0.0) + _LEVEL))
@@ -168,7 +170,7 @@ def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -
     """
     told = beads.height
     if not len(top):
-        return np.where(np.isnan(told), _UNKNOWN, told)
+        return np.maximum(np.where(np.isnan(told), _UNKNOWN, told), _THINNEST_BEAD)
     own = (top - bottom)[layer]
     sloped = (np.abs(beads.rise) >= _FLAT) & (layer < n_flat) & (layer >= 0)
     own = np.where(sloped, np.clip(beads.z_top - beads.rise / 2 - bottom[layer], own / 10, own), own)
@@ -188,7 +190,7 @@ def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -
     thread = (beads.purpose == Purpose.BRIDGE) & (told > own + _AGREES)
     height = np.where(thread, np.maximum(np.minimum(told, np.sqrt(4 * beads.area / pi)), own), height)
     beside = (layer < 0) & ~np.isnan(told)
-    return np.asarray(np.where(beside, told, height))
+    return np.maximum(np.where(beside, told, height), _THINNEST_BEAD)
 
 
 def _median(values: Float, weights: Float) -> float:

@@ -27,6 +27,7 @@ __all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "withou
 
 _JOINED: Final = 1e-3  # mm: the next bead of a path begins where the one before ended
 _SAME_WIDTH: Final = 0.002  # mm: beads whose widths differ by less are drawn with one pen
+_WIDEST: Final = 10.0  # mm
 _WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
 _POINTS: Final = 10_000  # enough to know a depth
 _FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
@@ -42,11 +43,12 @@ def lines_of(beads: Beads, layer: Int) -> Int:
 def footprint(stack: Stack, chosen: Bool) -> Areas:
     """The area that chosen beads (B,) cover in each layer: their outlines with round ends, united.
 
-    Widths are rounded to 0.002 mm, and places to 0.01 µm.
+    Widths are rounded to 0.002 mm, and places to 0.01 µm. No bead is wider than 10 mm, whatever is fed.
     """
     kept = np.flatnonzero(chosen & (stack.layer >= 0))
     beads, layer = stack.beads.take(kept), stack.layer[kept]
-    radius = np.maximum(np.round(beads.width / _SAME_WIDTH), 1) * (_SAME_WIDTH / 2)
+    width = np.clip(beads.width, _SAME_WIDTH, _WIDEST)
+    radius = np.round(width / _SAME_WIDTH) * (_SAME_WIDTH / 2)
     path = lines_of(beads, layer)
     first = np.flatnonzero(np.append(True, (np.diff(path) != 0) | (np.diff(radius) != 0))[: len(kept)])
     size = np.diff(np.append(first, len(kept)))
