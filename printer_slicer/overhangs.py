@@ -44,7 +44,7 @@ def graded(paths: Toolpaths, sections: Sections) -> Toolpaths:
     solid = sections.solid
     own = np.arange(solid.n_layers)
     below = window_intersection(solid, own - 1, own)
-    width = float(paths.width.mean())
+    width = float(paths.width.max())
     pieces = _cut(paths, _near(paths, _hanging(solid, below, width), width), _STEP * width)
     return _joined(paths, pieces, _carried(paths, pieces, below, width))
 
@@ -123,7 +123,7 @@ def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
 
 
 def _carried(paths: Toolpaths, pieces: _Pieces, below: Areas, width: float) -> Float:
-    """(K,) share of each piece that is carried, from that at both of its ends."""
+    """(K,) share of each piece that is carried, from that at both of its ends; no bead is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     if not len(chosen):
@@ -137,8 +137,9 @@ def _carried(paths: Toolpaths, pieces: _Pieces, below: Areas, width: float) -> F
     points = np.zeros((int(size.sum()), 2))
     points[place], points[place[apart] + 1] = begin, end[apart]
     depth = _resolved(below, points, np.repeat(layer, size), _REACH * width, place[apart] + 1)
-    share = np.clip(0.5 + depth / width, 0, 1)
-    result[chosen] = (share[place] + share[place + 1]) / 2
+    wide = (paths.width[pieces.point[chosen]] + paths.width[pieces.following[chosen]]) / 2
+    shares = np.clip(0.5 + np.stack([depth[place], depth[place + 1]]) / wide, 0, 1)
+    result[chosen] = shares.mean(axis=0)
     return result
 
 
