@@ -44,9 +44,10 @@ def graded(paths: Toolpaths, sections: Sections) -> Toolpaths:
     solid = sections.solid
     own = np.arange(solid.n_layers)
     below = window_intersection(solid, own - 1, own)
-    width = float(paths.width.mean())
-    pieces = _cut(paths, _near(paths, _hanging(solid, below, width), width), _STEP * width)
-    return _joined(paths, pieces, _carried(paths, pieces, below, width))
+    width = float(paths.width.max())
+    air = _hanging(solid, below, width)
+    pieces = _cut(paths, _near(paths, air, width), _STEP * width)
+    return _joined(paths, pieces, _carried(paths, pieces, (below, air), width))
 
 
 def _hanging(solid: Areas, below: Areas, width: float) -> Areas:
@@ -122,8 +123,8 @@ def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
     return _Pieces(point, following[point], step, count[point], path, near[point])
 
 
-def _carried(paths: Toolpaths, pieces: _Pieces, below: Areas, width: float) -> Float:
-    """(K,) share of each piece that is carried, from that at both of its ends."""
+def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float) -> Float:
+    """(K,) share of each piece that is carried, from that at both of its ends; no bead is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     if not len(chosen):
@@ -136,14 +137,19 @@ def _carried(paths: Toolpaths, pieces: _Pieces, below: Areas, width: float) -> F
     place = np.cumsum(size) - size
     points = np.zeros((int(size.sum()), 2))
     points[place], points[place[apart] + 1] = begin, end[apart]
-    depth = _resolved(below, points, np.repeat(layer, size), _REACH * width, place[apart] + 1)
-    share = np.clip(0.5 + depth / width, 0, 1)
-    result[chosen] = (share[place] + share[place + 1]) / 2
+    depth = _resolved(under, points, np.repeat(layer, size), _REACH * width, place[apart] + 1)
+    wide = (paths.width[pieces.point[chosen]] + paths.width[pieces.following[chosen]]) / 2
+    shares = np.clip(0.5 + np.stack([depth[place], depth[place + 1]]) / wide, 0, 1)
+    result[chosen] = shares.mean(axis=0)
     return result
 
 
-def _resolved(below: Areas, points: Float, layer: Int, reach: float, last: Int) -> Float:
-    """(P,) depth of points one after the other, cut at +- `reach`; `last` are those that end a chain."""
+def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
+    """(P,) depth of points one after the other, cut at +- `reach`; `last` are those that end a chain.
+
+    `under` is the section of the layer below, and what of the layer itself hangs over air.
+    """
+    below, air = under
     depth = depths(below, points, layer, reach)
     chain = np.zeros(len(points), np.int64)
     chain[last[:-1] + 1] = 1
@@ -163,9 +169,10 @@ def _resolved(below: Areas, points: Float, layer: Int, reach: float, last: Int) 
     probe = unknown[probe]
     order = np.argsort(layer[probe], kind="stable")
     found = np.full(len(probe), -1)
-    found[order] = rings_around(below, points[probe[order]], layer[probe[order]])
-    inside = (found >= 0) & (np.append(below.ring_area(), 0)[found] > 0)
-    depth[unknown] = np.where(inside[which], reach, -reach)
+    # Far from all outlines below, what is not over the layer below hangs over air, which has fewer outlines.
+    found[order] = rings_around(air, points[probe[order]], layer[probe[order]])
+    hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
+    depth[unknown] = np.where(hangs[which], -reach, reach)
     return depth
 
 
