@@ -34,7 +34,7 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     route = _Route(paths, seams)
     rank = np.full(len(Role), len(roles))
     rank[list(roles)] = np.arange(len(roles))
-    step = rank[paths.role]
+    step = 2 * rank[paths.role] + ~paths.closed
     around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM)
     # Sorted by layer, island and role, every group that is printed together is one stretch.
     sequence = np.lexsort((np.arange(paths.n_paths), step, np.where(around, -1, island), paths.layer))

@@ -16,7 +16,7 @@ from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
 from printer_slicer.model import Float, LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
-from printer_slicer.perimeters import lay_walls, perimeter_paths
+from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
@@ -138,7 +138,7 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     report("regions")
     regions = classify(sections, walls, profile)
     report("toolpaths")
-    paths = [adhesion_paths(sections, profile), perimeter_paths(walls), infill_paths(regions, profile)]
+    paths = [adhesion_paths(sections, profile), walls.paths, infill_paths(regions, profile)]
     if paths[1].n_paths + paths[2].n_paths == 0:
         raise PartError(
             f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",

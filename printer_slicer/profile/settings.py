@@ -263,6 +263,15 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     perimeters: Annotated[int, _meta("perimeters around each section", ge=0, le=100)] = 2
+    min_bead_width: Annotated[
+        float, _meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    max_bead_width: Annotated[
+        float, _meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    min_feature: Annotated[
+        float, _meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
     outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
     seam: Annotated[Literal["aligned", "nearest", "rear"], _meta("where perimeters begin")] = "aligned"
     bottom_thickness: Annotated[float, _meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
@@ -301,6 +310,17 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def extrusion_width(self) -> float:
         """Width of a bead, mm, with the default filled in."""
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
+
+    @property
+    def bead_widths(self) -> tuple[float, float]:
+        """Narrowest and widest bead in narrow places, mm, with the defaults filled in."""
+        quality, nozzle = self.quality, self.printer.nozzle_diameter
+        return quality.min_bead_width or 0.85 * nozzle, quality.max_bead_width or 1.65 * nozzle
+
+    @property
+    def thinnest_feature(self) -> float:
+        """Thinnest wall that is printed, mm, with the default filled in."""
+        return self.quality.min_feature or 0.25 * self.printer.nozzle_diameter
 
     @property
     def thinnest(self) -> float:
