@@ -314,19 +314,7 @@ def _pieces(halves: _Halves, following: Int) -> MedialAxis:
         ],
         axis=1,
     )
-    first = np.cumsum(count) - count
-    entry = np.stack(
-        [2 * first, 2 * (first + count) - 1], axis=1
-    ).ravel()  # the first piece of each half-edge
-    onward = np.where(following < 0, -1, entry[following])
-    piece = np.arange(len(edge))
-    after = np.stack(
-        [
-            np.where(is_last, onward[2 * edge], 2 * piece + 2),
-            np.where(is_first, onward[2 * edge + 1], 2 * piece - 1),
-        ],
-        axis=1,
-    ).ravel()
+    after = _onward(following, count)
     owner = np.stack([2 * edge, 2 * edge + 1], axis=1).ravel()
     all_xy = np.concatenate([xy, inner])
     of_new = 2 * np.repeat(np.arange(len(count)), count - 1)
@@ -349,6 +337,17 @@ def _pieces(halves: _Halves, following: Int) -> MedialAxis:
         halves.source[owner],
         halves.corner[owner],
     )
+
+
+def _onward(following: Int, count: Int) -> Int:
+    """What follows each half-piece, for edges of `count` pieces: the next of the edge, or the first of another."""
+    first = np.cumsum(count) - count
+    edge, piece = np.repeat(np.arange(len(count)), count), np.arange(int(count.sum()))
+    entry = np.stack([2 * first, 2 * (first + count) - 1], axis=1).ravel()
+    onward = np.where(following < 0, -1, entry[following])
+    up = np.where(piece == (first + count - 1)[edge], onward[2 * edge], 2 * piece + 2)
+    down = np.where(piece == first[edge], onward[2 * edge + 1], 2 * piece - 1)
+    return np.stack([up, down], axis=1).ravel()
 
 
 def _divided(halves: _Halves) -> tuple[Int, Float]:

@@ -16,10 +16,12 @@ from printer_slicer.model import LayerPlan, Role, Sections, Toolpaths, Walls, re
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.narrow import Narrow, fill_narrow_places
 from printer_slicer.perimeters.ordinary import ordinary_loops
+from printer_slicer.perimeters.thinning import kept_points
 from printer_slicer.profile import Profile
 
 __all__ = ["NarrowFill", "fill_narrow", "lay_walls"]
 
+_EVEN = 0.004  # mm by which points may be off that are spared
 _HAIR = 1e-3  # mm; what is left lies this far inside, so that it is known on which side of the outlines it is
 _LEAST_STRIP = 0.5  # of the narrowest bead's spacing; thinner strips between loops are left open
 
@@ -116,11 +118,18 @@ def _varying(plan: LayerPlan, narrow: Narrow, role: Role | None = None) -> Toolp
     layer = np.concatenate([rings.layer, lines.layer])
     depth = np.concatenate([rings.level, lines.depth])
     size = np.concatenate([rings.size, lines.size])
-    width = np.maximum(np.concatenate([rings.width, lines.width]), np.repeat(plan.height[layer], size))
+    xy, width = np.concatenate([rings.xy, lines.xy]), np.concatenate([rings.width, lines.width])
+    width = np.round(np.maximum(width, np.repeat(plan.height[layer], size)), 3)  # what the file will say
     closed: Bool = np.concatenate([np.ones(len(rings.size), np.bool_), lines.closed])
+    kept = kept_points(xy, width, size, closed, _EVEN)
+    xy, width, size = (
+        xy[kept],
+        width[kept],
+        np.bincount(np.repeat(np.arange(len(size)), size)[kept], minlength=len(size)),
+    )
     outer, inner = (Role.OUTER_PERIMETER, Role.INNER_PERIMETER) if role is None else (role, role)
     order = np.lexsort((-depth, layer))
-    (x, y, width), size = reordered((*np.concatenate([rings.xy, lines.xy]).T, width), size, order)
+    (x, y, width), size = reordered((*xy.T, width), size, order)
     return Toolpaths.gathered(
         plan,
         xy=np.column_stack([x, y]),

@@ -335,6 +335,9 @@ M104 S0
 ; quality.resolution = 0.0125
 ; quality.extrusion_width = 0
 ; quality.perimeters = 2
+; quality.min_bead_width = 0
+; quality.max_bead_width = 0
+; quality.min_feature = 0
 ; quality.outer_perimeter_first = False
 ; quality.seam = aligned
 ; quality.bottom_thickness = 0.2
