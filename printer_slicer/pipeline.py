@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from printer_slicer.adhesion import adhesion_paths
+from printer_slicer.compensation import compensated
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
@@ -132,7 +133,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
 def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) -> Stages:
     """From a placed part and its plan to the moves."""
     report("slicing")
-    sections = cut(part, plan, profile.quality.resolution)
+    sections = compensated(cut(part, plan, profile.quality.resolution), profile)
     report("perimeters")
     walls = lay_walls(sections, profile)
     report("regions")

@@ -21,6 +21,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["NarrowFill", "fill_narrow", "lay_walls"]
 
+_SIMPLER = 0.03  # mm; the borders of strips between beads are nobody's outline
 _EVEN = 0.004  # mm by which points may be off that are spared
 _HAIR = 1e-3  # mm; what is left lies this far inside, so that it is known on which side of the outlines it is
 _LEAST_STRIP = 0.5  # of the narrowest bead's spacing; thinner strips between loops are left open
@@ -77,7 +78,7 @@ def fill_narrow(
     hair = np.full(plan.n_layers, _HAIR)
     least = _LEAST_STRIP * bead.spacing(np.maximum(profile.bead_widths[0], plan.height), plan.height)
     count = _beading(plan, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
-    narrow = fill_narrow_places(areas, count)
+    narrow = fill_narrow_places(areas, count, _SIMPLER)
     rest = areas.select(~narrow.layers[areas.ring_layer]).merge(narrow.inside)
     return NarrowFill(_varying(plan, narrow, role), rest, narrow.lost)
 

@@ -52,7 +52,7 @@ class Boxes:
 
 
 def facing(areas: Areas, distance: Float, lean: float) -> Boxes:
-    """Around each side of the outlines that faces another, a box that holds all of what is between.
+    """Boxes around the parts of sides that face others.
 
     Args:
         areas: clean areas.
@@ -84,8 +84,18 @@ def facing(areas: Areas, distance: Float, lean: float) -> Boxes:
         np.maximum.at(box_high, side, some_high)
     box_low[small], box_high[small] = np.minimum(box_low, low)[small], np.maximum(box_high, high)[small]
     chosen = np.flatnonzero(box_low[:, 0] < np.inf)
-    grown = distance[layer[chosen], None]
-    return Boxes(box_low[chosen] - grown, box_high[chosen] + grown, layer[chosen])
+    if not len(chosen):
+        return Boxes(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64))
+    # Neighbours share a box as long as it stays short.
+    cell = np.column_stack(
+        [layer[chosen], *(np.floor(one[chosen] / distance.max()) for one in (box_low, box_high))]
+    )
+    first = np.flatnonzero(np.concatenate([[True], (np.diff(cell, axis=0) != 0).any(axis=1)]))
+    return Boxes(
+        np.minimum.reduceat(box_low[chosen], first),
+        np.maximum.reduceat(box_high[chosen], first),
+        layer[chosen][first],
+    )
 
 
 def _of_small_rings(areas: Areas, distance: Float) -> Bool:

@@ -15,6 +15,7 @@ from printer_slicer.perimeters.layout import Layout
 __all__ = ["Lines", "middle_lines"]
 
 _SAME = 1e-6  # mm
+_LEAST = 0.4  # bead widths; a shorter bead between others is not worth a start and a stop
 _CORNERS = 6  # of the ring that a dot is
 
 
@@ -37,6 +38,13 @@ class Lines:
     layer: Int
     depth: Int
     closed: Bool
+
+    def length(self) -> Float:
+        """(M,) mm, of closed ones without their last side."""
+        step: Float = np.hypot(*np.diff(self.xy, axis=0, prepend=self.xy[:1]).T)
+        step[np.cumsum(self.size) - self.size] = 0.0
+        owner = np.repeat(np.arange(len(self.size)), self.size)
+        return np.asarray(np.bincount(owner, step, len(self.size)), np.float64)
 
     def take(self, keep: Bool) -> Lines:
         """Those for which `keep` is true."""
@@ -64,7 +72,7 @@ class Lines:
 
 def middle_lines(layout: Layout, beading: Beading) -> Lines:
     """One polyline along every stretch of pieces with a bead in the middle; dots where there is room for no more."""
-    return _along(layout).merge(_dots(layout, beading))
+    return _along(layout, beading).merge(_dots(layout, beading))
 
 
 def _dots(layout: Layout, beading: Beading) -> Lines:
@@ -94,7 +102,7 @@ def _dots(layout: Layout, beading: Beading) -> Lines:
     )
 
 
-def _along(layout: Layout) -> Lines:
+def _along(layout: Layout, beading: Beading) -> Lines:
     """One polyline along every stretch of pieces with a bead in the middle.
 
     Where three stretches meet, the two that go on straightest are one line; the others end at its side.
@@ -111,18 +119,21 @@ def _along(layout: Layout) -> Lines:
     # At its end a line turns back: there and back again is one cycle.
     onward = np.where(partner[twin] >= 0, partner[twin], twin)
     lowest, place = cycles(onward)
-    length = np.bincount(lowest, minlength=len(half))
+    turn = np.bincount(lowest, minlength=len(half))
     begin = np.full(len(half), -1)
     starts = np.flatnonzero(partner < 0)
     begin[lowest[starts[::-1]]] = starts[::-1]  # of both ends that of the lower number
     closed = begin < 0
     first = np.where(closed, np.arange(len(half)), begin)
-    rank = (place - place[first[lowest]]) % length[lowest]
-    chosen = np.where(closed[lowest], half[lowest] % 2 == 0, 2 * rank < length[lowest])
+    rank = (place - place[first[lowest]]) % turn[lowest]
+    chosen = np.where(closed[lowest], half[lowest] % 2 == 0, 2 * rank < turn[lowest])
     order = np.flatnonzero(chosen)
     order = order[np.lexsort((rank[order], lowest[order]))]
     steps = _Chosen(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
-    return _polylines(layout, steps)
+    lines = _polylines(layout, steps)
+    length = lines.length()
+    outer = (lines.depth == 0) & (beading.loops > 0)
+    return lines.take(outer | (length >= _LEAST * lines.width[np.cumsum(lines.size) - 1]))
 
 
 def _partners(point: Int, way: Float) -> tuple[Int, Bool]:

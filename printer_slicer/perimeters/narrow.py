@@ -13,6 +13,7 @@ from printer_slicer.geometry import (
     Int,
     normalize,
     offset,
+    simplify,
 )
 from printer_slicer.geometry.joints import linked
 from printer_slicer.geometry.voronoi import medial_axis
@@ -31,7 +32,8 @@ _LEAN = np.deg2rad(26)  # a little more than sides of corners that have beads in
 _BEYOND = (
     0.02  # mm of radius by which places are followed into wider ones, so that short bulges can be bridged
 )
-_ROOM = 0.3  # mm around narrow places within which the medial axis must be known
+_CELL = 0.4  # mm
+_ROOM = 0.5  # mm around narrow places within which the medial axis must be known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,18 +65,22 @@ class Narrow:
         )
 
 
-def fill_narrow_places(solid: Areas, beading: Beading) -> Narrow:
+def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -> Narrow:
     """Loops and middle beads of the layers on which the areas are too narrow, somewhere, for ordinary loops.
 
     Args:
         solid: clean areas.
         beading: beads by thickness.
+        tolerance: mm by which outlines may be simplified where there are narrow places.
     """
     widest = beading.thresholds()[-1] + _BEYOND
     near = facing(solid, 2 * widest, _LEAN)
     layers = np.zeros(solid.n_layers, np.bool_)
     layers[near.layer] = True
-    narrow, broken = _filled(_on(solid, layers), near, beading, widest)
+    solid = _on(solid, layers)
+    if tolerance:
+        solid = normalize(simplify(solid, tolerance))
+    narrow, broken = _filled(solid, near, beading, widest)
     if broken.any():
         # Where the places cannot be joined to the ordinary loops everything is traced, wide or not.
         rest, _ = _filled(_on(solid, broken), None, beading, np.full_like(widest, np.inf))
@@ -92,12 +98,12 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
     ends = np.stack([solid.xy, solid.xy[solid.following]])
     sides = np.ones(len(layer), np.bool_)
     if near is not None:
-        sides = near.near(ends.min(axis=0), ends.max(axis=0), layer, float(widest.max()) + _ROOM)
+        sides = near.near(ends.min(axis=0), ends.max(axis=0), layer, 2 * float(widest.max()) + _ROOM)
     axis = medial_axis(solid, float(widest.max(initial=0.0)), sides)
     real = _real(solid, sides, axis.source, axis.corner)
     given, layers, broken = _needed(counted(Graph.of(axis), real, beading, widest), beading, solid.n_layers)
     if near is not None:
-        broken |= _beyond(given, near, solid.n_layers)
+        broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
     layout = laid_out(given, beading)
     walk = walked(layout, layout.active, layout.inset, layout.width)
     nowhere = replace(layout, wide=np.zeros(len(layout.wide), np.bool_))
@@ -137,14 +143,15 @@ def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
     return np.asarray(half[::2] & half[1::2])
 
 
-def _beyond(given: Counted, near: Boxes, n_layers: int) -> Bool:
+def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
     """(L,) where pieces have come so far from the narrow places that sides which take no part may be nearer."""
     graph = given.graph
     point = np.unique(graph.ends[given.used])
-    xy, layer = graph.xy[point], graph.layer[point]
-    far = ~near.near(xy, xy, layer, _ROOM)
+    # Many points lie in one cell; it is as near as its middle, to half a cell.
+    cell = np.unique(np.column_stack([graph.layer[point], np.floor(graph.xy[point] / _CELL)]), axis=0)
+    middle, layer = (cell[:, 1:] + 0.5) * _CELL, cell[:, 0].astype(np.int64)
     result = np.zeros(n_layers, np.bool_)
-    result[layer[far]] = True
+    result[layer[~near.near(middle, middle, layer, reach - _CELL / 2)]] = True
     return result
 
 
@@ -167,6 +174,8 @@ def _needed(given: Counted, beading: Beading, n_layers: int) -> tuple[Counted, B
     narrow = given.central & (given.count < beading.full)
     open_ended = np.zeros(len(graph.xy), np.bool_)
     open_ended[group[ends[given.wide].ravel()]] = True
+    apart = ~given.used & ~given.wide
+    open_ended[group[ends[apart].ravel()]] = True
     is_narrow = ~open_ended  # as small islands are that have no long side
     is_narrow[group[ends[narrow, 0]]] = True
     used = given.used & is_narrow[group[ends[:, 0]]]
@@ -174,7 +183,7 @@ def _needed(given: Counted, beading: Beading, n_layers: int) -> tuple[Counted, B
     layers[layer[used]] = True
     touched = np.zeros(len(graph.xy), np.bool_)
     touched[ends[used]] = True
-    cut = ~given.used & ~given.wide & touched[ends].any(axis=1)
+    cut = apart & touched[ends].any(axis=1)
     broken = np.zeros(n_layers, np.bool_)
     broken[layer[cut]] = True
     return (

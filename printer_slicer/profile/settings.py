@@ -259,6 +259,18 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     resolution: Annotated[float, _meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = (
         0.0125
     )
+    xy_compensation: Annotated[
+        float, _meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)
+    ] = 0
+    hole_compensation: Annotated[
+        float, _meta("holes are widened by this on all sides", "mm", ge=-1, le=1)
+    ] = 0
+    elephant_foot: Annotated[
+        float, _meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
+    ] = 0
+    elephant_foot_height: Annotated[
+        float, _meta("height over which that inset fades away; 0: the first layer only", "mm", ge=0, le=5)
+    ] = 0
     extrusion_width: Annotated[
         float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0

@@ -333,6 +333,10 @@ M104 S0
 ; quality.tolerance = 0.12
 ; quality.containment = mid
 ; quality.resolution = 0.0125
+; quality.xy_compensation = 0
+; quality.hole_compensation = 0
+; quality.elephant_foot = 0
+; quality.elephant_foot_height = 0
 ; quality.extrusion_width = 0
 ; quality.perimeters = 2
 ; quality.min_bead_width = 0
