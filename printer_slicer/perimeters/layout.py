@@ -136,12 +136,11 @@ class _Ports:
         moved, fewest, changing = _moved(point, own, pairs, spacing)
         # All of a corner moves as the point does from which it leads down.
         lengths = np.where(given.corner, 0.0, np.where(given.used, graph.length, np.inf))
-        change, distance = _nearest_change(
-            port, lengths, changing, 2 * _TRANSITION + beading.spacing.max(initial=0)
-        )
+        reach = 2 * _TRANSITION + float(beading.spacing.max(initial=0))
+        change, distance = _nearest_change(port, lengths, changing, reach)
         mouth = np.zeros(len(graph.xy), np.bool_)
         mouth[graph.ends[given.wide]] = True
-        beyond = _nearest_change(port, lengths, mouth[point], _TRANSITION)[1]
+        beyond = _nearest_change(port, lengths, mouth[point], reach)[1]
         return cls(given, port, point, leader, count, change, distance, beyond, spacing, moved, fewest)
 
     def passing(self, distance: Float) -> tuple[Int, Float]:
@@ -192,7 +191,9 @@ class _Ports:
         nearest = np.argmin(self.distance[self.port], axis=1)
         end = np.take_along_axis(self.port, nearest[:, None], axis=1)[:, 0]
         change = self.change[end]
-        close = self.distance[self.port].mean(axis=1) < beading.spacing[graph.piece_layer] / 2
+        half = beading.spacing[graph.piece_layer] / 2
+        # In front of a wide place there may be no room to turn; there it turns where it ends.
+        close = (self.distance[self.port].mean(axis=1) < half) & ((self.distance + self.open)[end] > half)
         ending = (change >= 0) & close & (self.fewest[change] <= level) & (level < beading.loops)
         active = there & (rest > 0) & ~ending & given.used
         middle = given.central & (count % 2 == 1) & (count < beading.full)
