@@ -13,6 +13,7 @@ from printer_slicer.slicing import cut
 from tests.parts import (
     box,
     box_with_hole,
+    joined,
     plain,
     pyramid,
     shape,
@@ -149,3 +150,72 @@ def test_a_hole_is_followed_the_other_way_round() -> None:
     for layer in range(6):
         turns = [shapely.is_ccw(shapely.LinearRing(ring)) for ring in loops_of(walls, layer)]
         assert sorted(turns) == [False, False, True, True]
+
+
+# --- where nothing lies above, and where nothing lies below ---
+
+
+def stairs() -> Mesh:
+    """A step of 8 mm all around at half the height."""
+    return step_pyramid([20, 12], [1.0, 1.0])
+
+
+def test_only_the_outer_perimeter_goes_around_a_top_surface() -> None:
+    plan = tuple(0.2 * np.arange(1, 11))
+    usual = lay_walls(sections_of(stairs(), plan), plain(perimeters=3))
+    single = lay_walls(sections_of(stairs(), plan), plain(perimeters=3, single_top_perimeter=True))
+
+    for layer in range(10):
+        roles = single.paths.role[single.paths.layer == layer]
+        assert (roles == Role.OUTER_PERIMETER).sum() == 1
+        # The step keeps inner ones around what goes on above; the last layer has none.
+        assert (roles == Role.INNER_PERIMETER).sum() == (0 if layer == 9 else 2)
+    gap = bead.spacing(0.45, 0.2)
+    wider = single.inside.area() - usual.inside.area()
+    assert (wider > 1).tolist() == [layer in {4, 9} for layer in range(10)]
+    assert single.inside.area()[9] == pytest.approx((12 - 0.45 - gap) ** 2, abs=1e-2)
+
+
+@engines
+def test_what_lies_inside_and_the_walls_together_are_the_section(engine: str) -> None:
+    plan = tuple(0.2 * np.arange(1, 11))
+    sections = sections_of(stairs(), plan)
+    with using_engine(engine):
+        walls = lay_walls(sections, plain(perimeters=3, single_top_perimeter=True))
+
+    paths = walls.paths
+    ends = np.arange(1, len(paths.xy) + 1)
+    ends[paths.start[1:] - 1] = np.where(paths.closed, paths.start[:-1], paths.start[1:] - 1)
+    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    length = np.hypot(*(paths.xy[ends] - paths.xy).T)
+    laid = np.bincount(paths.layer[path], length * bead.spacing(paths.width, 0.2), minlength=10)
+    room = sections.solid.area() - sections.solid.ring_length().reshape(10) * 0.2 * (1 - np.pi / 4) / 2
+    assert laid + walls.inside.area() == pytest.approx(room, rel=2e-3)
+
+
+def overhang(step: float) -> Mesh:
+    """Layers of 0.2 mm, each wider than the one below by a step on all sides."""
+    return joined([box((10 + 2 * step * k,) * 2 + (0.2,), (-step * k,) * 2 + (0.2 * k,)) for k in range(5)])
+
+
+def test_edges_that_hang_over_air_get_more_perimeters() -> None:
+    plan = tuple(0.2 * np.arange(1, 6))
+    sections = sections_of(overhang(1.8), plan)
+    usual = lay_walls(sections, plain(perimeters=2))
+    more = lay_walls(sections, plain(perimeters=2, extra_perimeters=True))
+
+    added = np.bincount(more.paths.layer, minlength=5) - np.bincount(usual.paths.layer, minlength=5)
+    assert added[0] == 0
+    assert (added[1:] >= 1).all()
+    assert (more.inside.area()[1:] < usual.inside.area()[1:] - 10).all()
+
+
+def test_gentle_overhangs_and_bridges_get_none() -> None:
+    plan = tuple(0.2 * np.arange(1, 6))
+    table = joined([box((20, 4, 0.4)), box((20, 4, 0.4), (0, 5.2, 0)), box((20, 9.2, 0.6), (0, 0, 0.4))])
+    for mesh in (overhang(0.3), table):
+        sections = sections_of(mesh, plan)
+        usual = lay_walls(sections, plain(perimeters=2))
+        more = lay_walls(sections, plain(perimeters=2, extra_perimeters=True))
+
+        assert more.paths.n_paths == usual.paths.n_paths

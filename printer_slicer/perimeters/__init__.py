@@ -6,137 +6,76 @@ their number and their widths follow the thickness (`narrow`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from printer_slicer import bead
-from printer_slicer.geometry import Areas, Bool, Float
-from printer_slicer.model import LayerPlan, Role, Sections, Toolpaths, Walls, reordered
-from printer_slicer.perimeters.beading import Beading
-from printer_slicer.perimeters.narrow import Narrow, fill_narrow_places
-from printer_slicer.perimeters.ordinary import ordinary_loops
-from printer_slicer.perimeters.thinning import kept_points
+from printer_slicer.geometry import Areas, Bool, difference, intersection, offset, offset_open, union
+from printer_slicer.model import Sections, Toolpaths, Walls
+from printer_slicer.perimeters.shells import Filled, fill_narrow, shell
 from printer_slicer.profile import Profile
 
-__all__ = ["NarrowFill", "fill_narrow", "lay_walls"]
+__all__ = ["Filled", "fill_narrow", "lay_walls"]
 
-_SIMPLER = 0.03  # mm; the borders of strips between beads are nobody's outline
-_EVEN = 0.004  # mm by which points may be off that are spared
-_HAIR = 1e-3  # mm; what is left lies this far inside, so that it is known on which side of the outlines it is
-_LEAST_STRIP = 0.5  # of the narrowest bead's spacing; thinner strips between loops are left open
+_OVERHANG_BEADS = 3  # side by side over air; wider overhangs are bridged
 
 
 def lay_walls(sections: Sections, profile: Profile) -> Walls:
     """`quality.perimeters` loops around every section, and the area left inside them.
 
     The outermost bead's side lies on the contour. Layers that are wide everywhere have loops of one width; on others
-    the beads fill the narrow places from side to side.
+    the beads fill the narrow places from side to side. Under the open sky only the outermost loop is laid if
+    `quality.single_top_perimeter` says so; with `quality.extra_perimeters` the edges of overhangs are walls too.
     """
-    plan, loops = sections.plan, profile.quality.perimeters
+    plan, solid, quality = sections.plan, sections.solid, profile.quality
+    top, layers = Areas.empty(plan.n_layers), np.zeros(plan.n_layers, np.bool_)
+    if quality.single_top_perimeter and quality.perimeters > 1:
+        top = _open_top(solid, profile.extrusion_width)
+        layers[top.ring_layer] = True
+    usual = shell(_on(solid, ~layers), plan, profile, quality.perimeters)
+    parts, inside, lost = [usual.paths], usual.rest, usual.lost
+    if layers.any():
+        outer = shell(_on(solid, layers), plan, profile, 1)
+        under = difference(outer.rest, top)
+        inner = shell(under, plan, profile, quality.perimeters - 1, outermost=False)
+        inside = inside.merge(union(difference(outer.rest, under), inner.rest))
+        parts += [inner.paths, outer.paths]
+        lost = lost + outer.lost + inner.lost
+    if quality.perimeters:
+        strips = fill_narrow(inside, plan, profile)
+        parts, inside, lost = [strips.paths, *parts], strips.rest, lost + strips.lost
+    if quality.extra_perimeters and quality.perimeters:
+        extra = fill_narrow(
+            _hanging(solid, inside, profile.extrusion_width), plan, profile, beads=_OVERHANG_BEADS
+        )
+        inside = difference(inside, difference(_hanging(solid, inside, profile.extrusion_width), extra.rest))
+        parts = [extra.paths, *parts]
     width = np.full(plan.n_layers, profile.extrusion_width)
-    gap = bead.spacing(width, plan.height)
-    if not loops:
-        return Walls(plan, width, _loops(plan, [], width), sections.solid, np.zeros(plan.n_layers))
-    feature = np.full(plan.n_layers, profile.thinnest_feature)
-    beads = _beading(plan, profile, loops=loops, amid=False, margin=(width - gap) / 2, thinnest=feature)
-    narrow = fill_narrow_places(sections.solid, beads)
-    wide = sections.solid.select(~narrow.layers[sections.solid.ring_layer])
-    ordinary, inside, lost = ordinary_loops(wide, width, gap, loops)
-    strips = fill_narrow(inside.merge(narrow.inside), plan, profile)
-    paths = [strips.paths, _loops(plan, ordinary, width), _varying(plan, narrow)]
-    return Walls(plan, width, Toolpaths.joined(plan, paths), strips.rest, lost + narrow.lost + strips.lost)
+    return Walls(plan, width, Toolpaths.joined(plan, parts), inside, lost)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NarrowFill:
-    """What `fill_narrow` makes of areas.
-
-    Attributes:
-        paths: beads, open or closed, with their widths.
-        rest: what is wide.
-        lost: (L,) mm² too thin for any bead.
-    """
-
-    paths: Toolpaths
-    rest: Areas
-    lost: Float
+def _on(areas: Areas, layers: Bool) -> Areas:
+    return areas.select(layers[areas.ring_layer])
 
 
-def fill_narrow(
-    areas: Areas, plan: LayerPlan, profile: Profile, *, beads: int = 1, role: Role = Role.INNER_PERIMETER
-) -> NarrowFill:
-    """Beads of varying width where areas between other beads are too narrow for anything else, and what is left.
-
-    Args:
-        areas: clean areas; their outlines are where the shares of the beads around them end.
-        plan: the layers.
-        profile: printer and quality.
-        beads: places with room for more side by side are left.
-        role: of the paths.
-    """
-    hair = np.full(plan.n_layers, _HAIR)
-    least = _LEAST_STRIP * bead.spacing(np.maximum(profile.bead_widths[0], plan.height), plan.height)
-    count = _beading(plan, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
-    narrow = fill_narrow_places(areas, count, _SIMPLER)
-    rest = areas.select(~narrow.layers[areas.ring_layer]).merge(narrow.inside)
-    return NarrowFill(_varying(plan, narrow, role), rest, narrow.lost)
+def _moved(areas: Areas, by: int) -> Areas:
+    """Areas that many layers higher."""
+    layer = areas.ring_layer + by
+    kept = areas.select((layer >= 0) & (layer < areas.n_layers))
+    return Areas(kept.xy, kept.ring_start, kept.ring_layer + by, kept.n_layers)
 
 
-def _beading(
-    plan: LayerPlan, profile: Profile, *, loops: int, amid: bool, margin: Float, thinnest: Float
-) -> Beading:
-    """How many beads lie across an area, by its thickness."""
-    height, width = plan.height, profile.extrusion_width
-    spacing = bead.spacing(width, height)
-    narrowest, widest = (bead.spacing(np.maximum(limit, height), height) for limit in profile.bead_widths)
-    return Beading(loops, amid, spacing, width - spacing, margin, narrowest, widest, thinnest)
+def _open_top(solid: Areas, width: float) -> Areas:
+    """What no layer lies on, where it is wide enough to be seen as a surface and not as the edge of a layer."""
+    return offset_open(difference(solid, _moved(solid, -1)), 1.5 * width)
 
 
-def _loops(plan: LayerPlan, loops: list[Areas], width: Float) -> Toolpaths:
-    """One closed path per ring; the deeper ones come first within each layer."""
-    layer, role, widths, xy, size = [], [], [], [], []
-    for depth, loop in reversed(list(enumerate(loops))):
-        layer.append(loop.ring_layer)
-        role.append(np.full(loop.n_rings, Role.INNER_PERIMETER if depth else Role.OUTER_PERIMETER))
-        widths.append(width[loop.ring_layer])
-        xy.append(loop.xy)
-        size.append(np.diff(loop.ring_start))
-    return Toolpaths.gathered(
-        plan,
-        xy=np.concatenate([np.zeros((0, 2)), *xy]),
-        size=np.concatenate([np.zeros(0, np.int64), *size]),
-        layer=np.concatenate([np.zeros(0, np.int64), *layer]),
-        role=np.concatenate([np.zeros(0, np.int64), *role]),
-        width=np.concatenate([np.zeros(0), *widths]),
-        closed=True,
-    )
-
-
-def _varying(plan: LayerPlan, narrow: Narrow, role: Role | None = None) -> Toolpaths:
-    """Loops and lines of varying width, the deeper ones first within each layer; perimeters if no role is given."""
-    rings, lines = narrow.rings, narrow.lines
-    layer = np.concatenate([rings.layer, lines.layer])
-    depth = np.concatenate([rings.level, lines.depth])
-    size = np.concatenate([rings.size, lines.size])
-    xy, width = np.concatenate([rings.xy, lines.xy]), np.concatenate([rings.width, lines.width])
-    width = np.round(np.maximum(width, np.repeat(plan.height[layer], size)), 3)  # what the file will say
-    closed: Bool = np.concatenate([np.ones(len(rings.size), np.bool_), lines.closed])
-    kept = kept_points(xy, width, size, closed, _EVEN)
-    xy, width, size = (
-        xy[kept],
-        width[kept],
-        np.bincount(np.repeat(np.arange(len(size)), size)[kept], minlength=len(size)),
-    )
-    outer, inner = (Role.OUTER_PERIMETER, Role.INNER_PERIMETER) if role is None else (role, role)
-    order = np.lexsort((-depth, layer))
-    (x, y, width), size = reordered((*xy.T, width), size, order)
-    return Toolpaths.gathered(
-        plan,
-        xy=np.column_stack([x, y]),
-        size=size,
-        layer=layer[order],
-        role=np.where(depth[order] > 0, inner, outer),
-        width=width,
-        closed=closed[order],
-    )
+def _hanging(solid: Areas, inside: Areas, width: float) -> Areas:
+    """What of the inside hangs over air in a strip of few beads beside walls that do."""
+    above_bed = np.arange(solid.n_layers) > 0
+    reach = _OVERHANG_BEADS * width
+    # What spans a gap of few beads is held at both ends.
+    below = offset(offset(_moved(solid, 1), (width + reach) / 2), -reach / 2)
+    walls = _on(difference(difference(solid, inside), below), above_bed)
+    air = _on(difference(inside, below), above_bed)
+    strips = difference(air, offset_open(air, reach / 2))
+    beside = intersection(strips, offset(offset_open(walls, width / 4), reach + width))
+    return offset_open(beside, width / 4)

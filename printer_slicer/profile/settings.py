@@ -284,6 +284,12 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     min_feature: Annotated[
         float, _meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
+    single_top_perimeter: Annotated[
+        bool, _meta("only the outer perimeter where nothing lies above; the rest becomes top skin")
+    ] = False
+    extra_perimeters: Annotated[bool, _meta("more perimeters where the edge of a layer hangs over air")] = (
+        False
+    )
     outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
     seam: Annotated[Literal["aligned", "nearest", "rear"], _meta("where perimeters begin")] = "aligned"
     bottom_thickness: Annotated[float, _meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (

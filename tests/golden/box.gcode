@@ -342,6 +342,8 @@ M104 S0
 ; quality.min_bead_width = 0
 ; quality.max_bead_width = 0
 ; quality.min_feature = 0
+; quality.single_top_perimeter = False
+; quality.extra_perimeters = False
 ; quality.outer_perimeter_first = False
 ; quality.seam = aligned
 ; quality.bottom_thickness = 0.2
