@@ -76,6 +76,31 @@ class Graph:
         """(E,) mm."""
         return np.asarray(self.radius[self.ends].mean(axis=1))
 
+    def only(self, kept: Int) -> Graph:
+        """Some pieces (n,), ascending, and their points; ways past pieces that are left out lead around their ends."""
+        number = np.full(len(self.start), -1)
+        half = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
+        number[half] = np.arange(len(half))
+        following = np.full(len(half), -1)
+        left, ahead = np.arange(len(half)), self.following[half]
+        while len(left):
+            known = ahead >= 0
+            left, ahead = left[known], ahead[known]
+            following[left] = number[ahead]
+            gone = number[ahead] < 0
+            left, ahead = left[gone], self.following[ahead[gone] ^ 1]
+        points, start = np.unique(self.start[half], return_inverse=True)
+        return Graph(
+            self.xy[points],
+            self.radius[points],
+            self.layer[points],
+            start,
+            self.foot[half],
+            following,
+            self.steepness[kept],
+            self.origin[kept],
+        )
+
     def divided(self, piece: Int, share: Float) -> Graph:
         """With new points on some pieces: at a share of the way (0 to 1) along each; in any order."""
         order = np.lexsort((share, piece))

@@ -186,13 +186,11 @@ def _needed(given: Counted, beading: Beading, n_layers: int) -> tuple[Counted, B
     cut = apart & touched[ends].any(axis=1)
     broken = np.zeros(n_layers, np.bool_)
     broken[layer[cut]] = True
-    return (
-        Counted(
-            graph, used, given.central & used, given.corner & used, given.wide, np.where(used, given.count, 0)
-        ),
-        layers,
-        broken,
-    )
+    # What leads into wide places is kept as far as it tells where the narrow ones end.
+    kept = np.flatnonzero(used | (given.wide & touched[ends].any(axis=1)))
+    central, corner = (given.central & used)[kept], (given.corner & used)[kept]
+    count = np.where(used, given.count, 0)[kept]
+    return Counted(graph.only(kept), used[kept], central, corner, given.wide[kept], count), layers, broken
 
 
 def _areas(rings: Rings, n_layers: int) -> Areas:
