@@ -11,6 +11,8 @@ from printer_slicer.profile.settings import OptimalPlanner, Profile
 
 __all__ = ["Conflict", "conflicts"]
 
+_HIGHEST = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
+
 
 class Conflict(NamedTuple):
     """Two settings that contradict each other.
@@ -108,10 +110,10 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
     nozzle, width = profile.printer.nozzle_diameter, profile.extrusion_width
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
     highest = profile.thickest if _varies(profile) else uniform
-    if highest > nozzle + 1e-9:
+    if highest > _HIGHEST * nozzle + 1e-9:
         yield Conflict(
             "printer.nozzle_diameter",
-            f"{nozzle:g} mm is less than the layers are high, {highest:g} mm",
+            f"{nozzle:g} mm lays beads of {_HIGHEST * nozzle:g} mm at most, but layers are {highest:g} mm high",
             "lower quality.thickest_layer or quality.layer_height, or take a wider nozzle",
         )
     if width < highest:
@@ -119,6 +121,13 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
             "quality.extrusion_width",
             f"{width:g} mm is under the layer height {highest:g} mm",
             "a bead is at least as wide as high: widen it or take thinner layers",
+        )
+    narrowest, widest = profile.bead_widths
+    if not narrowest <= width <= widest:
+        yield Conflict(
+            "quality.min_bead_width" if narrowest > width else "quality.max_bead_width",
+            f"beads of {narrowest:g} to {widest:g} mm, but the usual one is {width:g} mm wide",
+            "the usual width lies between both",
         )
     if not 0.6 * nozzle <= width <= 2.5 * nozzle:
         yield Conflict(

@@ -332,8 +332,9 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def bead_widths(self) -> tuple[float, float]:
         """Narrowest and widest bead in narrow places, mm, with the defaults filled in."""
-        quality, nozzle = self.quality, self.printer.nozzle_diameter
-        return quality.min_bead_width or 0.85 * nozzle, quality.max_bead_width or 1.65 * nozzle
+        quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
+        narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
+        return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
 
     @property
     def thinnest_feature(self) -> float:
