@@ -44,7 +44,7 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     rank = np.full(len(Role), len(roles))
     rank[list(roles)] = np.arange(len(roles))
     around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM) | (paths.role == Role.RAFT) & paths.closed
-    step = np.where(around, 0, rank[paths.role])
+    step = np.where(around, 0, 2 * rank[paths.role] + ~paths.closed)
     # Sorted by layer, island and role, every group that is printed together is one stretch.
     sequence = np.lexsort((np.arange(paths.n_paths), step, np.where(around, -1, island), paths.layer))
     key = np.stack([paths.layer, np.where(around, -1, island), step])[:, sequence]

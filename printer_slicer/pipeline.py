@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from printer_slicer.adhesion import adhesion_paths, on_raft
+from printer_slicer.compensation import compensated
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
@@ -17,7 +18,7 @@ from printer_slicer.infill import infill_paths
 from printer_slicer.model import Float, LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
 from printer_slicer.ordering import order
 from printer_slicer.overhangs import graded
-from printer_slicer.perimeters import lay_walls, perimeter_paths
+from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
@@ -135,13 +136,13 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
 def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) -> Stages:
     """From a placed part and its plan to the moves."""
     report("slicing")
-    sections = cut(part, plan, profile.quality.resolution)
+    sections = compensated(cut(part, plan, profile.quality.resolution), profile)
     report("perimeters")
     walls = lay_walls(sections, profile)
     report("regions")
     regions = classify(sections, walls, profile)
     report("toolpaths")
-    paths = [graded(perimeter_paths(walls), sections), infill_paths(regions, profile)]
+    paths = [graded(walls.paths, sections), infill_paths(regions, profile)]
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",

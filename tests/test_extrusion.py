@@ -525,7 +525,7 @@ def test_temperatures_that_stay_are_not_set_again() -> None:
 
 def test_a_part_too_thin_for_any_bead_is_refused_with_a_reason() -> None:
     with pytest.raises(PartError):
-        slice_part(box((10, 0.2, 3)), plain())
+        slice_part(box((10, 0.05, 3)), plain())
 
 
 def test_settings_that_lay_nothing_are_refused_with_a_reason() -> None:

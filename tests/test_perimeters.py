@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.model import Areas, LayerPlan, Mesh, Role, Sections
-from printer_slicer.perimeters import lay_walls, perimeter_paths
+from printer_slicer.model import Float, LayerPlan, Mesh, Role, Sections, Walls
+from printer_slicer.perimeters import lay_walls
 from printer_slicer.slicing import cut
 from tests.parts import (
     box,
     box_with_hole,
+    joined,
     plain,
-    prism,
     pyramid,
     shape,
     shapely,
@@ -33,9 +31,9 @@ def sections_of(mesh: Mesh, tops: tuple[float, ...] = UNEVEN) -> Sections:
     return cut(mesh, LayerPlan.from_tops(np.array(tops)), 0.0125)
 
 
-def ring_of(loop: Areas, layer: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    (ring,) = loop.rings(layer)
-    return ring
+def loops_of(walls: Walls, layer: int) -> list[Float]:
+    """The paths of a layer, outermost first."""
+    return [walls.paths.path(i) for i in np.flatnonzero(walls.paths.layer == layer)[::-1].tolist()]
 
 
 @engines
@@ -44,8 +42,7 @@ def test_there_are_as_many_loops_as_asked_for(engine: str, count: int) -> None:
     with using_engine(engine):
         walls = lay_walls(sections_of(box()), plain(perimeters=count))
 
-    assert len(walls.loops) == count
-    assert all(loop.n_rings == 6 for loop in walls.loops)
+    assert np.bincount(walls.paths.layer, minlength=6).tolist() == [count] * 6
 
 
 @engines
@@ -56,9 +53,8 @@ def test_loops_of_a_box_lie_half_a_width_inside_and_one_spacing_apart_on_each_la
 
     for layer, height in enumerate(sections.plan.height):
         gap = float(bead.spacing(0.45, height))
-        for depth, loop in enumerate(walls.loops):
+        for depth, ring in enumerate(loops_of(walls, layer)):
             inset = 0.45 / 2 + depth * gap
-            ring = ring_of(loop, layer)
             assert ring.min(axis=0) == pytest.approx([inset, inset], abs=2e-5)
             assert ring.max(axis=0) == pytest.approx([10 - inset, 10 - inset], abs=2e-5)
             assert len(ring) == 4
@@ -67,7 +63,8 @@ def test_loops_of_a_box_lie_half_a_width_inside_and_one_spacing_apart_on_each_la
 def test_uneven_layers_have_spacings_of_their_own() -> None:
     walls = lay_walls(sections_of(box()), plain(perimeters=2))
 
-    steps = [ring_of(walls.loops[1], k).min() - ring_of(walls.loops[0], k).min() for k in range(6)]
+    pairs = [loops_of(walls, k) for k in range(6)]
+    steps = [inner.min() - outer.min() for outer, inner in pairs]
     assert steps == pytest.approx(bead.spacing(0.45, np.array([0.1, 0.32, 0.08, 0.32, 0.18, 0.32])), abs=2e-5)
 
 
@@ -87,7 +84,7 @@ def test_without_perimeters_everything_is_inside() -> None:
     walls = lay_walls(sections, plain(perimeters=0))
 
     assert walls.inside.area() == pytest.approx([100] * 6)
-    assert perimeter_paths(walls).n_paths == 0
+    assert walls.paths.n_paths == 0
 
 
 MESHES = [
@@ -107,11 +104,10 @@ def test_no_bead_leaves_the_section(engine: str, mesh: Mesh) -> None:
     with using_engine(engine):
         walls = lay_walls(sections, plain(perimeters=3))
 
-    for loop in walls.loops:
-        for layer in range(6):
-            room = shape(sections.solid, layer).buffer(-(0.45 / 2 - 1e-4), join_style="mitre")
-            for ring in loop.rings(layer):
-                assert shapely.within(shapely.LinearRing(ring), room)
+    for layer in range(6):
+        room = shape(sections.solid, layer).buffer(-(0.45 / 2 - 1e-4), join_style="mitre")
+        for ring in loops_of(walls, layer):
+            assert shapely.within(shapely.LinearRing(ring), room)
 
 
 @engines
@@ -123,60 +119,13 @@ def test_loops_of_one_layer_keep_their_distance(engine: str, mesh: Mesh) -> None
 
     for layer, height in enumerate(sections.plan.height):
         gap = float(bead.spacing(0.45, height))
-        rings = [shapely.LinearRing(ring) for loop in walls.loops for ring in loop.rings(layer)]
+        rings = [shapely.LinearRing(ring) for ring in loops_of(walls, layer)]
         distances = [shapely.distance(a, b) for i, a in enumerate(rings) for b in rings[:i]]
         assert min(distances, default=1.0) > 0.59 * gap
 
 
-@settings(deadline=None, max_examples=25)
-@given(
-    corners=st.lists(st.tuples(st.floats(1.5, 9), st.floats(0, 0.9)), min_size=3, max_size=7),
-    perimeters=st.integers(1, 4),
-)
-def test_beads_of_any_convex_outline_stay_inside(corners: list[tuple[float, float]], perimeters: int) -> None:
-    turns = 2 * np.pi * (np.arange(len(corners)) + [share for _, share in corners]) / len(corners)
-    radii = np.array([radius for radius, _ in corners])
-    hull = shapely.convex_hull(
-        shapely.MultiPoint(np.column_stack([radii * np.cos(turns), radii * np.sin(turns)]))
-    )
-    if hull.geom_type != "Polygon" or hull.area < 1:
-        return
-    outline = np.asarray(shapely.orient_polygons(hull).exterior.coords)[:-1]
-
-    walls = lay_walls(sections_of(prism(outline, 1.32)), plain(perimeters=perimeters))
-
-    room = hull.buffer(-(0.45 / 2 - 0.013), join_style="mitre")
-    for loop in walls.loops:
-        assert all(shapely.within(shapely.LinearRing(ring), room) for ring in loop.rings(0))
-
-
-def test_loops_where_two_sides_would_meet_are_left_out() -> None:
-    """A wall of 0.6 has room for one bead but not for a loop of two."""
-    walls = lay_walls(sections_of(box((10, 0.6, 2))), plain(perimeters=2))
-
-    assert walls.loops[0].n_rings == 0
-    assert walls.lost == pytest.approx([6.0] * 6)
-
-
-def test_walls_wide_enough_for_their_loops_lose_nothing() -> None:
-    for wide, perimeters in ((0.8, 1), (1.0, 1), (2.0, 2), (10.0, 2)):
-        walls = lay_walls(sections_of(box((10, wide, 2))), plain(perimeters=perimeters))
-
-        assert walls.loops[-1].n_rings == 6
-        assert walls.lost == pytest.approx([0] * 6, abs=1e-3)
-
-
-def test_a_strip_too_narrow_for_the_next_loop_is_counted_as_lost() -> None:
-    # Two beads of 0.45 mm leave a strip of about 0.34 mm between them.
-    walls = lay_walls(sections_of(box((30, 1.2, 2))), plain(perimeters=2))
-
-    gap = bead.spacing(0.45, walls.plan.height)
-    assert walls.lost == pytest.approx((1.2 - 0.45 - gap) * (30 - 0.45 - gap), rel=1e-3)
-
-
 def test_every_loop_becomes_one_closed_path_with_role_and_width() -> None:
-    walls = lay_walls(sections_of(box_with_hole((20, 20, 2))), plain(perimeters=3))
-    paths = perimeter_paths(walls)
+    paths = lay_walls(sections_of(box_with_hole((20, 20, 2))), plain(perimeters=3)).paths
 
     assert paths.n_paths == 6 * 3 * 2
     assert paths.closed.all()
@@ -186,7 +135,7 @@ def test_every_loop_becomes_one_closed_path_with_role_and_width() -> None:
 
 
 def test_deeper_loops_come_first_within_a_layer() -> None:
-    paths = perimeter_paths(lay_walls(sections_of(box()), plain(perimeters=3)))
+    paths = lay_walls(sections_of(box()), plain(perimeters=3)).paths
 
     for layer in range(6):
         roles = paths.role[paths.layer == layer].tolist()
@@ -198,5 +147,75 @@ def test_deeper_loops_come_first_within_a_layer() -> None:
 def test_a_hole_is_followed_the_other_way_round() -> None:
     walls = lay_walls(sections_of(box_with_hole((20, 20, 2))), plain(perimeters=2))
 
-    for loop in walls.loops:
-        assert sorted(np.sign(loop.ring_area()).tolist()) == [-1] * 6 + [1] * 6
+    for layer in range(6):
+        turns = [shapely.is_ccw(shapely.LinearRing(ring)) for ring in loops_of(walls, layer)]
+        assert sorted(turns) == [False, False, True, True]
+
+
+# --- where nothing lies above, and where nothing lies below ---
+
+
+def stairs() -> Mesh:
+    """A step of 8 mm all around at half the height."""
+    return step_pyramid([20, 12], [1.0, 1.0])
+
+
+def test_only_the_outer_perimeter_goes_around_a_top_surface() -> None:
+    plan = tuple(0.2 * np.arange(1, 11))
+    usual = lay_walls(sections_of(stairs(), plan), plain(perimeters=3))
+    single = lay_walls(sections_of(stairs(), plan), plain(perimeters=3, single_top_perimeter=True))
+
+    for layer in range(10):
+        roles = single.paths.role[single.paths.layer == layer]
+        assert (roles == Role.OUTER_PERIMETER).sum() == 1
+        # The step keeps inner ones around what goes on above; the last layer has none.
+        assert (roles == Role.INNER_PERIMETER).sum() == (0 if layer == 9 else 2)
+    gap = bead.spacing(0.45, 0.2)
+    wider = single.inside.area() - usual.inside.area()
+    assert (wider > 1).tolist() == [layer in {4, 9} for layer in range(10)]
+    assert single.inside.area()[9] == pytest.approx((12 - 0.45 - gap) ** 2, abs=1e-2)
+
+
+@engines
+def test_what_lies_inside_and_the_walls_together_are_the_section(engine: str) -> None:
+    plan = tuple(0.2 * np.arange(1, 11))
+    sections = sections_of(stairs(), plan)
+    with using_engine(engine):
+        walls = lay_walls(sections, plain(perimeters=3, single_top_perimeter=True))
+
+    paths = walls.paths
+    ends = np.arange(1, len(paths.xy) + 1)
+    ends[paths.start[1:] - 1] = np.where(paths.closed, paths.start[:-1], paths.start[1:] - 1)
+    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    length = np.hypot(*(paths.xy[ends] - paths.xy).T)
+    laid = np.bincount(paths.layer[path], length * bead.spacing(paths.width, 0.2), minlength=10)
+    room = sections.solid.area() - sections.solid.ring_length().reshape(10) * 0.2 * (1 - np.pi / 4) / 2
+    assert laid + walls.inside.area() == pytest.approx(room, rel=2e-3)
+
+
+def overhang(step: float) -> Mesh:
+    """Layers of 0.2 mm, each wider than the one below by a step on all sides."""
+    return joined([box((10 + 2 * step * k,) * 2 + (0.2,), (-step * k,) * 2 + (0.2 * k,)) for k in range(5)])
+
+
+def test_edges_that_hang_over_air_get_more_perimeters() -> None:
+    plan = tuple(0.2 * np.arange(1, 6))
+    sections = sections_of(overhang(1.8), plan)
+    usual = lay_walls(sections, plain(perimeters=2))
+    more = lay_walls(sections, plain(perimeters=2, extra_perimeters=True))
+
+    added = np.bincount(more.paths.layer, minlength=5) - np.bincount(usual.paths.layer, minlength=5)
+    assert added[0] == 0
+    assert (added[1:] >= 1).all()
+    assert (more.inside.area()[1:] < usual.inside.area()[1:] - 10).all()
+
+
+def test_gentle_overhangs_and_bridges_get_none() -> None:
+    plan = tuple(0.2 * np.arange(1, 6))
+    table = joined([box((20, 4, 0.4)), box((20, 4, 0.4), (0, 5.2, 0)), box((20, 9.2, 0.6), (0, 0, 0.4))])
+    for mesh in (overhang(0.3), table):
+        sections = sections_of(mesh, plan)
+        usual = lay_walls(sections, plain(perimeters=2))
+        more = lay_walls(sections, plain(perimeters=2, extra_perimeters=True))
+
+        assert more.paths.n_paths == usual.paths.n_paths

@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.geometry import Areas, Float, Int, frozen_array
 
-__all__ = ["Contours", "Gap", "LayerPlan", "Regions", "Sections", "Walls"]
+__all__ = ["Contours", "Gap", "LayerPlan", "Regions", "Sections"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,31 +118,6 @@ class Sections:
     open_edges: int = 0
     gaps: tuple[Gap, ...] = ()
     turned: Areas | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Walls:
-    """Centre lines of the perimeters, and what is left inside them.
-
-    Attributes:
-        plan: the layers.
-        width: (L,) extrusion width of each layer's perimeters.
-        loops: centre lines, outermost first; one `Areas` per depth.
-        inside: the area that skins and infill have to fill.
-        lost: (L,) mm² of each section outside the walls and between them that is too narrow for a bead and stays empty.
-    """
-
-    plan: LayerPlan
-    width: Float
-    loops: tuple[Areas, ...]
-    inside: Areas
-    lost: Float
-
-    def __post_init__(self) -> None:
-        for name in ("width", "lost"):
-            object.__setattr__(
-                self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
-            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

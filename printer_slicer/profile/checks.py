@@ -11,6 +11,8 @@ from printer_slicer.profile.settings import OptimalPlanner, Profile
 
 __all__ = ["Conflict", "conflicts"]
 
+_HIGHEST = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
+
 
 class Conflict(NamedTuple):
     """Two settings that contradict each other.
@@ -109,10 +111,10 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
     nozzle = profile.printer.nozzle_diameter
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
     highest = profile.thickest if _varies(profile) else uniform
-    if highest > nozzle + 1e-9:
+    if highest > _HIGHEST * nozzle + 1e-9:
         yield Conflict(
             "printer.nozzle_diameter",
-            f"{nozzle:g} mm is less than the layers are high, {highest:g} mm",
+            f"{nozzle:g} mm lays beads of {_HIGHEST * nozzle:g} mm at most, but layers are {highest:g} mm high",
             "lower quality.thickest_layer or quality.layer_height, or take a wider nozzle",
         )
     widths = {
@@ -134,6 +136,13 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
                 f"{width:g} mm does not suit a nozzle of {nozzle:g} mm",
                 f"choose {0.6 * nozzle:g} to {2.5 * nozzle:g} mm",
             )
+    narrowest, widest = profile.bead_widths
+    if not narrowest <= profile.extrusion_width <= widest:
+        yield Conflict(
+            "quality.min_bead_width" if narrowest > profile.extrusion_width else "quality.max_bead_width",
+            f"beads of {narrowest:g} to {widest:g} mm, but the usual one is {profile.extrusion_width:g} mm wide",
+            "the usual width lies between both",
+        )
 
 
 def _raft(profile: Profile) -> Iterator[Conflict]:

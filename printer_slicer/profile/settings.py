@@ -296,6 +296,18 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     resolution: Annotated[float, _meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = (
         0.0125
     )
+    xy_compensation: Annotated[
+        float, _meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)
+    ] = 0
+    hole_compensation: Annotated[
+        float, _meta("holes are widened by this on all sides", "mm", ge=-1, le=1)
+    ] = 0
+    elephant_foot: Annotated[
+        float, _meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
+    ] = 0
+    elephant_foot_height: Annotated[
+        float, _meta("height over which that inset fades away; 0: the first layer only", "mm", ge=0, le=5)
+    ] = 0
     extrusion_width: Annotated[
         float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
@@ -303,6 +315,21 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, _meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
     ] = 0
     perimeters: Annotated[int, _meta("perimeters around each section", ge=0, le=100)] = 2
+    min_bead_width: Annotated[
+        float, _meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    max_bead_width: Annotated[
+        float, _meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    min_feature: Annotated[
+        float, _meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    single_top_perimeter: Annotated[
+        bool, _meta("only the outer perimeter where nothing lies above; the rest becomes top skin")
+    ] = False
+    extra_perimeters: Annotated[bool, _meta("more perimeters where the edge of a layer hangs over air")] = (
+        False
+    )
     outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
     seam: Annotated[Literal["aligned", "nearest", "rear"], _meta("where perimeters begin")] = "aligned"
     bottom_thickness: Annotated[float, _meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
@@ -424,6 +451,18 @@ class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def width_of_first_layer(self) -> float:
         """Width of a bead in the part's first layer, mm: that on the bed, unless there is a raft between."""
         return self.extrusion_width if self.quality.raft_height else self.width_on_bed
+
+    @property
+    def bead_widths(self) -> tuple[float, float]:
+        """Narrowest and widest bead in narrow places, mm, with the defaults filled in."""
+        quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
+        narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
+        return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
+
+    @property
+    def thinnest_feature(self) -> float:
+        """Thinnest wall that is printed, mm, with the default filled in."""
+        return self.quality.min_feature or 0.25 * self.printer.nozzle_diameter
 
     @property
     def thinnest(self) -> float:

@@ -161,7 +161,7 @@ def test_a_part_thinner_than_the_thinnest_layer_is_refused(tmp_path: Path) -> No
 @pytest.mark.parametrize("planner", ["uniform", "area"])
 def test_a_part_too_narrow_for_any_bead_is_refused(planner: str, tmp_path: Path) -> None:
     """A file that prints nothing must not be called a success."""
-    part = stretched(tmp_path, "needle.stl", 0.3, 0.3, 5)
+    part = stretched(tmp_path, "needle.stl", 0.08, 0.08, 5)
 
     refused(typed("slice", part, *QUICK, "--planner", planner), 3, "needle")
 

@@ -1,0 +1,39 @@
+"""The perimeters of all layers, and what is left inside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Float, frozen_array
+from printer_slicer.model.layers import LayerPlan
+from printer_slicer.model.paths import Toolpaths
+
+__all__ = ["Walls"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walls:
+    """Perimeters, and what is left inside them.
+
+    Attributes:
+        plan: the layers.
+        width: (L,) extrusion width of each layer's perimeters where there is room for them.
+        paths: loops, and open paths where a bead lies in the middle of a narrow place; within a layer the deeper ones
+            come first.
+        inside: the area that skins and infill have to fill.
+        lost: (L,) mm² of each section outside the walls and between them that is too narrow for a bead and stays empty.
+    """
+
+    plan: LayerPlan
+    width: Float
+    paths: Toolpaths
+    inside: Areas
+    lost: Float
+
+    def __post_init__(self) -> None:
+        for name in ("width", "lost"):
+            object.__setattr__(
+                self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
+            )

@@ -1,0 +1,82 @@
+"""Sections -> Walls: loops that follow the contours, from the outside inward, and beads amid narrow places.
+
+Where a section is wide, loops of one width lie one spacing apart (`ordinary`). Where it is too narrow for them all,
+their number and their widths follow the thickness (`narrow`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.geometry import Areas, Bool, difference, intersection, offset, offset_open, union
+from printer_slicer.model import Sections, Toolpaths, Walls
+from printer_slicer.perimeters.shells import Filled, fill_narrow, shell
+from printer_slicer.profile import Profile
+
+__all__ = ["Filled", "fill_narrow", "lay_walls"]
+
+_OVERHANG_BEADS = 3  # side by side over air; wider overhangs are bridged
+
+
+def lay_walls(sections: Sections, profile: Profile) -> Walls:
+    """`quality.perimeters` loops around every section, and the area left inside them.
+
+    The outermost bead's side lies on the contour. Layers that are wide everywhere have loops of one width; on others
+    the beads fill the narrow places from side to side. Under the open sky only the outermost loop is laid if
+    `quality.single_top_perimeter` says so; with `quality.extra_perimeters` the edges of overhangs are walls too.
+    """
+    plan, solid, quality = sections.plan, sections.solid, profile.quality
+    top, layers = Areas.empty(plan.n_layers), np.zeros(plan.n_layers, np.bool_)
+    if quality.single_top_perimeter and quality.perimeters > 1:
+        top = _open_top(solid, profile.extrusion_width)
+        layers[top.ring_layer] = True
+    usual = shell(_on(solid, ~layers), plan, profile, quality.perimeters)
+    parts, inside, lost = [usual.paths], usual.rest, usual.lost
+    if layers.any():
+        outer = shell(_on(solid, layers), plan, profile, 1)
+        under = difference(outer.rest, top)
+        inner = shell(under, plan, profile, quality.perimeters - 1, outermost=False)
+        inside = inside.merge(union(difference(outer.rest, under), inner.rest))
+        parts += [inner.paths, outer.paths]
+        lost = lost + outer.lost + inner.lost
+    if quality.perimeters:
+        strips = fill_narrow(inside, plan, profile)
+        parts, inside, lost = [strips.paths, *parts], strips.rest, lost + strips.lost
+    if quality.extra_perimeters and quality.perimeters:
+        extra = fill_narrow(
+            _hanging(solid, inside, profile.extrusion_width), plan, profile, beads=_OVERHANG_BEADS
+        )
+        inside = difference(inside, difference(_hanging(solid, inside, profile.extrusion_width), extra.rest))
+        parts = [extra.paths, *parts]
+    width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    return Walls(plan, width, Toolpaths.joined(plan, parts), inside, lost)
+
+
+def _on(areas: Areas, layers: Bool) -> Areas:
+    return areas.select(layers[areas.ring_layer])
+
+
+def _moved(areas: Areas, by: int) -> Areas:
+    """Areas that many layers higher."""
+    layer = areas.ring_layer + by
+    kept = areas.select((layer >= 0) & (layer < areas.n_layers))
+    return Areas(kept.xy, kept.ring_start, kept.ring_layer + by, kept.n_layers)
+
+
+def _open_top(solid: Areas, width: float) -> Areas:
+    """What no layer lies on, where it is wide enough to be seen as a surface and not as the edge of a layer."""
+    return offset_open(difference(solid, _moved(solid, -1)), 1.5 * width)
+
+
+def _hanging(solid: Areas, inside: Areas, width: float) -> Areas:
+    """What of the inside hangs over air in a strip of few beads beside walls that do."""
+    above_bed = np.arange(solid.n_layers) > 0
+    reach = _OVERHANG_BEADS * width
+    # What spans a gap of few beads is held at both ends.
+    below = offset(offset(_moved(solid, 1), (width + reach) / 2), -reach / 2)
+    walls = _on(difference(difference(solid, inside), below), above_bed)
+    air = _on(difference(inside, below), above_bed)
+    strips = difference(air, offset_open(air, reach / 2))
+    beside = intersection(strips, offset(offset_open(walls, width / 4), reach + width))
+    return offset_open(beside, width / 4)

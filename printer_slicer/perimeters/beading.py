@@ -1,0 +1,98 @@
+"""How many beads fit side by side into a thickness, and how wide each is.
+
+Only the innermost beads give way; those outside of them keep their usual width, so that what is seen stays even. All is
+reckoned in spacings, the shares of the thickness that beads take; `room` is the thickness without what the round outer
+sides of the outermost beads leave open.
+
+Source: the "inward distributed" scheme of Kuipers, Doubrovski, Wu, Wang: A framework for adaptive width control of
+dense contour-parallel toolpaths in fused deposition modeling, 2020 (arXiv 2004.13497), with limits of widths worked in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Float, Int
+
+__all__ = ["Beading"]
+
+_TWO_FROM = 1.5  # spacings: from this room on two beads take the place of one
+_THIN = 0.6  # of the thinnest feature: a dip in a thin wall that is bridged goes no further
+_LEAST_MIDDLE = (
+    0.3  # spacings: a middle bead thinner than this share is not worth it, whatever the limits say
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beading:
+    """The beads that lie across an area, for each layer.
+
+    Attributes:
+        loops: how many loops there are at most.
+        amid: whether one more bead in the middle of them all is allowed; what is wider is left to others.
+        spacing: (L,) of a usual bead.
+        rounding: (L,) width less spacing of every bead.
+        margin: (L,) distance from the outline to the outer side of the outermost bead's share.
+        narrowest: (L,) spacing of the narrowest bead.
+        widest: (L,) spacing of the widest one.
+        thinnest: (L,) thinner places are left out, mm.
+    """
+
+    loops: int
+    amid: bool
+    spacing: Float
+    rounding: Float
+    margin: Float
+    narrowest: Float
+    widest: Float
+    thinnest: Float
+
+    @property
+    def full(self) -> int:
+        """The count that says: all loops, and room inside them."""
+        return 2 * self.loops + 1 + self.amid
+
+    def room(self, radius: Float, layer: Int) -> Float:
+        """What beads may take of a thickness of twice the radius."""
+        return np.asarray(2 * (radius - self.margin[layer]))
+
+    def thresholds(self) -> Float:
+        """(full, L) radius from which on there are 1, 2, ... beads, and at last more than all loops."""
+        one = self.spacing
+        pair = np.clip(_TWO_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
+        middle = np.clip(self.narrowest, _LEAST_MIDDLE * one, one)
+        rows = [self.thinnest / 2]
+        for count in range(1, self.full):
+            below = 2 * (count // 2) * one
+            rows.append((below + (pair if count % 2 else middle)) / 2 + self.margin)
+        return np.maximum.accumulate(np.array(rows), axis=0)
+
+    def spacings(self, room: Float, count: Int, layer: Int) -> Float:
+        """(loops + 1, n) spacing of each loop's bead from the outside inward, then that of the bead in the middle.
+
+        Where there is no such bead its row says what the usual one takes.
+        """
+        usual = self.spacing[layer]
+        result = np.repeat(usual[None], self.loops + 1, axis=0)
+        pairs, middle = np.minimum(count // 2, self.loops), (count % 2 == 1) & (count < self.full)
+        alone = np.where(pairs == 0, self.narrowest[layer], 0.0)  # a bead on its own is never narrower
+        result[-1] = np.where(middle, np.maximum(room - 2 * pairs * usual, alone), usual)
+        even = np.flatnonzero((count > 0) & ~middle & (count < self.full))
+        result[pairs[even] - 1, even] = room[even] / 2 - (pairs[even] - 1) * usual[even]
+        return np.maximum(result, 0.0)
+
+    def strain(self, radius: Float, count: Int, layer: Int) -> Float:
+        """By how much the bead that gives way is outside of its limits; in spacings."""
+        spacings = self.spacings(self.room(radius, layer), count, layer)
+        pairs, odd = np.minimum(count // 2, self.loops), count % 2 == 1
+        own = np.take_along_axis(spacings, np.where(odd, self.loops, pairs - 1)[None], axis=0)[0]
+        own = np.where(
+            count >= self.full, self.room(radius, layer) - 2 * self.loops * self.spacing[layer], own
+        )
+        low = self.narrowest[layer]
+        over = np.where(count >= self.full, 0.0, own - self.widest[layer])
+        strain = np.maximum(np.maximum(low - own, over), 0.0) / self.spacing[layer]
+        hopeless = (count <= 0) | (2 * radius < _THIN * self.thinnest[layer])
+        return np.asarray(np.where(hopeless, np.inf, strain))

@@ -1,0 +1,204 @@
+"""Which pieces of the medial axis beads follow, and how many lie across the area there.
+
+Source: Kuipers et al. 2020 (arXiv 2004.13497), "central" edges and their bead counts; short stretches of a count give
+way to their neighbours'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.joints import linked
+from printer_slicer.perimeters.beading import Beading
+from printer_slicer.perimeters.graph import Graph, crossings
+
+__all__ = ["Counted", "counted"]
+
+_SHARPEST = np.sin(np.deg2rad(25) / 2)  # in corners wider than this loops turn as they are
+_SHORTEST_CENTRAL = 0.6  # spacings; a shorter stretch in front of a wider place is part of a corner
+_SHORTEST_RUN = 1.0  # mm
+_GIVE = 0.25  # spacings by which beads of a short run may leave their limits
+_GIVE_ON_TOP = 0.6  # the same where stretches meet
+_ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Counted:
+    """A graph whose pieces know how many beads lie across.
+
+    Attributes:
+        graph: divided where the count changes.
+        used: (E,) pieces that beads may follow.
+        central: (E,) those whose own thickness decides; the others lead up to wider places, or
+        corner: (E,) down into corners.
+        wide: (E,) pieces beyond the greatest thickness that matters.
+        count: (E,) of central pieces; 0 elsewhere.
+    """
+
+    graph: Graph
+    used: Bool
+    central: Bool
+    corner: Bool
+    wide: Bool
+    count: Int
+
+
+def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counted:
+    """The count of each piece.
+
+    Args:
+        graph: the medial axis.
+        real: (E,) pieces between true outlines.
+        beading: beads by thickness.
+        widest: (L,) radius beyond which pieces are wide.
+    """
+    limits = np.concatenate([beading.thresholds(), widest[None]])
+    radius, layer = graph.radius[graph.ends], graph.piece_layer
+    cuts = [crossings(radius, limit[layer]) for limit in limits]
+    graph = graph.divided(np.concatenate([cut[0] for cut in cuts]), np.concatenate([cut[1] for cut in cuts]))
+    real, layer, radius = real[graph.origin], graph.piece_layer, graph.middle_radius
+    wide = real & (radius > widest[layer])
+    used = real & ~wide
+    central, base = _central(graph, used, wide, beading)
+    own = np.zeros(len(used), np.int64)
+    for limit in beading.thresholds():
+        own += radius > limit[layer]
+    count = _without_short_runs(graph, central, np.where(central, own, 0), wide, beading)
+    # What leads up from a stretch goes on as the stretch while the thickness allows; then the wider place decides.
+    top = np.zeros(len(graph.xy), np.int64)
+    np.maximum.at(top, graph.ends[central].ravel(), np.repeat(count[central], 2))
+    rising = np.flatnonzero(used & ~central & (base >= 0))
+    below = top[base[rising]]
+    bulge = _on_top(graph, rising, below, central | wide, beading)
+    stays = (own[rising] == below) | (bulge >= 0)
+    count[rising[stays]] = np.where(bulge >= 0, bulge, below)[stays]
+    central[rising[stays]] = True
+    return Counted(graph, used, central, used & ~central & (base < 0), wide, count)
+
+
+def _on_top(graph: Graph, rising: Int, below: Int, decided: Bool, beading: Beading) -> Int:
+    """(n,) counts for pieces that lead up from stretches to no more than a bulge where they meet; -1 for others."""
+    ends, radius = graph.ends, graph.radius
+    group = linked(ends[rising].T, len(radius))
+    highest = _extreme(np.maximum, group[ends[rising, 0]], radius[ends[rising]].max(axis=1), len(radius), 0.0)
+    up = np.take_along_axis(ends[rising], np.argmax(radius[ends[rising]], axis=1)[:, None], axis=1)[:, 0]
+    summit = radius[up] >= highest[group[up]] - 1e-9
+    led = np.zeros(len(radius), np.bool_)
+    led[ends[decided]] = True
+    lost = np.zeros(len(radius), np.bool_)
+    lost[group[up[summit & led[up]]]] = True
+    own = group[ends[rising, 0]]
+    most = _extreme(np.maximum, own, below.astype(np.float64), len(radius), 0.0)[own].astype(np.int64)
+    layer = graph.piece_layer[rising]
+    fits = beading.strain(highest[own], most, layer) <= _GIVE_ON_TOP
+    fits &= beading.strain(radius[ends[rising]].min(axis=1), most, layer) <= _GIVE_ON_TOP
+    return np.where(fits & ~lost[own], most, -1)
+
+
+def _central(graph: Graph, used: Bool, wide: Bool, beading: Beading) -> tuple[Bool, Int]:
+    """(E,) pieces along which the thickness hardly changes; for those that lead up, from which point of such (-1)."""
+    ends, radius = graph.ends, graph.radius
+    central = used & (graph.steepness <= _SHARPEST)
+    of_point = linked(ends[central].T, len(radius))
+    length = np.bincount(of_point[ends[central, 0]], graph.length[central], len(radius))
+    # A short stretch from which one piece beside leads up is the end of a corner. From a waist two or more do.
+    up = np.argmax(radius[ends], axis=1)[:, None]
+    low, high = (np.take_along_axis(ends, end, axis=1)[:, 0] for end in (1 - up, up))
+    beside = (used | wide) & ~central
+    exits = np.bincount(of_point[low[beside]], minlength=len(radius))
+    group = of_point[ends[:, 0]]
+    short = length[group] < _SHORTEST_CENTRAL * beading.spacing[graph.piece_layer]
+    central &= ~(short & (exits[group] == 1))
+    base = np.full(len(radius), -1)
+    base[ends[central]] = ends[central]
+    result = np.full(len(central), -1)
+    left = np.flatnonzero(used & ~central)
+    while len(left):
+        climbing = left[base[low[left]] >= 0]
+        if not len(climbing):
+            break
+        result[climbing] = base[low[climbing]]
+        new = climbing[base[high[climbing]] < 0]
+        base[high[new]] = base[low[new]]
+        left = left[result[left] < 0]
+    return central, result
+
+
+def _without_short_runs(graph: Graph, central: Bool, count: Int, wide: Bool, beading: Beading) -> Int:
+    """Counts with short runs given to a neighbour where its beads can take that; those in front of wide places stay."""
+    piece = np.flatnonzero(central)
+    if not len(piece):
+        return count
+    count = count.copy()
+    ends, layer, length = graph.ends[piece], graph.piece_layer[piece], graph.length[piece]
+    mouth = np.zeros(len(graph.xy), np.bool_)
+    mouth[graph.ends[wide]] = True
+    length = np.where(mouth[ends].any(axis=1), np.inf, length)
+    for _ in range(_ROUNDS):
+        own = count[piece]
+        key = ends * (beading.full + 1) + own[:, None]
+        ports, number = np.unique(key, return_inverse=True)
+        run_of_port = linked(number.reshape(-1, 2).T, len(ports))
+        run = run_of_port[number.reshape(-1, 2)[:, 0]]
+        n_runs = int(run_of_port.max()) + 1
+        runs = _Runs(
+            np.asarray(np.bincount(run, length, n_runs), np.float64),
+            _extreme(np.minimum, run, graph.radius[ends].min(axis=1), n_runs, np.inf),
+            _extreme(np.maximum, run, graph.radius[ends].max(axis=1), n_runs, -np.inf),
+            _of_run(run, own, n_runs),
+            _of_run(run, layer, n_runs),
+        )
+        met = np.flatnonzero(ports[1:] // (beading.full + 1) == ports[:-1] // (beading.full + 1))
+        sides = np.stack([run_of_port[met], run_of_port[met + 1]])
+        changed = runs.changed(np.concatenate([sides, sides[::-1]], axis=1), beading)
+        if np.array_equal(changed, runs.count):
+            break
+        count[piece] = changed[run]
+    return count
+
+
+def _extreme(which: np.ufunc, group: Int, values: Float, n: int, start: float) -> Float:
+    result = np.full(n, start)
+    which.at(result, group, values)
+    return result
+
+
+def _of_run(run: Int, values: Int, n: int) -> Int:
+    result = np.zeros(n, np.int64)
+    result[run] = values
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Runs:
+    """Connected pieces of one count: length, least and greatest radius, count and layer of each (n,)."""
+
+    length: Float
+    thinnest: Float
+    thickest: Float
+    count: Int
+    layer: Int
+
+    def changed(self, neighbours: Int, beading: Beading) -> Int:
+        """(n,) counts after the short runs that are shorter than all short ones beside them took a neighbour's."""
+        own, other = neighbours
+        ranked = np.lexsort((np.arange(len(self.length)), self.length))
+        rank = np.zeros(len(ranked), np.int64)
+        rank[ranked] = np.arange(len(ranked))
+        lowest = np.full(len(rank), len(rank))
+        np.minimum.at(lowest, own, rank[other])
+        ask = (self.length[own] < _SHORTEST_RUN) & (rank[own] < lowest[own]) & (self.count[other] > 0)
+        own, other = own[ask], other[ask]
+        wanted, layer = self.count[other], self.layer[own]
+        strain = np.maximum(
+            beading.strain(self.thinnest[own], wanted, layer),
+            beading.strain(self.thickest[own], wanted, layer),
+        )
+        result = self.count.copy()
+        best = np.lexsort((self.length[other], -strain))  # the least strain is written last
+        best = best[strain[best] <= _GIVE]
+        result[own[best]] = wanted[best]
+        return result

@@ -1,0 +1,173 @@
+"""The medial axis as a graph that can be divided further, and what is measured along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Float, Int
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.voronoi import MedialAxis
+
+__all__ = ["Graph", "crossings"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Graph:
+    """Points and pieces of a medial axis; names are those of `MedialAxis`.
+
+    Attributes:
+        xy: (V, 2) mm.
+        radius: (V,) mm.
+        layer: (V,).
+        start: (H,).
+        foot: (H, 2, 2) mm.
+        following: (H,).
+        steepness: (E,) how fast the radius changes along the piece, 0 to 1.
+        origin: (E,) the piece of the medial axis that each one is part of.
+    """
+
+    xy: Float
+    radius: Float
+    layer: Int
+    start: Int
+    foot: Float
+    following: Int
+    steepness: Float
+    origin: Int
+
+    @classmethod
+    def of(cls, axis: MedialAxis) -> Graph:
+        """All of a medial axis."""
+        ends = axis.start.reshape(-1, 2)
+        length = np.hypot(*(axis.xy[ends[:, 1]] - axis.xy[ends[:, 0]]).T)
+        rise = np.abs(axis.radius[ends[:, 1]] - axis.radius[ends[:, 0]])
+        steepness = np.where(length > 1e-6, rise / np.maximum(length, 1e-6), 0.0)
+        return cls(
+            axis.xy,
+            axis.radius,
+            axis.layer,
+            axis.start,
+            axis.foot,
+            axis.following,
+            steepness,
+            np.arange(len(ends)),
+        )
+
+    @property
+    def ends(self) -> Int:
+        """(E, 2) points at both ends of each piece."""
+        return self.start.reshape(-1, 2)
+
+    @property
+    def piece_layer(self) -> Int:
+        """(E,)."""
+        return np.asarray(self.layer[self.ends[:, 0]])
+
+    @property
+    def length(self) -> Float:
+        """(E,) mm."""
+        ends = self.ends
+        return np.asarray(np.hypot(*(self.xy[ends[:, 1]] - self.xy[ends[:, 0]]).T))
+
+    @property
+    def middle_radius(self) -> Float:
+        """(E,) mm."""
+        return np.asarray(self.radius[self.ends].mean(axis=1))
+
+    def only(self, kept: Int) -> Graph:
+        """Some pieces (n,), ascending, and their points; ways past pieces that are left out lead around their ends."""
+        number = np.full(len(self.start), -1)
+        half = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
+        number[half] = np.arange(len(half))
+        following = np.full(len(half), -1)
+        left, ahead = np.arange(len(half)), self.following[half]
+        while len(left):
+            known = ahead >= 0
+            left, ahead = left[known], ahead[known]
+            following[left] = number[ahead]
+            gone = number[ahead] < 0
+            left, ahead = left[gone], self.following[ahead[gone] ^ 1]
+        points, start = np.unique(self.start[half], return_inverse=True)
+        return Graph(
+            self.xy[points],
+            self.radius[points],
+            self.layer[points],
+            start,
+            self.foot[half],
+            following,
+            self.steepness[kept],
+            self.origin[kept],
+        )
+
+    def divided(self, piece: Int, share: Float) -> Graph:
+        """With new points on some pieces: at a share of the way (0 to 1) along each; in any order."""
+        order = np.lexsort((share, piece))
+        piece, share = piece[order], share[order]
+        n_new = np.bincount(piece, minlength=len(self.steepness))
+        count = n_new + 1
+        ends, new = self.ends, len(self.xy) + np.cumsum(n_new) - n_new
+        owner, step = np.repeat(np.arange(len(count)), count), consecutive(np.zeros_like(count), count)
+        is_first, is_last = step == 0, step == n_new[owner]
+        points = np.stack(
+            [
+                np.where(is_first, ends[owner, 0], new[owner] + step - 1),
+                np.where(is_last, ends[owner, 1], new[owner] + step),
+            ],
+            axis=1,
+        )
+        first = np.cumsum(count) - count
+        low, high = np.zeros(len(owner)), np.ones(len(owner))
+        low[~is_first], high[~is_last] = share, share
+        along = _between(self.xy[ends[piece]], share[:, None])
+        return Graph(
+            np.concatenate([self.xy, along]),
+            np.concatenate([self.radius, _between(self.radius[ends[piece]], share)]),
+            np.concatenate([self.layer, self.layer[ends[piece, 0]]]),
+            points.ravel(),
+            _feet(self.foot, owner, low, high),
+            _followers(self.following, owner, first, count),
+            self.steepness[owner],
+            self.origin[owner],
+        )
+
+
+def _between(ends: Float, share: Float) -> Float:
+    """Values at a share of the way between those at both ends (n, 2, ...)."""
+    return np.asarray(ends[:, 0] + (ends[:, 1] - ends[:, 0]) * share)
+
+
+def _feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
+    """(H, 2, 2) feet of the parts from `low` to `high` of pieces."""
+    up, down = foot[2 * owner], foot[2 * owner + 1]
+    low, high = low[:, None], high[:, None]
+    parts = [
+        np.stack([_between(up, low), _between(up, high)], axis=1),
+        np.stack([_between(down, 1 - high), _between(down, 1 - low)], axis=1),
+    ]
+    return np.stack(parts, axis=1).reshape(-1, 2, 2)
+
+
+def _followers(following: Int, owner: Int, first: Int, count: Int) -> Int:
+    """(H,) of the parts: the next part of the same piece, or the first part of what follows it."""
+    entry = np.stack([2 * first, 2 * (first + count) - 1], axis=1).ravel()
+    onward = np.where(following < 0, -1, entry[following])
+    part = np.arange(len(owner))
+    is_first, is_last = part == first[owner], part == (first + count - 1)[owner]
+    return np.stack(
+        [
+            np.where(is_last, onward[2 * owner], 2 * part + 2),
+            np.where(is_first, onward[2 * owner + 1], 2 * part - 1),
+        ],
+        axis=1,
+    ).ravel()
+
+
+def crossings(ends: Float, level: Float) -> tuple[Int, Float]:
+    """Where values that change evenly from end to end (n, 2) pass `level` (n,) well between both: item and share."""
+    low, high = (ends - level[:, None]).T
+    item = np.flatnonzero(low * high < 0)
+    share = low[item] / (low[item] - high[item])
+    inside = (share > 1e-6) & (share < 1 - 1e-6)
+    return item[inside], share[inside]

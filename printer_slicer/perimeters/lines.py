@@ -1,0 +1,224 @@
+"""Beads along the medial axis itself: the middle one where the number of beads across is odd."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.joints import cycles
+from printer_slicer.geometry.planes import spread
+from printer_slicer.perimeters.beading import Beading
+from printer_slicer.perimeters.layout import Layout
+
+__all__ = ["Lines", "middle_lines"]
+
+_SAME = 1e-6  # mm
+_LEAST = 0.4  # bead widths; a shorter bead between others is not worth a start and a stop
+_CORNERS = 6  # of the ring that a dot is
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Polylines with widths.
+
+    Attributes:
+        xy: (N, 2) mm.
+        width: (N,) mm.
+        size: (M,) points of each.
+        layer: (M,).
+        depth: (M,) loops around it.
+        closed: (M,) whether it returns to its first point.
+    """
+
+    xy: Float
+    width: Float
+    size: Int
+    layer: Int
+    depth: Int
+    closed: Bool
+
+    def length(self) -> Float:
+        """(M,) mm, of closed ones without their last side."""
+        step: Float = np.hypot(*np.diff(self.xy, axis=0, prepend=self.xy[:1]).T)
+        step[np.cumsum(self.size) - self.size] = 0.0
+        owner = np.repeat(np.arange(len(self.size)), self.size)
+        return np.asarray(np.bincount(owner, step, len(self.size)), np.float64)
+
+    def take(self, keep: Bool) -> Lines:
+        """Those for which `keep` is true."""
+        points = np.repeat(keep, self.size)
+        return Lines(
+            self.xy[points],
+            self.width[points],
+            self.size[keep],
+            self.layer[keep],
+            self.depth[keep],
+            self.closed[keep],
+        )
+
+    def merge(self, other: Lines) -> Lines:
+        """Both, one after the other."""
+        return Lines(
+            np.concatenate([self.xy, other.xy]),
+            np.concatenate([self.width, other.width]),
+            np.concatenate([self.size, other.size]),
+            np.concatenate([self.layer, other.layer]),
+            np.concatenate([self.depth, other.depth]),
+            np.concatenate([self.closed, other.closed]),
+        )
+
+
+def middle_lines(layout: Layout, beading: Beading) -> Lines:
+    """One polyline along every stretch of pieces with a bead in the middle; dots where there is room for no more."""
+    return _along(layout, beading).merge(_dots(layout, beading))
+
+
+def _dots(layout: Layout, beading: Beading) -> Lines:
+    """A small ring in the middle of each place that is as wide as long and has room for one more bead.
+
+    As long as the bead is wide at a quarter of pi: that is the plastic of a disc of the bead's width.
+    """
+    count = layout.count
+    port = np.unique(layout.port[layout.used])
+    port = port[
+        (layout.point[port] == layout.leader[port]) & (count[port] % 2 == 1) & (count[port] < beading.full)
+    ]
+    taken = np.zeros(len(layout.graph.xy), np.bool_)
+    taken[layout.graph.ends[layout.middle]] = True
+    port = port[~taken[layout.point[port]]]
+    width, middle = layout.width[-1, port], layout.graph.xy[layout.point[port]]
+    turn = np.arange(_CORNERS) * (2 * np.pi / _CORNERS)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)]) * (np.pi / 8 / np.sin(np.pi / _CORNERS) / _CORNERS)
+    n = len(port)
+    return Lines(
+        (middle[:, None] + ring * width[:, None, None]).reshape(-1, 2),
+        np.repeat(width, _CORNERS),
+        np.full(n, _CORNERS),
+        layout.graph.layer[layout.point[port]],
+        count[port] // 2,
+        np.ones(n, np.bool_),
+    )
+
+
+def _along(layout: Layout, beading: Beading) -> Lines:
+    """One polyline along every stretch of pieces with a bead in the middle.
+
+    Where three stretches meet, the two that go on straightest are one line; the others end at its side.
+    """
+    graph = layout.graph
+    half = np.flatnonzero(np.repeat(layout.middle, 2))
+    if not len(half):
+        none = np.zeros(0, np.int64)
+        return Lines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
+    number = np.full(len(graph.start), -1)
+    number[half] = np.arange(len(half))
+    partner, met = _partners(graph.start[half], graph.xy[graph.start[half ^ 1]] - graph.xy[graph.start[half]])
+    twin = number[half ^ 1]
+    # At its end a line turns back: there and back again is one cycle.
+    onward = np.where(partner[twin] >= 0, partner[twin], twin)
+    lowest, place = cycles(onward)
+    turn = np.bincount(lowest, minlength=len(half))
+    begin = np.full(len(half), -1)
+    starts = np.flatnonzero(partner < 0)
+    begin[lowest[starts[::-1]]] = starts[::-1]  # of both ends that of the lower number
+    closed = begin < 0
+    first = np.where(closed, np.arange(len(half)), begin)
+    rank = (place - place[first[lowest]]) % turn[lowest]
+    chosen = np.where(closed[lowest], half[lowest] % 2 == 0, 2 * rank < turn[lowest])
+    order = np.flatnonzero(chosen)
+    order = order[np.lexsort((rank[order], lowest[order]))]
+    steps = _Chosen(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
+    lines = _polylines(layout, steps)
+    length = lines.length()
+    outer = (lines.depth == 0) & (beading.loops > 0)
+    return lines.take(outer | (length >= _LEAST * lines.width[np.cumsum(lines.size) - 1]))
+
+
+def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
+    """(h,) for half-pieces that leave points (h,) the one that goes on straightest, -1 without; and where others do."""
+    order = np.argsort(point, kind="stable")
+    point = point[order]
+    starts = np.flatnonzero(np.concatenate([[True], point[1:] != point[:-1]]))
+    degree = np.diff(np.append(starts, len(point)))
+    way = way[order] / np.maximum(np.hypot(*way[order].T), 1e-12)[:, None]
+    group, pair = spread(degree * degree)
+    a, b = starts[group] + pair // degree[group], starts[group] + pair % degree[group]
+    group, a, b = group[a < b], a[a < b], b[a < b]
+    straight = (way[a] * way[b]).sum(axis=1)
+    best = np.full(len(starts), -1)
+    ranked = np.argsort(-straight, kind="stable")
+    best[group[ranked]] = ranked  # the straightest is written last
+    best = best[best >= 0]
+    result = np.full(len(point), -1)
+    result[order[a[best]]], result[order[b[best]]] = order[b[best]], order[a[best]]
+    met = np.zeros(len(point), np.bool_)
+    met[order] = np.repeat(degree > 2, degree)
+    return result, met & (result < 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chosen:
+    """Half-pieces (h,) in the order of the lines: the line of each, whether it is closed, which ends meet others."""
+
+    half: Int
+    line: Int
+    closed: Bool
+    met_before: Bool
+    met_after: Bool
+
+
+def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
+    """Lines through half-pieces that stand in order; ends at the side of another line are cut back."""
+    graph, half, line = layout.graph, chosen.half, chosen.line
+    begins = np.flatnonzero(np.concatenate([[True], line[1:] != line[:-1]]))
+    size = np.diff(np.append(begins, len(line)))
+    last = begins + size - 1
+    port = np.take_along_axis(layout.port[half >> 1], (half & 1)[:, None], axis=1)[:, 0]
+    far = np.take_along_axis(layout.port[half >> 1], 1 - (half & 1)[:, None], axis=1)[:, 0]
+    # Every line has its points, and the point at which its last piece ends.
+    slot = np.arange(len(half)) + np.repeat(np.arange(len(size)), size)
+    n = len(half) + len(size)
+    xy, width, end = np.zeros((n, 2)), np.zeros(n), last + np.arange(len(size)) + 1
+    xy[slot], width[slot] = graph.xy[graph.start[half]], layout.width[-1, port]
+    xy[end], width[end] = graph.xy[graph.start[half[last] ^ 1]], layout.width[-1, far[last]]
+    trim = [
+        np.where(chosen.met_before[begins], layout.width[-1, port[begins]] / 2, 0.0),
+        np.where(chosen.met_after[last], layout.width[-1, far[last]] / 2, 0.0),
+    ]
+    xy, width = _trimmed(xy, width, size + 1, trim[0], trim[1])
+    owner = np.repeat(np.arange(len(size)), size + 1)
+    new = np.concatenate([[True], (owner[1:] != owner[:-1]) | (np.abs(xy[1:] - xy[:-1]) > _SAME).any(axis=1)])
+    ring = chosen.closed[begins]
+    new[end[ring]] = False
+    size = np.bincount(owner[new], minlength=len(size))
+    whole = size > 1
+    keep = new & whole[owner]
+    depth = layout.count[port[begins]] // 2
+    return Lines(
+        xy[keep],
+        width[keep],
+        size[whole],
+        graph.layer[graph.start[half[begins]]][whole],
+        depth[whole],
+        ring[whole],
+    )
+
+
+def _trimmed(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
+    """Polylines with `before` and `after` (m,) mm cut off; what is cut off is drawn together to one point."""
+    owner, step = spread(size)
+    length = np.hypot(*np.diff(xy, axis=0, prepend=xy[:1]).T)
+    length[step == 0] = 0.0
+    total = np.bincount(owner, length, len(size))
+    # One axis for all lines, which stand apart from each other on it.
+    place = np.cumsum(length) + owner
+    start = np.cumsum(size) - size
+    before = np.minimum(before, total)
+    low, high = place[start] + before, place[start] + np.maximum(total - after, before)
+    wanted = np.clip(place, low[owner], high[owner])
+    return (
+        np.column_stack([np.interp(wanted, place, column) for column in xy.T]),
+        np.interp(wanted, place, width),
+    )

@@ -1,0 +1,201 @@
+"""Beads of varying width where a section is too narrow for its loops, joined to the ordinary loops around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    normalize,
+    offset,
+    simplify,
+)
+from printer_slicer.geometry.joints import linked
+from printer_slicer.geometry.voronoi import medial_axis
+from printer_slicer.model import reordered
+from printer_slicer.perimeters.beading import Beading
+from printer_slicer.perimeters.counts import Counted, counted
+from printer_slicer.perimeters.facing import Boxes, facing
+from printer_slicer.perimeters.graph import Graph
+from printer_slicer.perimeters.layout import Layout, laid_out
+from printer_slicer.perimeters.lines import Lines, middle_lines
+from printer_slicer.perimeters.tracing import Rings, closed_rings, walked
+
+__all__ = ["Narrow", "fill_narrow_places"]
+
+_LEAN = np.deg2rad(26)  # a little more than sides of corners that have beads in the middle
+_BEYOND = (
+    0.02  # mm of radius by which places are followed into wider ones, so that short bulges can be bridged
+)
+_CELL = 0.4  # mm
+_ROOM = 0.5  # mm around narrow places within which the medial axis must be known
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Narrow:
+    """The beads of all layers that have narrow places; other layers have nothing here.
+
+    Attributes:
+        layers: (L,) which layers have them.
+        rings: loops, narrow or not.
+        lines: beads in the middle.
+        inside: what the loops leave.
+        lost: (L,) mm² too thin for any bead.
+    """
+
+    layers: Bool
+    rings: Rings
+    lines: Lines
+    inside: Areas
+    lost: Float
+
+    def merge(self, other: Narrow) -> Narrow:
+        """Both together, of different layers."""
+        return Narrow(
+            self.layers | other.layers,
+            self.rings.merge(other.rings),
+            self.lines.merge(other.lines),
+            self.inside.merge(other.inside),
+            self.lost + other.lost,
+        )
+
+
+def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -> Narrow:
+    """Loops and middle beads of the layers on which the areas are too narrow, somewhere, for ordinary loops.
+
+    Args:
+        solid: clean areas.
+        beading: beads by thickness.
+        tolerance: mm by which outlines may be simplified where there are narrow places.
+    """
+    widest = beading.thresholds()[-1] + _BEYOND
+    near = facing(solid, 2 * widest, _LEAN)
+    layers = np.zeros(solid.n_layers, np.bool_)
+    layers[near.layer] = True
+    solid = _on(solid, layers)
+    if tolerance:
+        solid = normalize(simplify(solid, tolerance))
+    narrow, broken = _filled(solid, near, beading, widest)
+    if broken.any():
+        # Where the places cannot be joined to the ordinary loops everything is traced, wide or not.
+        rest, _ = _filled(_on(solid, broken), None, beading, np.full_like(widest, np.inf))
+        narrow = narrow.merge(rest)
+    return narrow
+
+
+def _on(areas: Areas, layers: Bool) -> Areas:
+    return areas.select(layers[areas.ring_layer])
+
+
+def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -> tuple[Narrow, Bool]:
+    """The same with the sides near narrow places, or with all; and (L,) where those were not enough."""
+    layer = np.repeat(solid.ring_layer, np.diff(solid.ring_start))
+    ends = np.stack([solid.xy, solid.xy[solid.following]])
+    sides = np.ones(len(layer), np.bool_)
+    if near is not None:
+        sides = near.near(ends.min(axis=0), ends.max(axis=0), layer, 2 * float(widest.max()) + _ROOM)
+    axis = medial_axis(solid, float(widest.max(initial=0.0)), sides)
+    real = _real(solid, sides, axis.source, axis.corner)
+    given, layers, broken = _needed(counted(Graph.of(axis), real, beading, widest), beading, solid.n_layers)
+    if near is not None:
+        broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
+    layout = laid_out(given, beading)
+    walk = walked(layout, layout.active, layout.inset, layout.width)
+    nowhere = replace(layout, wide=np.zeros(len(layout.wide), np.bool_))
+    width = beading.spacing + beading.rounding
+    places, _ = closed_rings(
+        walked(nowhere, layout.used[None], np.zeros((1, len(layout.count))), layout.width[:1]),
+        [],
+        Areas.empty(solid.n_layers),
+        width,
+    )
+    inset = np.arange(beading.loops + 1)[:, None] * beading.spacing + beading.margin
+    inset[:-1] += beading.spacing / 2
+    ordinary = [offset(_on(solid, layers), -one, join="round") for one in inset]
+    rings, failed = closed_rings(walk, ordinary, _areas(places, solid.n_layers), width)
+    broken[failed] = True
+    layers &= ~broken
+    lines = middle_lines(layout, beading)
+    within = rings.take(rings.level == beading.loops)
+    return (
+        Narrow(
+            layers,
+            rings.take((rings.level < beading.loops) & layers[rings.layer]),
+            lines.take(layers[lines.layer]),
+            _on(_areas(within, solid.n_layers), layers),
+            _lost(layout, solid.n_layers) * layers,
+        ),
+        broken,
+    )
+
+
+def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
+    """(E,) whether on both sides of a piece the side, or both sides of the corner, take part."""
+    both = np.zeros(len(sides), np.bool_)
+    both[solid.following] = sides
+    both &= sides
+    half = ~corner | both[source]
+    return np.asarray(half[::2] & half[1::2])
+
+
+def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
+    """(L,) where pieces have come so far from the narrow places that sides which take no part may be nearer."""
+    graph = given.graph
+    point = np.unique(graph.ends[given.used])
+    # Many points lie in one cell; it is as near as its middle, to half a cell.
+    cell = np.unique(np.column_stack([graph.layer[point], np.floor(graph.xy[point] / _CELL)]), axis=0)
+    middle, layer = (cell[:, 1:] + 0.5) * _CELL, cell[:, 0].astype(np.int64)
+    result = np.zeros(n_layers, np.bool_)
+    result[layer[~near.near(middle, middle, layer, reach - _CELL / 2)]] = True
+    return result
+
+
+def _lost(layout: Layout, n_layers: int) -> Float:
+    """(L,) mm² on both sides of the pieces that no bead follows: thinner than the thinnest feature."""
+    graph = layout.graph
+    piece = np.flatnonzero(layout.used & (layout.count[layout.port] == 0).all(axis=1))
+    half = np.stack([2 * piece, 2 * piece + 1], axis=1).ravel()
+    begin, end = graph.xy[graph.start[half]], graph.xy[graph.start[half ^ 1]]
+    across, other = end - graph.foot[half, 0], graph.foot[half, 1] - begin
+    area = np.abs(across[:, 0] * other[:, 1] - across[:, 1] * other[:, 0]) / 2
+    return np.bincount(graph.layer[graph.start[half]], area, n_layers).astype(np.float64)
+
+
+def _needed(given: Counted, beading: Beading, n_layers: int) -> tuple[Counted, Bool, Bool]:
+    """Only those connected pieces that hold a narrow place; (L,) layers with such, and with some that are not whole."""
+    graph = given.graph
+    ends, layer = graph.ends, graph.piece_layer
+    group = linked(ends[given.used].T, len(graph.xy))
+    narrow = given.central & (given.count < beading.full)
+    open_ended = np.zeros(len(graph.xy), np.bool_)
+    open_ended[group[ends[given.wide].ravel()]] = True
+    apart = ~given.used & ~given.wide
+    open_ended[group[ends[apart].ravel()]] = True
+    is_narrow = ~open_ended  # as small islands are that have no long side
+    is_narrow[group[ends[narrow, 0]]] = True
+    used = given.used & is_narrow[group[ends[:, 0]]]
+    layers = np.zeros(n_layers, np.bool_)
+    layers[layer[used]] = True
+    touched = np.zeros(len(graph.xy), np.bool_)
+    touched[ends[used]] = True
+    cut = apart & touched[ends].any(axis=1)
+    broken = np.zeros(n_layers, np.bool_)
+    broken[layer[cut]] = True
+    # What leads into wide places is kept as far as it tells where the narrow ones end.
+    kept = np.flatnonzero(used | (given.wide & touched[ends].any(axis=1)))
+    central, corner = (given.central & used)[kept], (given.corner & used)[kept]
+    count = np.where(used, given.count, 0)[kept]
+    return Counted(graph.only(kept), used[kept], central, corner, given.wide[kept], count), layers, broken
+
+
+def _areas(rings: Rings, n_layers: int) -> Areas:
+    """Rings as clean areas."""
+    order = np.argsort(rings.layer, kind="stable")
+    (x, y), size = reordered((rings.xy[:, 0], rings.xy[:, 1]), rings.size, order)
+    start = np.concatenate([[0], np.cumsum(size)])
+    return normalize(Areas(np.column_stack([x, y]), start, rings.layer[order], n_layers))

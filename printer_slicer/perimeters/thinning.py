@@ -1,0 +1,70 @@
+"""Fewer points on paths whose place and width change evenly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int
+
+__all__ = ["kept_points"]
+
+
+def kept_points(xy: Float, width: Float, size: Int, closed: Bool, tolerance: float) -> Bool:
+    """(N,) points of paths that are needed to keep place and width to a tolerance.
+
+    Of the points that can be spared, those that move the path least go first, never two neighbours at a time; what each
+    side of the rest has been moved by is added up.
+
+    Args:
+        xy: (N, 2) mm.
+        width: (N,) mm.
+        size: (M,) points of each path.
+        closed: (M,) whether it returns to its first point; ends of others stay.
+        tolerance: mm, of place and of width.
+    """
+    n = len(xy)
+    start = np.cumsum(size) - size
+    ends = start + size - 1
+    before, after = np.arange(n) - 1, np.arange(n) + 1
+    before[start], after[ends] = ends, start
+    fixed = np.zeros(n, np.bool_)
+    fixed[start[~closed]] = fixed[ends[~closed]] = True
+    left = np.array(size)
+    path = np.repeat(np.arange(len(size)), size)
+    kept, moved = np.ones(n, np.bool_), np.zeros(n)  # of the side that begins at each point
+    points = np.column_stack([xy, width])
+    ask = np.flatnonzero(~fixed & (left[path] > 2))
+    while len(ask):
+        prior, next_one = before[ask], after[ask]
+        off = _off(points[ask], points[prior], points[next_one])
+        total = off + np.maximum(moved[prior], moved[ask])
+        good = total <= tolerance
+        ask, off, total = ask[good], off[good], total[good]
+        rank = np.full(n, np.inf)
+        rank[ask] = off
+        low, high = rank[before[ask]], rank[after[ask]]
+        # Of equals the one with the lower number goes.
+        first = ((off < low) | ((off == low) & (ask < before[ask]))) & (
+            (off < high) | ((off == high) & (ask < after[ask]))
+        )
+        going = np.bincount(path[ask[first]], minlength=len(size))
+        first &= (left - going >= 3)[path[ask]] | ~closed[path[ask]]
+        gone = ask[first]
+        if not len(gone):
+            break
+        moved[before[gone]] = total[first]
+        before[after[gone]], after[before[gone]] = before[gone], after[gone]
+        kept[gone] = False
+        left = left - np.bincount(path[gone], minlength=len(size))
+        ask = ask[~first]
+    return kept
+
+
+def _off(point: Float, begin: Float, end: Float) -> Float:
+    """(n,) how far points (n, 3) of place and width are from the straight way, in place or in width."""
+    along = end - begin
+    gap = point - begin
+    length = np.maximum((along[:, :2] ** 2).sum(axis=1), 1e-18)
+    share = np.clip((gap[:, :2] * along[:, :2]).sum(axis=1) / length, 0, 1)
+    away = np.abs(gap - share[:, None] * along)
+    return np.asarray(np.maximum(np.hypot(away[:, 0], away[:, 1]), away[:, 2]))

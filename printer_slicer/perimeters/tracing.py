@@ -1,0 +1,307 @@
+"""From the layout of beads to paths: loops that go around the medial axis, beads along it.
+
+A loop is the walk around all pieces on which its level is active, as one walks around the islands of a map. Where it
+comes to a mouth, a place that is wide, it goes on along the ordinary loop there, until that comes to the next mouth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.joints import cycles
+from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.perimeters.layout import Layout
+
+__all__ = ["Rings", "Walk", "closed_rings", "walked"]
+
+_SAME = 1e-6  # mm
+_ON = 0.02  # mm; a mouth farther from every ordinary loop than this belongs to none
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """Steps of loops along half-pieces, with the outline on the left.
+
+    Attributes:
+        level: (A,) depth of the loop each step belongs to.
+        layer: (A,).
+        xy: (A, 2, 2) mm, where the step begins and ends.
+        width: (A, 2) mm.
+        following: (A,) the step that goes on; -1 at a mouth, -2 where the axis is not known.
+    """
+
+    level: Int
+    layer: Int
+    xy: Float
+    width: Float
+    following: Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rings:
+    """Closed loops with their widths: solids counter-clockwise.
+
+    Attributes:
+        xy: (N, 2) mm.
+        width: (N,) mm.
+        size: (R,) points of each.
+        level: (R,).
+        layer: (R,).
+    """
+
+    xy: Float
+    width: Float
+    size: Int
+    level: Int
+    layer: Int
+
+    def take(self, keep: Bool) -> Rings:
+        """Those for which `keep` is true."""
+        points = np.repeat(keep, self.size)
+        return Rings(self.xy[points], self.width[points], self.size[keep], self.level[keep], self.layer[keep])
+
+    def merge(self, other: Rings) -> Rings:
+        """Both, one after the other."""
+        return Rings(
+            np.concatenate([self.xy, other.xy]),
+            np.concatenate([self.width, other.width]),
+            np.concatenate([self.size, other.size]),
+            np.concatenate([self.level, other.level]),
+            np.concatenate([self.layer, other.layer]),
+        )
+
+
+def walked(layout: Layout, active: Bool, inset: Float, width: Float) -> Walk:
+    """The steps of loops around the pieces that are active.
+
+    Args:
+        layout: the medial axis.
+        active: (k, E) for each of k levels.
+        inset: (k, P) mm from the outline.
+        width: (k, P) mm.
+    """
+    graph = layout.graph
+    n_halves = len(graph.start)
+    level, half = np.nonzero(np.repeat(active, 2, axis=1))
+    number = np.full(active.shape[0] * n_halves, -1)
+    number[level * n_halves + half] = np.arange(len(half))
+    following = _onward(layout, number, level, half)
+    # Of half-piece 2e the port at its beginning is that of the piece's beginning, of 2e + 1 that of its end.
+    ports = layout.port[half >> 1]
+    ports = np.where((half & 1)[:, None] == 1, ports[:, ::-1], ports)
+    points = graph.ends[half >> 1]
+    points = np.where((half & 1)[:, None] == 1, points[:, ::-1], points)
+    radius = graph.radius[points]
+    share = np.minimum(inset[level[:, None], ports] / np.maximum(radius, 1e-12), 1.0)
+    foot = graph.foot[half]
+    xy = foot + (graph.xy[points] - foot) * share[..., None]
+    return Walk(level, graph.layer[points[:, 0]], xy, width[level[:, None], ports], following)
+
+
+def _onward(layout: Layout, number: Int, level: Int, half: Int) -> Int:
+    """(A,) the next step of each: the first active half-piece around the point where it ends."""
+    graph, n_halves = layout.graph, len(layout.graph.start)
+    following = np.full(len(half), -2)
+    left = np.arange(len(half))
+    ahead = graph.following[half]
+    while len(left):
+        known = ahead >= 0
+        left, ahead = left[known], ahead[known]
+        step = number[level[left] * n_halves + ahead]
+        mouth = layout.wide[ahead >> 1]
+        following[left] = np.where(mouth, -1, step)
+        around = (step < 0) & ~mouth
+        left, ahead = left[around], graph.following[ahead[around] ^ 1]
+    return following
+
+
+def closed_rings(walk: Walk, ordinary: list[Areas], places: Areas, width: Float) -> tuple[Rings, Int]:
+    """Loops that are closed: by themselves or, through mouths, along ordinary loops.
+
+    Args:
+        walk: the steps.
+        ordinary: for each level the loops as they are where the area is wide.
+        places: where it is not; ordinary loops that lie there are left out.
+        width: (L,) mm of their beads.
+
+    Returns:
+        The loops, and the layers on which they could not be joined; those have none.
+    """
+    n_steps = len(walk.level)
+    items = [_Ordinary.of(areas, level, walk, places) for level, areas in enumerate(ordinary)]
+    following = walk.following.copy()
+    xy, of_width = [walk.xy.reshape(-1, 2)], [walk.width.ravel()]
+    item_level, item_layer = [walk.level], [walk.layer]
+    bad = [walk.layer[walk.following == -2]]
+    after = [following]
+    n = n_steps
+    for item in items:
+        links, lost = item.links(n, following)
+        bad.append(lost)
+        after.append(links)
+        xy.append(item.xy)
+        of_width.append(width[item.layer])
+        item_level.append(np.full(len(item.layer), item.level))
+        item_layer.append(item.layer)
+        n += len(links)
+    level, layer = np.concatenate(item_level), np.concatenate(item_layer)
+    broken = np.unique(np.concatenate(bad))
+    step = np.concatenate(after)
+    usable = ~np.isin(layer, broken) & (step >= 0)
+    chosen = np.flatnonzero(usable)
+    place = np.full(len(step), -1)
+    place[chosen] = np.arange(len(chosen))
+    n_points = np.where(np.arange(len(step)) < n_steps, 2, 1)
+    first_point = np.cumsum(n_points) - n_points
+    rings = _gathered(
+        place[step[chosen]],
+        first_point[chosen],
+        n_points[chosen],
+        (np.concatenate(xy), np.concatenate(of_width)),
+        (level[chosen], layer[chosen]),
+    )
+    return rings, broken
+
+
+def _gathered(
+    following: Int, first: Int, count: Int, points: tuple[Float, Float], labels: tuple[Int, Int]
+) -> Rings:
+    """Cycles of items that have points each, the other way around, without points that repeat the one before."""
+    lowest, place = cycles(following)
+    order = np.lexsort((-place, lowest))
+    counts = count[order]
+    index = consecutive(-(first[order] + counts - 1), counts)  # each item's points backward too
+    xy, width = (column[-index] for column in points)
+    owner = np.repeat(lowest[order], counts)
+    begins = np.concatenate([[True], owner[1:] != owner[:-1]]) if len(owner) else np.zeros(0, np.bool_)
+    ring = np.cumsum(begins) - 1
+    starts = np.flatnonzero(begins)
+    before = np.arange(len(owner)) - 1
+    before[starts] = np.append(starts[1:], len(owner))[: len(starts)] - 1
+    apart = (np.abs(xy - xy[before]) > _SAME).any(axis=1)
+    size = np.bincount(ring[apart], minlength=len(starts))
+    whole = size >= 3
+    apart &= whole[ring]
+    level, layer = (label[owner[starts[whole]]] for label in labels)
+    return Rings(xy[apart], width[apart], size[whole], level, layer)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ordinary:
+    """The ordinary loops of one level, run backward like the steps, with the mouths between points.
+
+    Attributes:
+        level: of all of them.
+        xy: (n, 2) mm of points and mouths in the order of the rings.
+        layer: (n,).
+        ring: (n,).
+        leaves: (n,) the step that goes on from a mouth into the narrow place; -1 for others.
+        joins: (n,) the step that comes out at a mouth; -1 for others.
+        lost: layers with mouths that lie on no ring.
+    """
+
+    level: int
+    xy: Float
+    layer: Int
+    ring: Int
+    leaves: Int
+    joins: Int
+    lost: Int
+
+    @classmethod
+    def of(cls, areas: Areas, level: int, walk: Walk, places: Areas) -> _Ordinary:
+        """Find the mouths of a level on its loops; loops within narrow places without a mouth are left out."""
+        entered = np.zeros(len(walk.level), np.bool_)
+        entered[walk.following[walk.following >= 0]] = True
+        own = walk.level == level
+        leaves, joins = np.flatnonzero(own & ~entered), np.flatnonzero(own & (walk.following == -1))
+        mouth = np.concatenate([walk.xy[leaves, 0], walk.xy[joins, 1]])
+        layer = walk.layer[np.concatenate([leaves, joins])]
+        side, share, gap = _on_rings(areas, mouth, layer)
+        lost = layer[gap > _ON]
+        ring_of_point = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
+        touched = np.zeros(areas.n_rings, np.bool_)
+        touched[ring_of_point[side[gap <= _ON]]] = True
+        touched[~touched] = ~_begin_in(areas.select(~touched), places)
+        points = np.flatnonzero(touched[ring_of_point])
+        found = gap <= _ON
+        at = np.concatenate([points.astype(np.float64), (side + np.clip(share, 1e-9, 1 - 1e-9))[found]])
+        ring = ring_of_point[np.concatenate([points, side[found]])]
+        order = np.lexsort((-at, ring))
+        none = np.full(len(points), -1)
+        is_leave = np.arange(len(mouth)) < len(leaves)
+        step = np.concatenate([leaves, joins])
+        return cls(
+            level,
+            np.concatenate([areas.xy[points], mouth[found]])[order],
+            areas.ring_layer[ring[order]],
+            ring[order],
+            np.concatenate([none, np.where(is_leave, step, -1)[found]])[order],
+            np.concatenate([none, np.where(is_leave, -1, step)[found]])[order],
+            lost,
+        )
+
+    def links(self, first: int, following: Int) -> tuple[Int, Int]:
+        """(n,) what follows each point, and the layers where mouths do not take turns; `following` of steps is set.
+
+        Items are numbered from `first`. Points after a mouth where a walk comes out are kept up to the next one where a
+        walk goes in; -1 follows the others.
+        """
+        n = len(self.ring)
+        if not n:
+            return np.zeros(0, np.int64), self.lost
+        starts = np.flatnonzero(np.concatenate([[True], self.ring[1:] != self.ring[:-1]]))
+        ends = np.append(starts[1:], n) - 1
+        of_ring = np.cumsum(np.isin(np.arange(n), starts)) - 1
+        after, before = np.arange(n) + 1, np.arange(n) - 1
+        after[ends], before[starts] = starts, ends
+        # The mouth at or before each item, going back around its ring.
+        is_mouth = (self.leaves >= 0) | (self.joins >= 0)
+        mouth = np.flatnonzero(is_mouth)
+        latest = np.maximum.accumulate(np.where(is_mouth, np.arange(n), -1))
+        last_of_ring = latest[ends]
+        latest = np.where(latest < starts[of_ring], last_of_ring[of_ring], latest)
+        alone = latest < starts[of_ring]
+        kept = alone | (self.joins[latest] >= 0)
+        wrong = (self.joins[latest[before[mouth]]] >= 0) == (self.joins[mouth] >= 0)
+        lost = np.concatenate([self.lost, self.layer[mouth[wrong]]])
+        links = np.where(kept, first + after, -1)
+        goes_in = np.flatnonzero(self.leaves >= 0)
+        links[goes_in] = self.leaves[goes_in]
+        comes_out = np.flatnonzero(self.joins >= 0)
+        following[self.joins[comes_out]] = first + comes_out
+        return links, lost
+
+
+def _begin_in(rings: Areas, places: Areas) -> Bool:
+    """(R,) whether rings begin within places."""
+    if not rings.n_rings:
+        return np.zeros(0, np.bool_)
+    here = places.select(np.isin(places.ring_layer, rings.ring_layer))
+    begin = rings.xy[rings.ring_start[:-1]]
+    return Outlines(here, begin.min(axis=0), begin.max(axis=0)).inside(begin, rings.ring_layer)
+
+
+def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
+    """(n,) for each point the side of its layer's rings that it lies nearest to, where along it, and how far away."""
+    bounds = areas.ring_start[areas.layer_start]
+    first, count = bounds[layer], bounds[layer + 1] - bounds[layer]
+    owner = np.repeat(np.arange(len(points)), count)
+    side = consecutive(first, count)
+    begin = areas.xy[side]
+    along = areas.xy[areas.following[side]] - begin if len(side) else begin
+    length = np.maximum((along**2).sum(axis=1), 1e-300)
+    share = np.clip(((points[owner] - begin) * along).sum(axis=1) / length, 0, 1)
+    gap = np.hypot(*(points[owner] - begin - share[:, None] * along).T)
+    best = np.full(len(points), -1)
+    order = np.argsort(-gap, kind="stable")
+    best[owner[order]] = order  # the nearest is written last
+    known = best >= 0
+    found = np.where(known, best, 0)
+    if not len(side):
+        return np.zeros(len(points), np.int64), np.zeros(len(points)), np.full(len(points), np.inf)
+    return side[found], share[found], np.where(known, gap[found], np.inf)

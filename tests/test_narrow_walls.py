@@ -1,0 +1,321 @@
+"""Where a section is too narrow for its loops, beads of varying width fill it from side to side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from printer_slicer import bead
+from printer_slicer.geometry import Areas, Bool, Float, normalize
+from printer_slicer.geometry.voronoi import medial_axis
+from printer_slicer.model import LayerPlan, Role, Sections, Walls
+from printer_slicer.perimeters import fill_narrow, lay_walls
+from tests.parts import plain, shape, shapely
+from tests.raster import PITCH, Raster, raster
+from tests.strategies import box, clean_areas
+
+WIDTH, NARROWEST, NOZZLE = 0.45, 0.34, 0.4
+
+
+def stack(*layers: Sequence[Float], height: float = 0.2) -> Sections:
+    solid = normalize(Areas.from_rings([list(rings) for rings in layers]))
+    return Sections(LayerPlan.from_tops(height * np.arange(1, len(layers) + 1)), solid)
+
+
+def circle(radius: float, n: int = 60, at: tuple[float, float] = (0.0, 0.0)) -> Float:
+    turn = np.arange(n) * (2 * np.pi / n)
+    return np.column_stack([np.cos(turn), np.sin(turn)]) * radius + np.array(at)
+
+
+def wedge(length: float = 20.0) -> Float:
+    return np.array([[0, -0.15], [length, -1.5], [length, 1.5], [0, 0.15]])
+
+
+def turned(ring: Float, angle: float) -> Float:
+    return ring @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+
+def drawn(walls: Walls, sections: Sections, layer: int = 0) -> Raster:
+    return raster(walls.paths, sections.solid, walls.inside, layer)
+
+
+def corners(sections: Sections, image: Raster, reach: float = 0.3) -> Bool:
+    """Where round beads leave the tips of corners open, as they do everywhere."""
+    solid = sections.solid
+    way = solid.xy[solid.following] - solid.xy
+    after = way[solid.following]
+    turn = np.arctan2(way[:, 0] * after[:, 1] - way[:, 1] * after[:, 0], (way * after).sum(axis=1))
+    tips = solid.xy[solid.following][turn > np.deg2rad(30)]
+    low = solid.xy.min(axis=0) - 0.6
+    x, y = (low[axis] + (np.arange(image.solid.shape[axis]) + 0.5) * PITCH for axis in (0, 1))
+    near = np.zeros(image.solid.shape, np.bool_)
+    for tip in tips:
+        near |= (x[:, None] - tip[0]) ** 2 + (y[None, :] - tip[1]) ** 2 < reach**2
+    return near
+
+
+def plastic(walls: Walls) -> Float:
+    """(L,) mm² that the beads fill."""
+    paths = walls.paths
+    nxt = np.arange(1, len(paths.xy) + 1)
+    nxt[paths.start[1:] - 1] = np.where(paths.closed, paths.start[:-1], paths.start[1:] - 1)
+    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    length = np.hypot(*(paths.xy[nxt] - paths.xy).T)
+    spacing = bead.spacing((paths.width + paths.width[nxt]) / 2, paths.height[path])
+    return np.bincount(paths.layer[path], length * spacing, walls.plan.n_layers)
+
+
+def within_walls(walls: Walls, sections: Sections, layer: int) -> float:
+    """Mm² of beads outside the section, beyond what a bead that is wider than its wall must leave it."""
+    paths = walls.paths
+    room = shape(sections.solid, layer).buffer(0.01 + (NARROWEST - 0.1) / 2)
+    out = 0.0
+    for i in np.flatnonzero(paths.layer == layer).tolist():
+        line = paths.path(i)
+        ring = shapely.LineString(np.vstack([line, line[:1]]) if paths.closed[i] else line)
+        out += shapely.area(shapely.difference(ring.buffer(NARROWEST / 2), room))
+    return out
+
+
+# --- what the requirement names ---
+
+
+@pytest.mark.parametrize("height", [0.08, 0.2, 0.32])
+@pytest.mark.parametrize("perimeters", [2, 4])
+def test_a_wedge_from_0_3_to_3_mm_has_no_gaps_and_no_heaps(height: float, perimeters: int) -> None:
+    sections = stack([wedge()], height=height)
+    walls = lay_walls(sections, plain(perimeters=perimeters))
+
+    image = drawn(walls, sections)
+    assert image.widest_gap(but=corners(sections, image)) <= 0.1
+    # On the inner side of every turn beads lie over each other, as they do in any corner of any loop.
+    assert image.most_plastic(0.3, but=corners(sections, image, 2.4)) <= 1.3
+    assert (walls.inside.area()[0] > 1) == (perimeters == 2)
+
+
+@settings(deadline=None, max_examples=8, phases=[Phase.explicit, Phase.generate])
+@given(thickness=st.floats(0.3, 3.0), height=st.sampled_from([0.08, 0.2, 0.32]), angle=st.floats(0, 3.1))
+def test_straight_walls_of_any_thickness_are_filled(thickness: float, height: float, angle: float) -> None:
+    sections = stack([turned(box(0, 0, 4.5, thickness), angle)], height=height)
+    walls = lay_walls(sections, plain(perimeters=4))
+
+    image = drawn(walls, sections)
+    assert image.widest_gap(but=corners(sections, image, 0.36)) <= 0.1
+    assert image.most_plastic(0.3, but=corners(sections, image, 2.4)) <= 1.3
+    assert walls.inside.n_rings == 0
+
+
+@settings(deadline=None, max_examples=30)
+@given(thickness=st.floats(0.35, 3.5), radius=st.floats(5, 20), height=st.floats(0.08, 0.32))
+def test_ring_walls_of_any_thickness_get_the_plastic_of_their_volume(
+    thickness: float, radius: float, height: float
+) -> None:
+    sections = stack([circle(radius + thickness), circle(radius)[::-1]], height=height)
+    walls = lay_walls(sections, plain(perimeters=4))
+
+    outline = sections.solid.ring_length().sum()
+    # Outside, the round sides of the beads leave open what they always do.
+    room = sections.solid.area()[0] - outline * height * (1 - np.pi / 4) / 2
+    assert plastic(walls)[0] + walls.inside.area()[0] == pytest.approx(room, rel=0.01)
+    assert walls.paths.closed.all()
+
+
+LETTERS = {
+    "T": [[(0, 6), (5, 6)], [(2.5, 6), (2.5, 0)]],
+    "K": [[(0, 0), (0, 6)], [(3, 6), (0, 3), (3, 0)]],
+    "X": [[(0, 0), (4, 6)], [(0, 6), (4, 0)]],
+    "O": [[(0, 0), (4, 0), (4, 6), (0, 6), (0, 0)]],
+    "Y": [[(0, 6), (2, 3), (4, 6)], [(2, 3), (2, 0)]],
+}
+
+
+def letter(name: str, stroke: float) -> list[Float]:
+    lines = [
+        shapely.LineString(line).buffer(stroke / 2, cap_style="flat", join_style="mitre")
+        for line in LETTERS[name]
+    ]
+    polygons = shapely.get_parts(shapely.orient_polygons(shapely.union_all(lines)))
+    return [np.asarray(ring.coords)[:-1] for ring in shapely.get_rings(polygons)]
+
+
+@pytest.mark.parametrize("stroke", [0.4, 0.7, 1.1, 1.6])
+@pytest.mark.parametrize("name", list(LETTERS))
+def test_strokes_of_letters_are_filled_and_crossings_hold_no_heap(name: str, stroke: float) -> None:
+    sections = stack(letter(name, stroke))
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    image = drawn(walls, sections)
+    tips = corners(sections, image, 0.4)
+    assert image.widest_gap(but=tips) <= 0.13
+    assert image.most_plastic(0.3, but=tips) <= 1.6
+    assert walls.lost[0] == pytest.approx(0, abs=1e-6)
+    assert plastic(walls)[0] > 0.8 * sections.solid.area()[0]
+
+
+def test_a_letter_of_one_stroke_is_one_line_and_closed_if_the_letter_is() -> None:
+    sections = stack(letter("O", 0.4), [box(0, 0, 8, 0.4)])
+    paths = lay_walls(sections, plain(perimeters=2)).paths
+
+    assert paths.closed.tolist() == [True, False]
+    assert paths.role.tolist() == [Role.OUTER_PERIMETER] * 2
+    # Around the corners of the O the wall is thicker.
+    assert paths.width.min() == pytest.approx(0.4, abs=1e-3)
+    assert paths.width.max() < 0.48
+
+
+def test_two_holes_near_each_other_and_near_the_outline_keep_their_walls() -> None:
+    rings = [box(0, 0, 10, 8), circle(1.5, 40, (2.2, 4))[::-1], circle(1.5, 40, (6.3, 4))[::-1]]
+    sections = stack(rings)
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    image = drawn(walls, sections)
+    assert image.widest_gap(but=corners(sections, image)) <= 0.1
+    # What is wide enough for all loops is wide enough for infill.
+    assert walls.inside.area()[0] == pytest.approx(21.4, abs=0.3)
+
+
+def test_a_rib_meets_the_block_it_grows_from() -> None:
+    rib = np.array([[0, 0], [6, 0], [6, 2], [12, 2], [12, 2.6], [6, 2.6], [6, 6], [0, 6.0]])
+    sections = stack([rib])
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    image = drawn(walls, sections)
+    assert image.widest_gap(but=corners(sections, image)) <= 0.12
+    line = next(walls.paths.path(i) for i in range(walls.paths.n_paths) if not walls.paths.closed[i])
+    assert line[:, 0].min() < 6.1
+    assert line[:, 1] == pytest.approx(2.3, abs=0.01)
+
+
+# --- limits ---
+
+
+def test_walls_thinner_than_the_narrowest_bead_get_that_bead_and_thinner_features_are_told_as_lost() -> None:
+    sections = stack([box(0, 0, 8, 0.2)], [box(0, 0, 8, 0.08)])
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    assert walls.paths.layer.tolist() == [0]
+    assert walls.paths.width == pytest.approx(NARROWEST)
+    assert walls.lost == pytest.approx([0, 8 * 0.08], abs=1e-4)
+
+
+@pytest.mark.parametrize("height", [0.08, 0.3, 0.35])
+def test_no_bead_is_narrower_than_high(height: float) -> None:
+    wanted = plain(perimeters=3, min_bead_width=0.2, max_bead_width=0.6)
+    walls = lay_walls(stack([wedge(12)], height=height), wanted)
+
+    assert walls.paths.width.min() >= height
+
+
+def test_the_widest_bead_is_as_wide_as_allowed() -> None:
+    for limit in (0.55, 0.66, 0.8):
+        walls = lay_walls(stack([wedge()]), plain(perimeters=3, max_bead_width=limit, min_bead_width=0.25))
+
+        assert walls.paths.width.max() <= limit + 0.05
+
+
+def test_wide_parts_have_the_loops_they_had() -> None:
+    walls = lay_walls(stack([box(0, 0, 10, 10)]), plain(perimeters=2))
+
+    assert (walls.paths.width == WIDTH).all()
+    assert np.diff(walls.paths.start).tolist() == [4, 4]
+
+
+def test_a_pin_as_wide_as_long_gets_a_dot_of_its_own_volume() -> None:
+    sections = stack([circle(0.3, 24)])
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    assert plastic(walls)[0] == pytest.approx(np.pi * 0.09, rel=0.12)
+
+
+# --- anything ---
+
+
+@settings(deadline=None, max_examples=40)
+@given(solid=clean_areas(3), perimeters=st.integers(1, 4))
+def test_beads_of_any_section_stay_within_it_and_fill_no_more_than_it(solid: Areas, perimeters: int) -> None:
+    sections = Sections(LayerPlan.from_tops(np.array([0.2, 0.4, 0.6])), solid)
+    walls = lay_walls(sections, plain(perimeters=perimeters))
+
+    used = plastic(walls) + walls.inside.area()
+    assert (used <= solid.area() * 1.06 + 0.3).all()
+    for layer in range(3):
+        assert within_walls(walls, sections, layer) < 0.02
+        inside, section = shape(walls.inside, layer), shape(solid, layer)
+        assert shapely.area(shapely.difference(inside, section.buffer(1e-3))) < 1e-3
+
+
+@settings(deadline=None, max_examples=40)
+@given(solid=clean_areas(2))
+def test_points_of_the_medial_axis_are_as_far_from_the_outline_as_they_say(solid: Areas) -> None:
+    axis = medial_axis(solid, 3.0)
+
+    for layer in range(2):
+        here = axis.layer == layer
+        outline = shape(solid, layer).boundary
+        assert shapely.distance(shapely.points(axis.xy[here]), outline) == pytest.approx(
+            axis.radius[here], abs=1e-4
+        )
+    known = axis.following >= 0
+    assert (axis.end[known] == axis.start[axis.following[known]]).all()
+    assert axis.foot[known, 1] == pytest.approx(axis.foot[axis.following[known], 0], abs=1e-3)
+
+
+ODD = {
+    "tiny": [box(0, 0, 1e-4, 1e-4)],
+    "tiny hole": [box(0, 0, 1, 1), box(0.5, 0.5, 0.501, 0.501)[::-1]],
+    "needle": [np.array([[0, 0], [10, 0.001], [0, 0.002]])],
+    "repeated points": [np.repeat(box(0, 0, 3, 0.5), 3, axis=0)],
+    "points on a line": [np.array([[0, 0], [1, 0], [2, 0], [3, 0], [3, 0.5], [2, 0.5], [0, 0.5]])],
+    "touching in a point": [box(0, 0, 2, 0.8), box(2, 0.8, 4, 1.6)],
+    "touching along a side": [box(0, 0, 2, 0.8), box(2, 0.2, 4, 0.6)],
+    "hole that touches the outline": [box(0, 0, 4, 4), np.array([[0, 2], [1, 3], [2, 2], [1, 1.0]])],
+}
+
+
+@pytest.mark.parametrize("name", list(ODD))
+def test_odd_outlines_do_no_harm(name: str) -> None:
+    sections = stack(ODD[name])
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    assert np.isfinite(walls.paths.xy).all()
+    assert plastic(walls)[0] <= sections.solid.area()[0] * 1.2 + 0.2
+
+
+def test_layers_do_not_know_each_other() -> None:
+    shapes = [[wedge(12)], [circle(4), circle(3.2)[::-1]], letter("K", 0.7)]
+    together = lay_walls(stack(*shapes), plain(perimeters=2))
+
+    for layer, rings in enumerate(shapes):
+        alone = lay_walls(stack(rings), plain(perimeters=2))
+        mine = together.paths.layer == layer
+        points = np.repeat(mine, np.diff(together.paths.start))
+        assert together.paths.xy[points] == pytest.approx(alone.paths.xy, abs=1e-6)
+        assert together.paths.width[points] == pytest.approx(alone.paths.width, abs=1e-6)
+
+
+# --- strips between other beads ---
+
+
+def test_a_strip_is_filled_with_one_bead_and_the_rest_is_given_back() -> None:
+    strip = np.array([[0, 0], [10, 0], [10, 3], [7, 3], [7, 0.5], [0, 0.5]])
+    sections = stack([strip])
+    made = fill_narrow(sections.solid, sections.plan, plain(), role=Role.SOLID)
+    paths, rest = made.paths, made.rest
+
+    assert paths.n_paths == 1
+    assert paths.role[0] == Role.SOLID
+    assert paths.width.min() == pytest.approx(0.5 + 0.2 * (1 - np.pi / 4), abs=0.01)
+    assert rest.area()[0] == pytest.approx(9, abs=0.3)
+
+
+def test_wider_strips_are_filled_with_as_many_beads_as_asked_for() -> None:
+    sections = stack([box(0, 0, 8, 1.2)])
+    for beads, left in ((1, 9.6), (2, 9.6), (3, 0.0), (4, 0.0)):
+        made = fill_narrow(sections.solid, sections.plan, plain(), beads=beads)
+
+        assert made.rest.area()[0] == pytest.approx(left, abs=0.03)
+        assert (made.paths.n_paths > 0) == (left == 0)
