@@ -264,6 +264,21 @@ def test_points_of_the_medial_axis_are_as_far_from_the_outline_as_they_say(solid
     assert axis.foot[known, 1] == pytest.approx(axis.foot[axis.following[known], 0], abs=1e-3)
 
 
+def test_layers_stand_apart_in_the_diagram_whatever_their_size() -> None:
+    """Once they were moved by whole millimetres to places less far apart than they were high."""
+    first = [box(0, 0, 1.5, 13), box(0, -6.5, 1, -5.5)]
+    second = [box(0, 0, 1, 11), box(0, -8, 1, -7)]
+    solid = stack(first, second).solid
+    axis = medial_axis(solid, 3.0)
+
+    for layer in range(2):
+        here = axis.layer == layer
+        outline = shape(solid, layer).boundary
+        assert shapely.distance(shapely.points(axis.xy[here]), outline) == pytest.approx(
+            axis.radius[here], abs=1e-6
+        )
+
+
 ODD = {
     "tiny": [box(0, 0, 1e-4, 1e-4)],
     "tiny hole": [box(0, 0, 1, 1), box(0.5, 0.5, 0.501, 0.501)[::-1]],

@@ -23,7 +23,7 @@ __all__ = ["MedialAxis", "medial_axis"]
 
 _STEP = 0.2  # radians between neighbouring points around a corner: chords within 0.5 % of the radius
 _WIDEST = 2.0e9  # steps of the grid that Boost's 32 bits hold
-_APART = 1.0  # mm between the layers of a diagram
+_APART = 1.5  # mm around each layer of a diagram, with room for what rounding moves it by
 _CHORD = 0.005  # mm between a parabola and its pieces
 _TIP = 1e-6  # mm of radius
 _MOST = 64  # pieces of one edge
@@ -139,7 +139,7 @@ def _batches(areas: Areas, sides: Bool | None) -> Iterator[_Sides]:
     ends = areas.xy[index[:, 1:3]]
     low = np.minimum.reduceat(ends.min(axis=1), starts)
     high = np.maximum.reduceat(ends.max(axis=1), starts)
-    pitch = float((high - low).max()) + _APART
+    pitch = 2 * float(np.ceil((high - low).max() / 2 + _APART))  # even, so that half of it is whole
     across = max(int(2 * _WIDEST / STEPS_PER_MM / pitch), 1)
     for first in range(0, len(used), across * across):
         side = int(np.ceil(np.sqrt(min(across * across, len(used) - first))))
