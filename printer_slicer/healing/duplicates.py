@@ -18,6 +18,7 @@ _NEAR_PLACE = 0.25  # mm
 _SHORTER = 0.1  # of the shortest edge
 _WIDE_CELLS = 64
 _AT_BORDER = 1 / 30  # of a wide cell; more than two reaches, up to which corners may be joined
+_LEAST = 1e-30  # mm; damaged files hold numbers next to nothing
 _SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings to 32 bits
 
 
@@ -30,7 +31,8 @@ def join_corners(facets: Facets) -> tuple[Facets, list[Repair]]:
     """
     size = float(np.ptp(facets.points, axis=0).max(initial=0.0))
     far = float(np.abs(facets.points).max(initial=0.0))
-    facets, done = _joined(facets, max(min(_SAME_PLACE, _SMALL * size), _SINGLE_STEPS * far))
+    reach = max(min(_SAME_PLACE, _SMALL * size), _SINGLE_STEPS * far, _LEAST)
+    facets, done = _joined(facets, reach)
     at_open = (facets.count[facets.edges] == 1).any(axis=1)
     if not at_open.any():
         return facets, done

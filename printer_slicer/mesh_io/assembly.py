@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.limits import check_facets, check_vertices
+from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
 
 if TYPE_CHECKING:
@@ -65,11 +65,7 @@ class Shelf:
             MeshError: too many.
         """
         self._n_uses += 1
-        if self._n_uses > self._limits.instances:
-            raise MeshError(
-                f"{self._path}: over {self._limits.instances} objects are placed",
-                remedy="Join the objects in the program that made them, or export the part as STL.",
-            )
+        check_instances(self._n_uses, self._path, self._limits)
 
     def check(self) -> None:
         """Look how much there is; to be called now and then.

@@ -8,14 +8,14 @@ from __future__ import annotations
 import base64
 import json
 import struct
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.assembly import Body, Use, assembled
-from printer_slicer.mesh_io.limits import check_facets, check_vertices
+from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import COPY_AGAIN
 from printer_slicer.mesh_io.units import UNITS
 
@@ -31,9 +31,11 @@ Numbers = np.ndarray[tuple[int, ...], np.dtype[Any]]
 JSON_CHUNK: Final = 0x4E4F534A
 BINARY_CHUNK: Final = 0x004E4942
 COMPONENTS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-COLUMNS: Final = {"SCALAR": 1, "VEC3": 3}
+COLUMNS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 TRIANGLES, STRIP, FAN = 4, 5, 6
-HARMLESS: Final = (
+INSTANCING: Final = "EXT_mesh_gpu_instancing"
+KNOWN: Final = (
+    INSTANCING,
     "KHR_mesh_quantization",
     "KHR_materials",
     "KHR_texture",
@@ -41,7 +43,7 @@ HARMLESS: Final = (
     "EXT_texture",
     "KHR_xmp",
 )
-"""How the names of extensions begin that do not change what is read here."""
+"""How the names of extensions begin that are followed, or do not change what is read here."""
 PACKING: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 SCENE: Final = ("scene", 0)
 UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -70,10 +72,11 @@ class _Document:
         self._limits = limits
         self._length = len(data)
         self._path = path
-        self._n_vertices = self._n_facets = 0
+        self._n_vertices = self._n_facets = self._n_instances = 0
+        self.n_bent = self.n_morphed = 0
         self._decoded: dict[int, bytes] = {}
         for name in self.tree.get("extensionsRequired", []):
-            if not str(name).startswith(HARMLESS):
+            if not str(name).startswith(KNOWN):
                 raise _unknown(path, str(name))
 
     def check_packed(self, what: dict[str, Any]) -> None:
@@ -115,6 +118,26 @@ class _Document:
         self._n_facets += n_facets
         check_vertices(self._n_vertices, self._path, self._limits)
         check_facets(self._n_facets, self._path, self._limits)
+
+    def count_instances(self, count: int) -> None:
+        """So many instances more.
+
+        Raises:
+            MeshError: too many; several nodes can share the same bytes.
+        """
+        self._n_instances += count
+        check_instances(self._n_instances, self._path, self._limits)
+
+    def notes(self) -> list[str]:
+        """What deserves a look."""
+        return [
+            f"{number} meshes are {what}, which is not followed: they are read as they were drawn"
+            for number, what in (
+                (self.n_bent, "bent by a skeleton"),
+                (self.n_morphed, "changed by morph weights"),
+            )
+            if number
+        ]
 
     def _replaced(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
         """The numbers, with some of them replaced."""
@@ -194,7 +217,7 @@ def read_glb(
     return (
         assembled([Use(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
         own_unit,
-        [],
+        document.notes(),
     )
 
 
@@ -219,10 +242,43 @@ def _bodies(document: _Document) -> dict[Hashable, Body]:
             key = ("mesh", _index(node["mesh"]))
             if key not in bodies:
                 bodies[key] = _mesh(document, key[1])
-            body.parts.append(Use(key))
+            document.n_bent += "skin" in node
+            document.n_morphed += _is_morphed(node, document.tree["meshes"][key[1]])
+            body.parts += [Use(key, matrix) for matrix in _instances(document, node)]
         children = [_index(child) for child in node.get("children", [])]
         body.parts += [Use(("node", child), _matrix(nodes[child])) for child in children]
     return bodies
+
+
+def _is_morphed(node: dict[str, Any], mesh: dict[str, Any]) -> bool:
+    """Whether weights move the vertices of a mesh."""
+    return any(node.get("weights", mesh.get("weights", []))) and any(
+        "targets" in primitive for primitive in mesh["primitives"]
+    )
+
+
+def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | None]:
+    """The matrices (4, 4) of the copies of the mesh of a node; mostly there is one, which is not moved."""
+    if INSTANCING not in node.get("extensions", {}):
+        return [None]
+    attributes = node["extensions"][INSTANCING]["attributes"]
+    places = {
+        name: document.array(attributes[name]).astype(np.float64)
+        for name in ("TRANSLATION", "ROTATION", "SCALE")
+        if name in attributes
+    }
+    counts = {len(numbers) for numbers in places.values()}
+    if len(counts) != 1:
+        raise ValueError("instances that are not placed, or by lists of different lengths")
+    count = counts.pop()
+    document.count_instances(count)
+    return list(
+        _matrices(
+            places.get("TRANSLATION", np.zeros((count, 3))),
+            places.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
+            places.get("SCALE", np.ones((count, 3))),
+        )
+    )
 
 
 def _mesh(document: _Document, index: int) -> Body:
@@ -278,24 +334,40 @@ def _faces(corners: Numbers, mode: int) -> Numbers:
 def _matrix(node: dict[str, Any]) -> Float | None:
     """(4, 4) of a node, for rows."""
     if "matrix" in node:
-        matrix = np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4))
-    elif not node.keys() & {"translation", "rotation", "scale"}:
+        return _finite(np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4)))
+    if not node.keys() & {"translation", "rotation", "scale"}:
         return None
-    else:
-        matrix = np.eye(4)
-        x, y, z, w = (float(number) for number in node.get("rotation", (0, 0, 0, 1)))
-        matrix[:3, :3] = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
-                [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
-                [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        matrix[:3, :3] *= np.reshape(np.array(node.get("scale", (1, 1, 1)), dtype=np.float64), (3, 1))
-        matrix[3, :3] = node.get("translation", (0, 0, 0))
-    if not np.isfinite(matrix).all():
-        raise ValueError("a node that is moved by no number")
+    translation, rotation, scale = (
+        np.reshape(np.array(node.get(name, usual), dtype=np.float64), (1, len(usual)))
+        for name, usual in (("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)))
+    )
+    matrix: Float = _matrices(translation, rotation, scale)[0]
     return matrix
+
+
+def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
+    """(N, 4, 4) for rows, of shifts (N, 3), quaternions (N, 4), their real part last, and scales (N, 3)."""
+    if translation.shape[1] != 3 or rotation.shape[1] != 4 or scale.shape[1] != 3:
+        raise ValueError("what is moved in other than three directions")
+    matrices = np.zeros((len(translation), 4, 4))
+    x, y, z, w = rotation.T
+    matrices[:, :3, :3] = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+            [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+            [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+    matrices[:, :3, :3] *= scale[:, :, None]
+    matrices[:, 3, :3] = translation
+    matrices[:, 3, 3] = 1
+    return _finite(matrices)
+
+
+def _finite(matrices: Float) -> Float:
+    if not np.isfinite(matrices).all():
+        raise ValueError("a node that is moved by no number")
+    return matrices
 
 
 def _index(value: object) -> int:

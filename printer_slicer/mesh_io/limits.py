@@ -10,7 +10,7 @@ from printer_slicer.errors import MeshError
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["LIMITS", "Limits", "check_facets", "check_vertices"]
+__all__ = ["LIMITS", "Limits", "check_facets", "check_instances", "check_vertices"]
 
 MIB: Final = 1 << 20
 
@@ -76,4 +76,17 @@ def check_vertices(count: int, path: Path, limits: Limits, most: int = 1) -> Non
         raise MeshError(
             f"{path}: {count} vertices; at most {most * limits.facets} are read",
             remedy="Export the part with fewer facets, or raise `Limits.facets` from Python.",
+        )
+
+
+def check_instances(count: int, path: Path, limits: Limits) -> None:
+    """Refuse more objects placed than allowed.
+
+    Raises:
+        MeshError: there are.
+    """
+    if count > limits.instances:
+        raise MeshError(
+            f"{path}: over {limits.instances} objects are placed",
+            remedy="Join the objects in the program that made them, or export the part as STL.",
         )

@@ -58,7 +58,8 @@ BAD_MODELS = [
     ("none.stl", GOOD[:80] + bytes(4), 3, ["none.stl"]),
     ("long.stl", GOOD + GOOD[84:], 3, ["long.stl", "12", "24"]),
     ("ascii.stl", ASCII, 3, ["ascii.stl", "line 6"]),
-    ("ends.stl", ASCII + b"  endloop\n endfacet\n", 3, ["ends.stl", "endsolid"]),
+    ("ends.stl", ASCII + b"  endloop\n", 3, ["ends.stl", "line 7", "ends within a facet"]),
+    ("open.stl", b"solid x\n", 3, ["open.stl", "line 1", "endsolid"]),
     (
         "word.stl",
         ASCII.replace(b"1 0 0", b"one 0 0") + b"  endloop\n endfacet\nendsolid\n",

@@ -13,7 +13,7 @@ import trimesh
 from tiny_files import BOX, CORNERS, FACES, glb, glb_box, write
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io import load_mesh, load_model
+from printer_slicer.mesh_io import Limits, load_mesh, load_model
 
 UPRIGHT = np.stack([BOX[:, :, 0], -BOX[:, :, 2], BOX[:, :, 1]], axis=2)
 """The box with its y up."""
@@ -183,6 +183,110 @@ def test_a_buffer_may_stand_in_the_text(tmp_path: Path) -> None:
     )
 
 
+TURNS = np.array([[0, 0, 0, 1], [0, 0, 0.6, 0.8], [0.5, 0.5, 0.5, 0.5]])
+PLACES = {
+    "TRANSLATION": np.array([[0, 0, 0], [10, 0, 0], [0, 20, 5.0]]),
+    "ROTATION": TURNS,
+    "SCALE": np.array([[1, 1, 1], [2, 1, 1], [-1, 1, 0.5]]),
+}
+
+
+def instanced(places: dict[str, np.ndarray], *, kind: int = 5126, **changes: Any) -> bytes:
+    """The box as one node that extends its mesh by copies; quaternions may be of another kind."""
+    binary = CORNERS.astype("<f4").tobytes() + FACES.astype("<u2").tobytes()
+    views = [{"buffer": 0, "byteLength": 96}, {"buffer": 0, "byteOffset": 96, "byteLength": 72}]
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"},
+    ]
+    for name, numbers in places.items():
+        whole = kind == 5122 and name == "ROTATION"
+        data = (np.rint(numbers * 32767).astype("<i2") if whole else numbers.astype("<f4")).tobytes()
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+        accessor = {"componentType": kind, "normalized": True} if whole else {"componentType": 5126}
+        accessor |= {"count": len(numbers), "type": f"VEC{numbers.shape[1]}", "bufferView": len(views) - 1}
+        accessors.append(accessor)
+        binary += data
+    attributes = {name: number for number, name in enumerate(places, start=2)}
+    node = {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}
+    tree: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [node | {"translation": [100, 0, 0], "scale": [1, 1, 2]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(binary)}],
+    }
+    return glb(tree | changes, binary)
+
+
+@pytest.mark.parametrize("names", [["TRANSLATION"], ["ROTATION"], ["TRANSLATION", "SCALE"], list(PLACES)])
+@pytest.mark.parametrize("kind", [5126, 5122], ids=["floats", "whole numbers"])
+@pytest.mark.parametrize("required", [[], ["EXT_mesh_gpu_instancing"]], ids=["used", "required"])
+def test_instances_of_a_mesh_stand_as_nodes_would(
+    tmp_path: Path, names: list[str], kind: int, required: list[str]
+) -> None:
+    content = instanced({name: PLACES[name] for name in names}, kind=kind, extensionsRequired=required)
+    fields = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
+    children = [
+        {"mesh": 0} | {fields[name]: PLACES[name][number].tolist() for name in names} for number in range(3)
+    ]
+    nodes = [{"children": [1, 2, 3], "translation": [100, 0, 0], "scale": [1, 1, 2]}, *children]
+
+    model = load_model(write(tmp_path, content, "part.glb"), units="mm")
+    expected = load_mesh(write(tmp_path, glb_box(nodes=nodes), "nodes.glb"), units="mm")
+
+    assert model.mesh.n_facets == 36
+    np.testing.assert_allclose(model.mesh.triangles, expected.triangles, atol=1e-5 if kind == 5126 else 2e-3)
+    assert model.mesh.volume == pytest.approx(expected.volume, rel=1e-3)
+    assert model.notes == ()
+
+
+def test_instances_are_counted_however_many_nodes_share_their_places(tmp_path: Path) -> None:
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}
+    nodes = [{"mesh": 0, "extensions": extension}] * 50
+    path = write(tmp_path, glb_box(nodes=nodes, scenes=[]), "part.glb")
+
+    assert load_mesh(path).n_facets == 50 * 8 * 12
+    with pytest.raises(MeshError, match="over 399 objects are placed"):
+        load_mesh(path, limits=Limits(instances=399))
+
+
+WEIGHED = {"attributes": {"POSITION": 0}, "indices": 1, "targets": [{"POSITION": 0}]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "notes"),
+    [
+        (
+            {"nodes": [{"mesh": 0, "skin": 0}], "skins": [{"joints": [0]}]},
+            ("1 meshes are bent by a skeleton",),
+        ),
+        (
+            {"meshes": [{"primitives": [WEIGHED]}], "nodes": [{"mesh": 0, "weights": [0.5]}]},
+            ("1 meshes are changed by morph weights",),
+        ),
+        ({"meshes": [{"primitives": [WEIGHED], "weights": [1]}]}, ("1 meshes are changed by morph weights",)),
+        (
+            {"meshes": [{"primitives": [WEIGHED], "weights": [1]}], "nodes": [{"mesh": 0, "weights": [0]}]},
+            (),
+        ),
+        ({"meshes": [{"primitives": [WEIGHED]}]}, ()),
+    ],
+    ids=["skin", "weights of a node", "weights of a mesh", "weights of 0", "no weights"],
+)
+def test_skeletons_and_morph_weights_are_told(
+    tmp_path: Path, changes: dict[str, Any], notes: tuple[str, ...]
+) -> None:
+    model = load_model(write(tmp_path, glb_box(**changes), "part.glb"), units="mm")
+
+    assert np.array_equal(model.mesh.triangles, UPRIGHT)
+    assert model.notes == tuple(
+        f"{note}, which is not followed: they are read as they were drawn" for note in notes
+    )
+
+
 VIEW = {"buffer": 0, "byteLength": 96}
 FAULTS = {
     "draco": (glb_box(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
@@ -236,6 +340,14 @@ FAULTS = {
     "version 1": (b"glTF\1\0\0\0" + glb_box()[8:], "version 2"),
     "cut off": (glb_box()[:-20], "are left"),
     "head only": (b"glTF", "sound .glb"),
+    "instances without places": (instanced({}), "instances that are not placed"),
+    "instances in other numbers": (
+        instanced(PLACES | {"SCALE": PLACES["SCALE"][:2]}), "by lists of different lengths"
+    ),
+    "instances turned in three directions": (
+        instanced({"ROTATION": PLACES["SCALE"]}), "moved in other than three directions"
+    ),
+    "instances nowhere": (instanced({"TRANSLATION": np.full((3, 3), np.nan)}), "moved by no number"),
     "empty scene": (glb_box(scenes=[{}]), "no facets"),
 }  # fmt: skip
 
