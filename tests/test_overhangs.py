@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from printer_slicer.model import Areas, Fan, Float, LayerPlan, Mesh, Program, Role, Sections, Toolpaths
 from printer_slicer.overhangs import graded
-from printer_slicer.perimeters import lay_walls, perimeter_paths
+from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_part
 from printer_slicer.slicing import cut
 from tests.parts import box, joined, layers, plain, shape, shapely, sphere
@@ -26,7 +26,7 @@ def square(side: float, at: tuple[float, float] = (0.0, 0.0)) -> Float:
 def beads(areas: Areas, tops: Float | None = None) -> tuple[Toolpaths, Sections]:
     plan = LayerPlan.from_tops(np.arange(1, areas.n_layers + 1) * 0.2 if tops is None else tops)
     sections = Sections(plan, areas)
-    return perimeter_paths(lay_walls(sections, plain())), sections
+    return lay_walls(sections, plain()).paths, sections
 
 
 def pieces(paths: Toolpaths) -> tuple[Float, Float, Float]:
@@ -106,7 +106,7 @@ def test_on_uneven_layers_the_share_follows_the_step_of_each() -> None:
     low = box((20, 20, 2.2), (-10, -10, 0)).triangles.copy()
     low[low[:, :, 2] > 0, :2] *= 24.4 / 20
     sections = cut(Mesh(low), plan, 0.0125)
-    after = graded(perimeter_paths(lay_walls(sections, plain())), sections)
+    after = graded(lay_walls(sections, plain()).paths, sections)
 
     step = np.diff(plan.cut, prepend=0.0)
     _, length, carried = pieces(after)

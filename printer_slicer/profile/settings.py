@@ -6,10 +6,22 @@ The constructors do not check bounds; `printer_slicer.profile.load_profile` and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Literal
 
-from msgspec import Meta, Struct, field
+from msgspec import field
+
+from printer_slicer.profile.base import Settings, meta
+from printer_slicer.profile.planners import (
+    PLANNER_SETTINGS,
+    AreaPlanner,
+    CuspPlanner,
+    GeneticPlanner,
+    HeightRange,
+    OptimalPlanner,
+    Planner,
+    StepwisePlanner,
+    UniformPlanner,
+)
 
 __all__ = [
     "PLANNER_SETTINGS",
@@ -29,68 +41,59 @@ __all__ = [
 ]
 
 
-def _meta(meaning: str, unit: str = "", **bounds: Any) -> Meta:
-    """The meaning, the unit and the bounds of one setting."""
-    return Meta(description=meaning, extra={"unit": unit}, **bounds)
-
-
-class _Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all groups of settings: frozen, and a misspelt key is an error."""
-
-
-class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What the machine is and what it can do."""
 
-    name: Annotated[str, _meta("what people call this machine")]
-    flavour: Annotated[Literal["marlin", "klipper"], _meta("dialect of G-code")] = "marlin"
-    bed_x: Annotated[float, _meta("width of the bed", "mm", ge=20, le=5000)]
-    bed_y: Annotated[float, _meta("depth of the bed", "mm", ge=20, le=5000)]
-    bed_z: Annotated[float, _meta("greatest height of a part", "mm", ge=20, le=5000)]
-    origin: Annotated[Literal["corner", "centre"], _meta("where x = y = 0 is on the bed")] = "corner"
-    nozzle_diameter: Annotated[float, _meta("diameter of the nozzle's hole", "mm", ge=0.1, le=2)] = 0.4
-    z_step: Annotated[float, _meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
-    min_layer: Annotated[float, _meta("thinnest layer the machine prints", "mm", ge=0.01, le=1)] = 0.09
-    max_layer: Annotated[float, _meta("thickest layer the machine prints", "mm", ge=0.02, le=1.6)] = 0.32
+    name: Annotated[str, meta("what people call this machine")]
+    flavour: Annotated[Literal["marlin", "klipper"], meta("dialect of G-code")] = "marlin"
+    bed_x: Annotated[float, meta("width of the bed", "mm", ge=20, le=5000)]
+    bed_y: Annotated[float, meta("depth of the bed", "mm", ge=20, le=5000)]
+    bed_z: Annotated[float, meta("greatest height of a part", "mm", ge=20, le=5000)]
+    origin: Annotated[Literal["corner", "centre"], meta("where x = y = 0 is on the bed")] = "corner"
+    nozzle_diameter: Annotated[float, meta("diameter of the nozzle's hole", "mm", ge=0.1, le=2)] = 0.4
+    z_step: Annotated[float, meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
+    min_layer: Annotated[float, meta("thinnest layer the machine prints", "mm", ge=0.01, le=1)] = 0.09
+    max_layer: Annotated[float, meta("thickest layer the machine prints", "mm", ge=0.02, le=1.6)] = 0.32
     max_nozzle_temperature: Annotated[
-        float, _meta("never heat the nozzle over this", "°C", ge=100, le=500)
+        float, meta("never heat the nozzle over this", "°C", ge=100, le=500)
     ] = 275
     max_bed_temperature: Annotated[
-        float, _meta("never heat the bed over this; 0: not heated", "°C", ge=0, le=200)
+        float, meta("never heat the bed over this; 0: not heated", "°C", ge=0, le=200)
     ] = 110
-    max_speed_x: Annotated[float, _meta("limit of the x axis", "mm/s", gt=0, le=2000)] = 500
-    max_speed_y: Annotated[float, _meta("limit of the y axis", "mm/s", gt=0, le=2000)] = 500
-    max_speed_z: Annotated[float, _meta("limit of the z axis", "mm/s", gt=0, le=500)] = 10
-    max_speed_e: Annotated[float, _meta("limit of the extruder", "mm/s", gt=0, le=500)] = 60
-    max_acceleration_x: Annotated[float, _meta("limit of the x axis", "mm/s²", gt=0, le=100000)] = 1000
-    max_acceleration_y: Annotated[float, _meta("limit of the y axis", "mm/s²", gt=0, le=100000)] = 1000
-    max_acceleration_z: Annotated[float, _meta("limit of the z axis", "mm/s²", gt=0, le=10000)] = 100
-    max_acceleration_e: Annotated[float, _meta("limit of the extruder", "mm/s²", gt=0, le=100000)] = 5000
-    acceleration: Annotated[float, _meta("while printing", "mm/s²", gt=0, le=100000)] = 1000
-    travel_acceleration: Annotated[float, _meta("while travelling", "mm/s²", gt=0, le=100000)] = 1000
+    max_speed_x: Annotated[float, meta("limit of the x axis", "mm/s", gt=0, le=2000)] = 500
+    max_speed_y: Annotated[float, meta("limit of the y axis", "mm/s", gt=0, le=2000)] = 500
+    max_speed_z: Annotated[float, meta("limit of the z axis", "mm/s", gt=0, le=500)] = 10
+    max_speed_e: Annotated[float, meta("limit of the extruder", "mm/s", gt=0, le=500)] = 60
+    max_acceleration_x: Annotated[float, meta("limit of the x axis", "mm/s²", gt=0, le=100000)] = 1000
+    max_acceleration_y: Annotated[float, meta("limit of the y axis", "mm/s²", gt=0, le=100000)] = 1000
+    max_acceleration_z: Annotated[float, meta("limit of the z axis", "mm/s²", gt=0, le=10000)] = 100
+    max_acceleration_e: Annotated[float, meta("limit of the extruder", "mm/s²", gt=0, le=100000)] = 5000
+    acceleration: Annotated[float, meta("while printing", "mm/s²", gt=0, le=100000)] = 1000
+    travel_acceleration: Annotated[float, meta("while travelling", "mm/s²", gt=0, le=100000)] = 1000
     retract_acceleration: Annotated[
-        float, _meta("while only the extruder turns", "mm/s²", gt=0, le=100000)
+        float, meta("while only the extruder turns", "mm/s²", gt=0, le=100000)
     ] = 1000
     corner: Annotated[
-        Literal["junction_deviation", "jerk", "square_corner"], _meta("how the firmware finds corner speeds")
+        Literal["junction_deviation", "jerk", "square_corner"], meta("how the firmware finds corner speeds")
     ] = "junction_deviation"
-    junction_deviation: Annotated[float, _meta("for corner = junction_deviation", "mm", gt=0, le=1)] = 0.013
-    jerk_xy: Annotated[float, _meta("for corner = jerk", "mm/s", ge=0, le=100)] = 8
-    jerk_z: Annotated[float, _meta("for corner = jerk", "mm/s", ge=0, le=100)] = 0.4
-    jerk_e: Annotated[float, _meta("for corner = jerk", "mm/s", ge=0, le=100)] = 5
-    square_corner_velocity: Annotated[float, _meta("for corner = square_corner", "mm/s", ge=0, le=100)] = 5
-    minimum_cruise_ratio: Annotated[float, _meta("Klipper's minimum_cruise_ratio", "0-1", ge=0, lt=1)] = 0
-    retract_length: Annotated[float, _meta("filament pulled back before a travel", "mm", ge=0, le=20)] = 0.8
-    retract_speed: Annotated[float, _meta("speed of pulling back", "mm/s", gt=0, le=200)] = 35
-    deretract_speed: Annotated[float, _meta("speed of pushing forward", "mm/s", gt=0, le=200)] = 25
-    retract_before_travel: Annotated[float, _meta("shorter travels do not retract", "mm", ge=0, le=100)] = 1.5
-    z_hop: Annotated[float, _meta("lift during a retracted travel", "mm", ge=0, le=5)] = 0
-    relative_extrusion: Annotated[bool, _meta("E words are differences (M83)")] = True
-    baud: Annotated[int, _meta("speed of the serial port", "Bd", ge=1200, le=12000000)] = 115200
+    junction_deviation: Annotated[float, meta("for corner = junction_deviation", "mm", gt=0, le=1)] = 0.013
+    jerk_xy: Annotated[float, meta("for corner = jerk", "mm/s", ge=0, le=100)] = 8
+    jerk_z: Annotated[float, meta("for corner = jerk", "mm/s", ge=0, le=100)] = 0.4
+    jerk_e: Annotated[float, meta("for corner = jerk", "mm/s", ge=0, le=100)] = 5
+    square_corner_velocity: Annotated[float, meta("for corner = square_corner", "mm/s", ge=0, le=100)] = 5
+    minimum_cruise_ratio: Annotated[float, meta("Klipper's minimum_cruise_ratio", "0-1", ge=0, lt=1)] = 0
+    retract_length: Annotated[float, meta("filament pulled back before a travel", "mm", ge=0, le=20)] = 0.8
+    retract_speed: Annotated[float, meta("speed of pulling back", "mm/s", gt=0, le=200)] = 35
+    deretract_speed: Annotated[float, meta("speed of pushing forward", "mm/s", gt=0, le=200)] = 25
+    retract_before_travel: Annotated[float, meta("shorter travels do not retract", "mm", ge=0, le=100)] = 1.5
+    z_hop: Annotated[float, meta("lift during a retracted travel", "mm", ge=0, le=5)] = 0
+    relative_extrusion: Annotated[bool, meta("E words are differences (M83)")] = True
+    baud: Annotated[int, meta("speed of the serial port", "Bd", ge=1200, le=12000000)] = 115200
     receive_buffer: Annotated[
-        int, _meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
+        int, meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
     ] = 128
-    start_gcode: Annotated[str, _meta("G-code before the part; {placeholders} are filled in")] = ""
-    end_gcode: Annotated[str, _meta("G-code after the part; {placeholders} are filled in")] = ""
+    start_gcode: Annotated[str, meta("G-code before the part; {placeholders} are filled in")] = ""
+    end_gcode: Annotated[str, meta("G-code after the part; {placeholders} are filled in")] = ""
 
     @property
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -99,292 +102,194 @@ class Printer(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return (left, front), (left + self.bed_x, front + self.bed_y)
 
 
-class Material(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What is printed with, and how it wants to be treated."""
 
-    name: Annotated[str, _meta("what people call this material")]
-    filament_diameter: Annotated[float, _meta("diameter of the filament", "mm", ge=1, le=4)] = 1.75
-    density: Annotated[float, _meta("for the weight of the part", "g/cm³", gt=0, le=20)] = 1.24
-    flow_ratio: Annotated[float, _meta("all extrusion is multiplied by this", "ratio", ge=0.5, le=1.5)] = 1
-    nozzle_temperature: Annotated[float, _meta("nozzle", "°C", ge=0, le=500)] = 210
-    first_layer_nozzle_temperature: Annotated[float, _meta("nozzle, first layer", "°C", ge=0, le=500)] = 215
-    bed_temperature: Annotated[float, _meta("bed", "°C", ge=0, le=200)] = 60
-    first_layer_bed_temperature: Annotated[float, _meta("bed, first layer", "°C", ge=0, le=200)] = 60
-    max_flow: Annotated[float, _meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200)] = 12
-    fan_ratio: Annotated[float, _meta("part fan when layers take long", "0-1", ge=0, le=1)] = 0.5
+    name: Annotated[str, meta("what people call this material")]
+    filament_diameter: Annotated[float, meta("diameter of the filament", "mm", ge=1, le=4)] = 1.75
+    density: Annotated[float, meta("for the weight of the part", "g/cm³", gt=0, le=20)] = 1.24
+    flow_ratio: Annotated[float, meta("all extrusion is multiplied by this", "ratio", ge=0.5, le=1.5)] = 1
+    nozzle_temperature: Annotated[float, meta("nozzle", "°C", ge=0, le=500)] = 210
+    first_layer_nozzle_temperature: Annotated[float, meta("nozzle, first layer", "°C", ge=0, le=500)] = 215
+    bed_temperature: Annotated[float, meta("bed", "°C", ge=0, le=200)] = 60
+    first_layer_bed_temperature: Annotated[float, meta("bed, first layer", "°C", ge=0, le=200)] = 60
+    max_flow: Annotated[float, meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200)] = 12
+    fan_ratio: Annotated[float, meta("part fan when layers take long", "0-1", ge=0, le=1)] = 0.5
     fan_ratio_max: Annotated[
-        float, _meta("part fan when a layer takes the minimum time", "0-1", ge=0, le=1)
+        float, meta("part fan when a layer takes the minimum time", "0-1", ge=0, le=1)
     ] = 1
-    fan_ratio_bridge: Annotated[float, _meta("part fan on bridges", "0-1", ge=0, le=1)] = 1
+    fan_ratio_bridge: Annotated[float, meta("part fan on bridges", "0-1", ge=0, le=1)] = 1
     fan_overhang_75_ratio: Annotated[
         float,
-        _meta(
+        meta(
             "fan on perimeters with 75 % of their bead carried, from the layer's to that on bridges",
             "0-1",
             ge=0,
             le=1,
         ),
     ] = 0
-    fan_overhang_50_ratio: Annotated[float, _meta("the same with 50 % of it", "0-1", ge=0, le=1)] = 0.5
-    fan_overhang_25_ratio: Annotated[float, _meta("the same with 25 % of it", "0-1", ge=0, le=1)] = 1
-    fan_overhang_0_ratio: Annotated[float, _meta("the same over nothing but air", "0-1", ge=0, le=1)] = 1
-    fan_off_below: Annotated[float, _meta("no fan below this z", "mm", ge=0, le=100)] = 0.3
-    fan_full_above: Annotated[float, _meta("the fan has ramped up at this z", "mm", ge=0, le=100)] = 0.8
-    fan_layer_time: Annotated[float, _meta("layers quicker than this get more fan", "s", ge=0, le=600)] = 30
-    min_layer_time: Annotated[float, _meta("slow down until a layer takes this long", "s", ge=0, le=600)] = 8
-    min_speed: Annotated[float, _meta("but never print slower than this", "mm/s", ge=1, le=100)] = 12
+    fan_overhang_50_ratio: Annotated[float, meta("the same with 50 % of it", "0-1", ge=0, le=1)] = 0.5
+    fan_overhang_25_ratio: Annotated[float, meta("the same with 25 % of it", "0-1", ge=0, le=1)] = 1
+    fan_overhang_0_ratio: Annotated[float, meta("the same over nothing but air", "0-1", ge=0, le=1)] = 1
+    fan_off_below: Annotated[float, meta("no fan below this z", "mm", ge=0, le=100)] = 0.3
+    fan_full_above: Annotated[float, meta("the fan has ramped up at this z", "mm", ge=0, le=100)] = 0.8
+    fan_layer_time: Annotated[float, meta("layers quicker than this get more fan", "s", ge=0, le=600)] = 30
+    min_layer_time: Annotated[float, meta("slow down until a layer takes this long", "s", ge=0, le=600)] = 8
+    min_speed: Annotated[float, meta("but never print slower than this", "mm/s", ge=1, le=100)] = 12
 
 
-class Speeds(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How fast each role is printed; the material's flow limit may lower any of them."""
 
-    outer_perimeter: Annotated[float, _meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
-    inner_perimeter: Annotated[float, _meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
-    sparse: Annotated[float, _meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
-    solid: Annotated[float, _meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
-    top_skin: Annotated[float, _meta("top skins", "mm/s", gt=0, le=1000)] = 40
-    ironing: Annotated[float, _meta("ironing", "mm/s", gt=0, le=1000)] = 15
-    bridge: Annotated[float, _meta("bridges", "mm/s", gt=0, le=1000)] = 30
+    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
+    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
+    sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
+    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
+    top_skin: Annotated[float, meta("top skins", "mm/s", gt=0, le=1000)] = 40
+    ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000)] = 15
+    bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
     internal_bridge: Annotated[
-        float, _meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
+        float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
     ] = 40
     overhang_75_ratio: Annotated[
         float,
-        _meta("perimeters with 75 % of their bead over the layer below, of their speed", "0-1", gt=0, le=1),
+        meta("perimeters with 75 % of their bead over the layer below, of their speed", "0-1", gt=0, le=1),
     ] = 0.9
-    overhang_50_ratio: Annotated[float, _meta("the same with 50 % of it", "0-1", gt=0, le=1)] = 0.7
-    overhang_25_ratio: Annotated[float, _meta("the same with 25 % of it", "0-1", gt=0, le=1)] = 0.55
+    overhang_50_ratio: Annotated[float, meta("the same with 50 % of it", "0-1", gt=0, le=1)] = 0.7
+    overhang_25_ratio: Annotated[float, meta("the same with 25 % of it", "0-1", gt=0, le=1)] = 0.55
     overhang_0_ratio: Annotated[
-        float, _meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1)
+        float, meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1)
     ] = 0.45
-    raft: Annotated[float, _meta("rafts", "mm/s", gt=0, le=1000)] = 30
+    raft: Annotated[float, meta("rafts", "mm/s", gt=0, le=1000)] = 30
     first_layer: Annotated[
         float,
-        _meta(
+        meta(
             "everything on the first layer, and on the part's first over a raft, at most",
             "mm/s",
             gt=0,
             le=1000,
         ),
     ] = 20
-    travel: Annotated[float, _meta("travels", "mm/s", gt=0, le=2000)] = 150
+    travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
 
 
-class UniformPlanner(
-    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="uniform", tag_field="kind"
-):
-    """All layers equally high, as `layer_height` says."""
-
-
-class AreaPlanner(
-    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="area", tag_field="kind"
-):
-    """The area test of the paper: thick where the area of the section does not change, thin elsewhere."""
-
-    tolerance: Annotated[float, _meta("areas that differ by less are equal", "mm²", ge=0, le=1000)] = 1e-6
-    relative_tolerance: Annotated[float, _meta("the same as a share of the area", "ratio", ge=0, le=1)] = 1e-6
-    aligned: Annotated[
-        bool, _meta("test whole regions between the z levels of the part, end layers on them")
-    ] = False
-    guarded: Annotated[bool, _meta("go thick only if the area at the far plane is equal too")] = False
-
-
-class CuspPlanner(
-    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="cusp", tag_field="kind"
-):
-    """From the bed up, each layer as thick as the steepest facet in it allows; nothing looks ahead further."""
-
-    metric: Annotated[
-        Literal["cusp", "triangle", "wasserfall", "topography"], _meta("what a layer's error is measured by")
-    ] = "cusp"
-
-
-class StepwisePlanner(
-    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="stepwise", tag_field="kind"
-):
-    """Slabs of the thickest layer, each divided evenly as far as the cusp height asks."""
-
-
-class GeneticPlanner(
-    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="genetic", tag_field="kind"
-):
-    """Random search for few layers under the cusp height."""
-
-    seed: Annotated[int, _meta("the same seed gives the same plan", ge=0, le=1000000)] = 0
-    population: Annotated[int, _meta("plans alive at the same time", ge=4, le=10000)] = 60
-    generations: Annotated[int, _meta("how often they breed", ge=1, le=100000)] = 200
-
-
-class HeightRange(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A stretch of z with rules of its own; layers end at both of its ends."""
-
-    low: Annotated[float, _meta("where it begins, over the bed", "mm", ge=0, le=10000)]
-    high: Annotated[float, _meta("where it ends", "mm", gt=0, le=10000)]
-    tolerance: Annotated[float, _meta("tolerance in it; 0: the quality's", "mm", ge=0, le=2)] = 0
-    layer_height: Annotated[
-        float, _meta("height of its layers; 0: as the planner has it", "mm", ge=0, le=1.6)
-    ] = 0
-
-
-class OptimalPlanner(
-    _Settings, frozen=True, forbid_unknown_fields=True, kw_only=True, tag="optimal", tag_field="kind"
-):
-    """The best of all plans whose certified error is within the tolerance."""
-
-    objective: Annotated[
-        Literal["balanced", "time", "layers", "volume"],
-        _meta("what is least: minutes and volume error at their price, minutes, layers, or volume error"),
-    ] = "balanced"
-    error_price: Annotated[
-        float, _meta("what a mm³ of volume error may cost, for objective = balanced", "s/mm³", ge=0, le=1e6)
-    ] = 20
-    snap_tolerance: Annotated[
-        float, _meta("layers end this near to flats; 0: half of the printer's z_step", "mm", ge=0, le=1)
-    ] = 0
-    max_step: Annotated[
-        float, _meta("neighbouring layers differ by no more than this; 0: by anything", "mm", ge=0, le=1)
-    ] = 0
-    max_layers: Annotated[
-        int, _meta("the least volume error with no more layers; 0: any number", ge=0, le=1000000)
-    ] = 0
-    time_budget: Annotated[
-        float, _meta("the least volume error in this modelled time; 0: any time", "s", ge=0, le=1e8)
-    ] = 0
-    ranges: Annotated[
-        tuple[HeightRange, ...],
-        _meta("LOW:HIGH:tolerance=MM or LOW:HIGH:layer_height=MM, separated by ;", "mm"),
-    ] = ()
-
-
-Planner = UniformPlanner | AreaPlanner | CuspPlanner | StepwisePlanner | GeneticPlanner | OptimalPlanner
-PLANNER_SETTINGS: Final[Mapping[str, type[Struct]]] = {
-    str(kind.__struct_config__.tag): kind for kind in get_args(Planner)
-}
-
-
-class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How the part shall come out."""
 
-    name: Annotated[str, _meta("what people call this quality")]
+    name: Annotated[str, meta("what people call this quality")]
     planner: Planner = field(default_factory=OptimalPlanner)
-    layer_height: Annotated[float, _meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
-    first_layer_height: Annotated[float, _meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
+    layer_height: Annotated[float, meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
+    first_layer_height: Annotated[float, meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
     first_layer_flow: Annotated[
-        float, _meta("extrusion of the layer on the bed is multiplied by this", "ratio", ge=0.5, le=1.5)
+        float, meta("extrusion of the layer on the bed is multiplied by this", "ratio", ge=0.5, le=1.5)
     ] = 1
     thinnest_layer: Annotated[
-        float, _meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+        float, meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
     ] = 0
     thickest_layer: Annotated[
-        float, _meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+        float, meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
     ] = 0
     layer_step: Annotated[
         float,
-        _meta("variable heights are this far apart; 0: 0.01 mm, or z_step if that is more", "mm", ge=0, le=1),
+        meta("variable heights are this far apart; 0: 0.01 mm, or z_step if that is more", "mm", ge=0, le=1),
     ] = 0
     layer_heights: Annotated[
         tuple[float, ...],
-        _meta("the only variable heights allowed; empty: all from thinnest to thickest", "mm"),
+        meta("the only variable heights allowed; empty: all from thinnest to thickest", "mm"),
     ] = ()
     tolerance: Annotated[
-        float, _meta("how far wrongly filled or empty places may lie from the surface", "mm", ge=0.001, le=2)
+        float, meta("how far wrongly filled or empty places may lie from the surface", "mm", ge=0.001, le=2)
     ] = 0.12
     containment: Annotated[
         Literal["mid", "positive", "negative"],
-        _meta("layers balanced about the surface, everywhere outside of it, or everywhere inside"),
+        meta("layers balanced about the surface, everywhere outside of it, or everywhere inside"),
     ] = "mid"
-    resolution: Annotated[float, _meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = (
-        0.0125
-    )
-    xy_compensation: Annotated[
-        float, _meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)
-    ] = 0
-    hole_compensation: Annotated[
-        float, _meta("holes are widened by this on all sides", "mm", ge=-1, le=1)
-    ] = 0
+    resolution: Annotated[float, meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = 0.0125
+    xy_compensation: Annotated[float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)] = 0
+    hole_compensation: Annotated[float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1)] = 0
     elephant_foot: Annotated[
-        float, _meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
+        float, meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
     ] = 0
     elephant_foot_height: Annotated[
-        float, _meta("height over which that inset fades away; 0: the first layer only", "mm", ge=0, le=5)
+        float, meta("height over which that inset fades away; 0: the first layer only", "mm", ge=0, le=5)
     ] = 0
     extrusion_width: Annotated[
-        float, _meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
+        float, meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     first_layer_width: Annotated[
-        float, _meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
+        float, meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
     ] = 0
-    perimeters: Annotated[int, _meta("perimeters around each section", ge=0, le=100)] = 2
+    perimeters: Annotated[int, meta("perimeters around each section", ge=0, le=100)] = 2
     min_bead_width: Annotated[
-        float, _meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
+        float, meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     max_bead_width: Annotated[
-        float, _meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4)
+        float, meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     min_feature: Annotated[
-        float, _meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
+        float, meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     single_top_perimeter: Annotated[
-        bool, _meta("only the outer perimeter where nothing lies above; the rest becomes top skin")
+        bool, meta("only the outer perimeter where nothing lies above; the rest becomes top skin")
     ] = False
-    extra_perimeters: Annotated[bool, _meta("more perimeters where the edge of a layer hangs over air")] = (
+    extra_perimeters: Annotated[bool, meta("more perimeters where the edge of a layer hangs over air")] = (
         False
     )
-    outer_perimeter_first: Annotated[bool, _meta("print the outer perimeter before the inner ones")] = False
-    seam: Annotated[Literal["aligned", "nearest", "rear"], _meta("where perimeters begin")] = "aligned"
-    bottom_thickness: Annotated[float, _meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
+    outer_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
+    seam: Annotated[Literal["aligned", "nearest", "rear"], meta("where perimeters begin")] = "aligned"
+    bottom_thickness: Annotated[float, meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
         0.6
     )
-    top_thickness: Annotated[float, _meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
+    top_thickness: Annotated[float, meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
     min_sparse_area: Annotated[
         float,
-        _meta(
+        meta(
             "smaller areas, and strips under three beads wide, are not sparse but solid; 0: none",
             "mm²",
             ge=0,
             le=1e6,
         ),
     ] = 15
-    ironing: Annotated[bool, _meta("smooth top skins with the nozzle, in lines close together")] = False
-    ironing_spacing: Annotated[float, _meta("from line to line of ironing", "mm", ge=0.1, le=1)] = 0.1
+    ironing: Annotated[bool, meta("smooth top skins with the nozzle, in lines close together")] = False
+    ironing_spacing: Annotated[float, meta("from line to line of ironing", "mm", ge=0.1, le=1)] = 0.1
     ironing_flow_ratio: Annotated[
-        float, _meta("plastic in ironing, as a share of a full layer", "ratio", ge=0.01, le=0.3)
+        float, meta("plastic in ironing, as a share of a full layer", "ratio", ge=0.01, le=0.3)
     ] = 0.15
     thick_bridges: Annotated[
         bool,
-        _meta("bridges are round threads as thick as the nozzle, not pressed flat to the layer's height"),
+        meta("bridges are round threads as thick as the nozzle, not pressed flat to the layer's height"),
     ] = True
-    bridge_flow_ratio: Annotated[float, _meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
+    bridge_flow_ratio: Annotated[float, meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
     internal_bridge_flow_ratio: Annotated[
-        float, _meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2)
+        float, meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2)
     ] = 1
     bridge_anchor: Annotated[
-        float, _meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
+        float, meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
     ] = 1.5
     infill: Annotated[
         Literal[
             "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"
         ],
-        _meta("pattern of the sparse infill"),
+        meta("pattern of the sparse infill"),
     ] = "grid"
-    infill_density: Annotated[float, _meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
-    infill_angle_deg: Annotated[float, _meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
+    infill_density: Annotated[float, meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
+    infill_angle_deg: Annotated[float, meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
     infill_overlap: Annotated[
-        float, _meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+        float, meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
     ] = 0.09
     sparse_overlap: Annotated[
-        float, _meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+        float, meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
     ] = 0.25
     infill_anchor: Annotated[
-        float, _meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50)
+        float, meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50)
     ] = 2.5
     infill_anchor_max: Annotated[
         float,
-        _meta("lines are joined along the wall where the way is no longer; 0: never", "mm", ge=0, le=1000),
+        meta("lines are joined along the wall where the way is no longer; 0: never", "mm", ge=0, le=1000),
     ] = 12
     sparse_every: Annotated[
         float,
-        _meta(
+        meta(
             "sparse infill of several layers in beads up to this high, at most 0.8 nozzles; 0: layer by layer",
             "mm",
             ge=0,
@@ -392,39 +297,39 @@ class Quality(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     lightning_angle_deg: Annotated[
-        float, _meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
+        float, meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
     ] = 40
-    skirt_loops: Annotated[int, _meta("loops around everything on the first layer", ge=0, le=20)] = 1
-    skirt_distance: Annotated[float, _meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
+    skirt_loops: Annotated[int, meta("loops around everything on the first layer", ge=0, le=20)] = 1
+    skirt_distance: Annotated[float, meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
     skirt_min_length: Annotated[
-        float, _meta("more loops on the first layer until they hold this much filament", "mm", ge=0, le=10000)
+        float, meta("more loops on the first layer until they hold this much filament", "mm", ge=0, le=10000)
     ] = 0
     skirt_height: Annotated[
         float,
-        _meta("draft shield: the skirt reaches up to this; 0: one layer, 10000: all", "mm", ge=0, le=10000),
+        meta("draft shield: the skirt reaches up to this; 0: one layer, 10000: all", "mm", ge=0, le=10000),
     ] = 0
-    brim_width: Annotated[float, _meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0
+    brim_width: Annotated[float, meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0
     brim_type: Annotated[
         Literal["outer", "inner", "both", "ears"],
-        _meta("where the brim is: around bodies, in their holes, both, or at sharp corners"),
+        meta("where the brim is: around bodies, in their holes, both, or at sharp corners"),
     ] = "outer"
-    brim_gap: Annotated[float, _meta("between part and brim", "mm", ge=0, le=5)] = 0
+    brim_gap: Annotated[float, meta("between part and brim", "mm", ge=0, le=5)] = 0
     brim_ear_angle_deg: Annotated[
-        float, _meta("sharper corners than this get an ear", "degrees", ge=0, le=180)
+        float, meta("sharper corners than this get an ear", "degrees", ge=0, le=180)
     ] = 125
     brim_ear_scale: Annotated[
-        float, _meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
+        float, meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
     ] = 2
-    raft_height: Annotated[float, _meta("platform under the part; 0: none", "mm", ge=0, le=50)] = 0
-    raft_margin: Annotated[float, _meta("the raft is wider than the first layer", "mm", ge=1, le=50)] = 3
-    raft_gap: Annotated[float, _meta("air between raft and part", "mm", ge=0, le=1)] = 0.16
+    raft_height: Annotated[float, meta("platform under the part; 0: none", "mm", ge=0, le=50)] = 0
+    raft_margin: Annotated[float, meta("the raft is wider than the first layer", "mm", ge=1, le=50)] = 3
+    raft_gap: Annotated[float, meta("air between raft and part", "mm", ge=0, le=1)] = 0.16
     raft_base_density: Annotated[
-        float, _meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
+        float, meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
     ] = 0.5
     speeds: Speeds = field(default_factory=Speeds)
 
 
-class Profile(_Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Everything that decides how a part becomes G-code."""
 
     printer: Printer

@@ -16,7 +16,13 @@ from tests.parts import profile
 from tests.planning.failure_solids import SOLIDS, cylinder
 from tests.surface.distances import distance_to_mesh, wrong_points
 
-LIMITS: dict[str, Any] = {"min_layer": 0.1, "max_layer": 0.4, "z_step": 0.01, "first_layer_height": 0}
+LIMITS: dict[str, Any] = {
+    "nozzle_diameter": 0.5,
+    "min_layer": 0.1,
+    "max_layer": 0.4,
+    "z_step": 0.01,
+    "first_layer_height": 0,
+}
 TOLERANCE = 0.05
 HALF_A_STEP = 0.00501  # mm; the printer's z_step is 0.01
 

@@ -1,0 +1,18 @@
+"""What all settings are made of: a meaning, a unit, bounds; and groups in which a misspelt key is an error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec import Meta, Struct
+
+__all__ = ["Settings", "meta"]
+
+
+def meta(meaning: str, unit: str = "", **bounds: Any) -> Meta:
+    """The meaning, the unit and the bounds of one setting."""
+    return Meta(description=meaning, extra={"unit": unit}, **bounds)
+
+
+class Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all groups of settings: frozen, and a misspelt key is an error."""
