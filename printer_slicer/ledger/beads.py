@@ -43,12 +43,16 @@ class Purpose(IntEnum):
 _OF_ROLE: Final = {
     Role.SKIRT: Purpose.BESIDE,
     Role.BRIM: Purpose.BESIDE,
+    Role.RAFT: Purpose.SUPPORT,
     Role.INNER_PERIMETER: Purpose.INNER_PERIMETER,
     Role.OUTER_PERIMETER: Purpose.OUTER_PERIMETER,
+    Role.OVERHANG_PERIMETER: Purpose.OVERHANG,
     Role.BRIDGE: Purpose.BRIDGE,
+    Role.INTERNAL_BRIDGE: Purpose.BRIDGE,
     Role.BOTTOM_SKIN: Purpose.SKIN,
     Role.SOLID: Purpose.SKIN,
     Role.TOP_SKIN: Purpose.SKIN,
+    Role.IRONING: Purpose.IRONING,
     Role.SPARSE: Purpose.SPARSE,
 }
 

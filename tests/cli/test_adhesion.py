@@ -83,7 +83,15 @@ def test_layers_that_hold_only_the_draft_shield_are_empty(tmp_path: Path) -> Non
     cone = BOX.with_name("cone.stl")
     told = [
         json.loads(
-            typed("slice", cone, "-o", tmp_path / "c.gcode", "--json", *QUICK, *sets(skirt_height=h)).out
+            typed(
+                "slice",
+                cone,
+                "-o",
+                tmp_path / "c.gcode",
+                "--json",
+                *QUICK,
+                *sets(skirt_height=h, min_feature=1),
+            ).out
         )
         for h in (0, 10000)
     ]

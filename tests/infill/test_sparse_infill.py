@@ -220,7 +220,8 @@ def test_anchors_run_beside_the_innermost_perimeter() -> None:
     stages = slice_stages(box_with_hole((30, 30, 4), (10, 10)), wanted)
     paths, layer = stages.toolpaths, 10
 
-    loops = shape(stages.walls.loops[-1], layer).boundary
+    inner = np.flatnonzero((paths.layer == layer) & (paths.role == Role.INNER_PERIMETER))
+    loops = shapely.union_all([shapely.LinearRing(paths.path(int(i))) for i in inner])
     sparse = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
     nearest = min(loops.distance(shapely.LineString(paths.path(int(i)))) for i in sparse)
     assert nearest == pytest.approx(float(bead.spacing(WIDTH, 0.2)) - 0.1 * WIDTH, abs=1e-3)

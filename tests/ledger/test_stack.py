@@ -128,7 +128,7 @@ def test_beads_beside_the_part_make_no_layers() -> None:
 
 def test_a_program_keeps_the_layers_of_its_plan_even_where_nothing_fits() -> None:
     # The tip of a cone is narrower than a bead.
-    profile = plain(layer_height=0.3, planner__kind="uniform")
+    profile = plain(layer_height=0.3, planner__kind="uniform", min_feature=1)
     stages = slice_stages(cone(radius=4, height=8), profile)
     stack = stack_of(stages.program, profile.material.filament_diameter)
     ledger = ledger_of(stack, stages.sections.solid)
