@@ -248,7 +248,7 @@ def _matched(settings: Mapping[str, str]) -> list[str]:
         "bottom-solid-layers": f"{value('quality.bottom_thickness') / height:.0f}",
         "top-solid-layers": f"{value('quality.top_thickness') / height:.0f}",
         "fill-pattern": settings["quality.infill"],
-        "solid-infill-below-area": "0",  # we fill small areas with the pattern too
+        "solid-infill-below-area": f"{value('quality.min_sparse_area'):g}",
         "fill-density": f"{value('quality.infill_density') * 100:g}%",
     }
     return [word for key, text in same.items() for word in (f"--{key}", text)]

@@ -9,7 +9,6 @@ __all__ = ["prusa_settings"]
 _FLAGS = (
     "only-retract-when-crossing-perimeters",
     "no-extra-perimeters",
-    "no-ensure-vertical-shell-thickness",
 )
 """Switches: nothing that we do not do, and what both do in the same way."""
 
@@ -64,7 +63,7 @@ def _shape(profile: Profile) -> dict[str, str]:
         "bottom-solid-min-thickness": quality.bottom_thickness,
         "top-solid-min-thickness": quality.top_thickness,
         "fill-angle": quality.infill_angle_deg,
-        "solid-infill-below-area": 0,
+        "solid-infill-below-area": quality.min_sparse_area,
         "skirts": quality.skirt_loops,
         "skirt-distance": quality.skirt_distance,
         "min-skirt-length": 0,

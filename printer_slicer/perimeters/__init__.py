@@ -40,7 +40,7 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
         inside = inside.merge(union(difference(outer.rest, under), inner.rest))
         parts += [inner.paths, outer.paths]
         lost = lost + outer.lost + inner.lost
-    if quality.perimeters:
+    if quality.perimeters and quality.varying_walls:
         strips = fill_narrow(inside, plan, profile)
         parts, inside, lost = [strips.paths, *parts], strips.rest, lost + strips.lost
     if quality.extra_perimeters and quality.perimeters:

@@ -54,8 +54,9 @@ def shell(areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outerm
         return Filled(_loops(plan, [], width, Role.INNER_PERIMETER), areas, np.zeros(plan.n_layers))
     least = np.full(plan.n_layers, profile.thinnest_feature) if outermost else _least(plan, profile)
     margin = (width - gap) / 2 if outermost else np.full(plan.n_layers, _HAIR)
+    given = areas if profile.quality.varying_walls else Areas.empty(plan.n_layers)
     narrow = fill_narrow_places(
-        areas, _beading(plan, profile, loops=loops, amid=False, margin=margin, thinnest=least)
+        given, _beading(plan, profile, loops=loops, amid=False, margin=margin, thinnest=least)
     )
     wide = areas.select(~narrow.layers[areas.ring_layer])
     ordinary, inside, lost = ordinary_loops(wide, width if outermost else gap, gap, loops)
