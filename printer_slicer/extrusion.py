@@ -7,12 +7,14 @@ material's flow limit allows, the height at which the fan has ramped up.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import crossed
+from printer_slicer.geometry import crossed, frozen_array
 from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Sections, Toolpaths
+from printer_slicer.motion.blocks import Limits
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.whole import durations
 from printer_slicer.profile import Material, Profile, Speeds
@@ -51,13 +53,24 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     )
     program = _slowed(program, profile)
     events = _heat(program, profile.material) + _fans(program, carried, profile)
-    return replace(program, events=tuple(sorted(events, key=lambda event: event.index)))
+    made = replace(program, events=tuple(sorted(events, key=lambda event: event.index)))
+    _timed[made] = _timed[program]  # fans and heaters take no time
+    return made
+
+
+_timed: WeakKeyDictionary[Program, tuple[Limits, Float]] = WeakKeyDictionary()
+"""How long the moves of programs take: slowing down, fans and those who tell about it all ask."""
 
 
 def move_seconds(program: Program, profile: Profile) -> Float:
     """(K,) how long each move takes on this printer, with unlimited look-ahead."""
-    steps = np.column_stack([program.xyz - program.start, program.filament])
-    return durations(steps, program.speed, limits_of(profile.printer))
+    limits = limits_of(profile.printer)
+    known = _timed.get(program)
+    if known is None or known[0] != limits:
+        steps = np.column_stack([program.xyz - program.start, program.filament])
+        seconds = frozen_array(durations(steps, program.speed, limits), np.float64, (program.n_moves,))
+        _timed[program] = known = limits, seconds
+    return known[1]
 
 
 _RETRACT, _LIFT, _TRAVEL, _DROP, _DERETRACT, _BEAD = range(6)
@@ -249,9 +262,10 @@ def _slowed(program: Program, profile: Profile) -> Program:
     """The program with beads slowed down on layers that are too quick to cool."""
     material, n_layers = profile.material, program.plan.n_layers
     is_bead = program.role != Role.TRAVEL
-    speed = program.speed
+    # What is slower already, a first layer say, is not made faster by the lower bound.
+    floor = np.minimum(program.speed, material.min_speed)
     for _ in range(_ROUNDS if material.min_layer_time else 0):
-        seconds = move_seconds(replace(program, speed=speed), profile)
+        seconds = move_seconds(program, profile)
         total = np.bincount(program.layer, weights=seconds, minlength=n_layers)
         laying = np.bincount(program.layer, weights=seconds * is_bead, minlength=n_layers)
         room = material.min_layer_time - (total - laying)
@@ -259,13 +273,11 @@ def _slowed(program: Program, profile: Profile) -> Program:
         if not short.any():
             break
         factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[program.layer]
-        # What is slower already, a first layer say, is not made faster by the lower bound.
-        floor = np.minimum(program.speed, material.min_speed)
-        slower = np.where(is_bead & (factor < 1), np.maximum(speed * factor, floor), speed)
-        if (slower >= speed * _NEARLY).all():  # what is still too quick is as slow as it may be
+        slower = np.where(is_bead & (factor < 1), np.maximum(program.speed * factor, floor), program.speed)
+        if (slower >= program.speed * _NEARLY).all():  # what is still too quick is as slow as it may be
             break
-        speed = slower
-    return replace(program, speed=speed)
+        program = replace(program, speed=slower)
+    return program
 
 
 def _heat(program: Program, material: Material) -> list[Event]:

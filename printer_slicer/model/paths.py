@@ -186,7 +186,7 @@ class Heat:
 Event = Fan | Heat
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Program:
     """Moves before they become text: straight lines from one position to the next.
 
