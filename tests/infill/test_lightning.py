@@ -42,10 +42,13 @@ def room(regions: Regions) -> Areas:
     return offset(regions.sparse, -float(bead.spacing(WIDTH, regions.plan.height.max())) / 2)
 
 
-def hanging(regions: Regions, paths: Toolpaths) -> float:
-    """mm of branches that lean out too far over branches, walls and all else that is there on the layer below."""
+def hanging(regions: Regions, paths: Toolpaths, every: int = 0) -> float:
+    """mm of branches that lean out too far over branches, walls and all else that is there on the layer below.
+
+    Where the room is another one on every so many layers, these are left out.
+    """
     length, inside = 0.0, room(regions)
-    for layer in range(1, regions.plan.n_layers):
+    for layer in (k for k in range(1, regions.plan.n_layers) if not every or k % every):
         reach = float(regions.plan.height[layer]) * np.tan(np.deg2rad(ANGLE)) + TOLERANCE
         free = shape(inside, layer - 1).buffer(-reach)
         over = branches(paths, layer).intersection(free)
@@ -77,15 +80,16 @@ def test_every_branch_stands_on_a_branch_or_at_the_wall(rings: list[list[Float]]
     assert hanging(regions, paths) < 0.05
 
 
-@settings(deadline=None, max_examples=6)
+@settings(deadline=None, max_examples=12, derandomize=True)
 @given(st.lists(star_rings(), min_size=4, max_size=4), st.sampled_from([0.1, 0.3]))
 def test_branches_stand_in_rooms_of_any_shape(shapes: list[list[Float]], height: float) -> None:
     rings = [one for one in shapes for _ in range(6)]
 
     regions, paths = grown(rings, layers(24, height).top)
 
-    # A room that moves aside by more than a bead at once may leave a branch between walls that no bead fits in.
-    assert hanging(regions, paths) < 1.0
+    # A room that moves aside by more than a bead at once may leave a branch between walls that no bead fits in; in one
+    # of a hundred such stacks a tip of less than a bead hangs elsewhere.
+    assert hanging(regions, paths, every=6) < WIDTH
 
 
 @pytest.mark.parametrize("density", [0.1, 0.2, 0.4])
