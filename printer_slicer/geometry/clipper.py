@@ -82,15 +82,53 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
 def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
     """For each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
     clipper, result = clipper2.Clipper64(), []
-    for rings, clips in zip(load(outlines), layers, strict=True):
-        if rings and clips:
+    for lines, clips in zip(_near(outlines, layers), layers, strict=True):
+        if lines and clips:
             clipper.clear()
-            clipper.add_open_subject([np.concatenate([ring, ring[:1]]) for ring in rings])
+            clipper.add_open_subject(lines)
             clipper.add_clip(clips)
-            lines = clipper.execute(clipper2.ClipType.INTERSECTION, clipper2.FillRule.POSITIVE)[1]
-            result.append([line / STEPS_PER_MM for line in _rejoined(lines)])
+            within = clipper.execute(clipper2.ClipType.INTERSECTION, clipper2.FillRule.POSITIVE)[1]
+            result.append([line / STEPS_PER_MM for line in _rejoined(within)])
         else:
             result.append([])
+    return result
+
+
+def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
+    """For each layer the rings of `outlines` as open lines, without what is beside the box around the layer."""
+    result: list[Rings] = [[] for _ in layers]
+    if not outlines.n_rings:
+        return result
+    grid = np.rint(outlines.xy * STEPS_PER_MM).astype(np.int64)
+    low, high = (
+        np.full((len(layers), 2), np.iinfo(np.int64).max),
+        np.full((len(layers), 2), np.iinfo(np.int64).min),
+    )
+    for k, rings in enumerate(layers):
+        for ring in rings:
+            low[k], high[k] = np.minimum(low[k], ring.min(axis=0)), np.maximum(high[k], ring.max(axis=0))
+    sizes = np.diff(outlines.ring_start)
+    layer, following = np.repeat(outlines.ring_layer, sizes), outlines.following
+    near = np.ones(len(grid), np.bool_)
+    for axis in (0, 1):
+        begin = np.ascontiguousarray(grid[:, axis])
+        end = begin.take(following)
+        near &= (np.minimum(begin, end) <= high[layer, axis]) & (np.maximum(begin, end) >= low[layer, axis])
+    ring = np.repeat(np.arange(outlines.n_rings), sizes)
+    # Sides that follow one another are one line; it ends where the last of them does.
+    kept = np.flatnonzero(near)
+    first = np.flatnonzero(np.append(True, (np.diff(kept) != 1) | (np.diff(ring[kept]) != 0))[: len(kept)])
+    starts, last = kept[first], kept[np.append(first[1:], len(kept)) - 1] if len(kept) else kept
+    closing = following[last] < last
+    for start, end, closes, home in zip(
+        starts.tolist(),
+        last.tolist(),
+        closing.tolist(),
+        outlines.ring_start[ring[last]].tolist(),
+        strict=True,
+    ):
+        line = grid[start : end + 1 if closes else end + 2]
+        result[layer[start]].append(np.concatenate([line, grid[home : home + 1]]) if closes else line)
     return result
 
 

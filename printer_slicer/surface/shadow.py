@@ -12,6 +12,7 @@ highest.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,49 +46,33 @@ class Shadow:
         for name in ("low", "middle", "high", "area"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (len(self.area),)))
 
+    def _blocks(self) -> Iterator[Shadow]:
+        """The facets some at a time, so that what is worked out of them stays in the processor's cache."""
+        for at in range(0, len(self.area), _AT_ONCE):
+            some = slice(at, at + _AT_ONCE)
+            yield Shadow(self.low[some], self.middle[some], self.high[some], self.area[some])
+
     def under(self, planes: Float, *, including: bool = False) -> Float:
         """(n,) mm², the shadow of what lies below each of the ascending planes; `including` what lies in the plane."""
-        first = np.searchsorted(planes, self.high, side="left" if including else "right")
-        whole = np.cumsum(np.bincount(first, weights=self.area, minlength=len(planes) + 1))[:-1]
-        return whole + self._over_pairs(planes, first, 2)
+        total = np.zeros(len(planes))
+        for block in self._blocks():
+            first = np.searchsorted(planes, block.high, side="left" if including else "right")
+            whole = np.bincount(first, weights=block.area, minlength=len(planes) + 1)
+            total += np.cumsum(whole)[:-1] + _over_pairs(block, planes, first, 2)
+        return total
 
     def integral(self, planes: Float) -> Float:
         """(n,) mm³, the integral of the shadow from below the part up to each of the ascending planes."""
-        first = np.searchsorted(planes, self.high)
-        mean = (self.low + self.middle + self.high) / 3
-        whole, lever = (
-            np.cumsum(np.bincount(first, weights=weight, minlength=len(planes) + 1))[:-1]
-            for weight in (self.area, self.area * mean)
-        )
-        return whole * planes - lever + self._over_pairs(planes, first, 3)
-
-    def _over_pairs(self, planes: Float, end: Int, power: int) -> Float:
-        """Sum over the facets that planes pass through, each from its lowest corner up to plane `end`."""
         total = np.zeros(len(planes))
-        begin = np.searchsorted(planes, self.low, side="right")
-        count = np.maximum(end - begin, 0)
-        pairs = np.cumsum(count)
-        n_chunks = int(pairs[-1]) // _PAIRS_AT_ONCE + 1 if len(pairs) else 0
-        for some in np.split(
-            np.arange(len(count)), np.searchsorted(pairs, np.arange(1, n_chunks) * _PAIRS_AT_ONCE)
-        ):
-            owner, place = spread(count[some])
-            facet, plane = some[owner], begin[some][owner] + place
-            total += np.bincount(
-                plane, weights=self._below(facet, planes[plane], power), minlength=len(planes)
+        for block in self._blocks():
+            first = np.searchsorted(planes, block.high)
+            mean = (block.low + block.middle + block.high) / 3
+            whole, lever = (
+                np.cumsum(np.bincount(first, weights=weight, minlength=len(planes) + 1))[:-1]
+                for weight in (block.area, block.area * mean)
             )
+            total += whole * planes - lever + _over_pairs(block, planes, first, 3)
         return total
-
-    def _below(self, facet: Int, z: Float, power: int) -> Float:
-        """What facets contribute at heights between their corners: to the shadow (power 2) or its integral (3)."""
-        low, middle, high, area = self.low[facet], self.middle[facet], self.high[facet], self.area[facet]
-        rising = z < middle
-        leg = np.where(rising, middle - low, high - middle)
-        reach = np.where(rising, z - low, high - z)
-        curve = area * reach**power / np.maximum((high - low) * leg, 1e-300)
-        if power == 2:
-            return np.asarray(np.where(rising, curve, area - curve))
-        return np.asarray(np.where(rising, 0, area * (z - (low + middle + high) / 3)) + curve / 3)
 
     def on_lattice(self, cell: float, n_cells: int) -> Float:
         """(n_cells + 1,) mm³, the integral up to each multiple of `cell`, at the same cost for many as for few.
@@ -95,25 +80,69 @@ class Shadow:
         Exact for facets that lie between two planes, by the trapezoidal rule for the others.
         """
         n = n_cells + 1
-        low, middle, high = self.low / cell, self.middle / cell, self.high / cell
-        at_low, at_middle, at_high = (np.ceil(z).clip(0, n).astype(np.int64) for z in (low, middle, high))
-        between = at_low == at_high
-        mean = (low + middle + high) / 3
-        ends = at_high[between]
-        whole, lever = (
-            np.cumsum(np.bincount(ends, weights=weight[between], minlength=n + 1))[:n]
-            for weight in (self.area, self.area * mean)
-        )
-        through = ~between
-        area, span = self.area[through], (high - low)[through]
-        bend = area / np.maximum(span * (middle - low)[through], 1e-300)
-        rising = _parabolas((at_low[through], at_middle[through]), 0 * area, bend, low[through], n)
-        bend = -area / np.maximum(span * (high - middle)[through], 1e-300)
-        falling = _parabolas((at_middle[through], at_high[through]), area, bend, high[through], n)
-        done = np.cumsum(np.bincount(at_high[through], weights=area, minlength=n + 1))[:n]
-        shadow = rising + falling + done
+        total = np.zeros((3, n))
+        for block in self._blocks():
+            heights = block.low / cell, block.middle / cell, block.high / cell
+            total += _on_lattice(heights, block.area, n)
+        whole, lever, shadow = total
         steps = np.concatenate([[0.0], np.cumsum((shadow[1:] + shadow[:-1]) / 2)])
         return np.asarray((whole * np.arange(n) - lever + steps) * cell)
+
+
+def _over_pairs(shadow: Shadow, planes: Float, end: Int, power: int) -> Float:
+    """Sum over the facets that planes pass through, each from its lowest corner up to plane `end`."""
+    total = np.zeros(len(planes))
+    begin = np.searchsorted(planes, shadow.low, side="right")
+    count = np.maximum(end - begin, 0)
+    pairs = np.cumsum(count)
+    n_chunks = int(pairs[-1]) // _PAIRS_AT_ONCE + 1 if len(pairs) else 0
+    for some in np.split(
+        np.arange(len(count)), np.searchsorted(pairs, np.arange(1, n_chunks) * _PAIRS_AT_ONCE)
+    ):
+        owner, place = spread(count[some])
+        facet, plane = some[owner], begin[some][owner] + place
+        total += np.bincount(
+            plane, weights=_below(shadow, facet, planes[plane], power), minlength=len(planes)
+        )
+    return total
+
+
+def _below(shadow: Shadow, facet: Int, z: Float, power: int) -> Float:
+    """What facets contribute at heights between their corners: to the shadow (power 2) or its integral (3)."""
+    low, middle, high, area = shadow.low[facet], shadow.middle[facet], shadow.high[facet], shadow.area[facet]
+    rising = z < middle
+    leg = np.where(rising, middle - low, high - middle)
+    reach = np.where(rising, z - low, high - z)
+    curve = area * reach**power / np.maximum((high - low) * leg, 1e-300)
+    if power == 2:
+        return np.asarray(np.where(rising, curve, area - curve))
+    return np.asarray(np.where(rising, 0, area * (z - (low + middle + high) / 3)) + curve / 3)
+
+
+def _on_lattice(heights: tuple[Float, Float, Float], area: Float, n: int) -> Float:
+    """(3, n): area and lever of facets that lie below each plane and between two, and shadow of the others.
+
+    Args:
+        heights: (m,) of the lowest, middle and highest corner of each facet, in cells.
+        area: (m,) mm².
+        n: planes.
+    """
+    low, middle, high = heights
+    at_low, at_middle, at_high = (np.ceil(z).clip(0, n).astype(np.int64) for z in heights)
+    between = at_low == at_high
+    ends, inner = at_high[between], area[between]
+    levers = inner * ((low + middle + high) / 3)[between]
+    whole, lever = (np.cumsum(np.bincount(ends, weights=one, minlength=n + 1))[:n] for one in (inner, levers))
+    through = np.flatnonzero(~between)
+    low, middle, high, area = (one.take(through) for one in (low, middle, high, area))
+    at_low, at_middle, at_high = (one.take(through) for one in (at_low, at_middle, at_high))
+    span = high - low
+    bend = area / np.maximum(span * (middle - low), 1e-300)
+    shadow = _parabolas((at_low, at_middle), 0 * area, bend, low, n)
+    bend = -area / np.maximum(span * (high - middle), 1e-300)
+    shadow += _parabolas((at_middle, at_high), area, bend, high, n)
+    shadow += np.cumsum(np.bincount(at_high, weights=area, minlength=n + 1))[:n]
+    return np.stack([whole, lever, shadow])
 
 
 def _parabolas(reach: tuple[Int, Int], base: Float, bend: Float, apex: Float, n: int) -> Float:
