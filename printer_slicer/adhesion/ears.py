@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.geometry.vectors import cross, dot
 from printer_slicer.model import Areas, Float, Int
 
 __all__ = ["sharp_corners"]
@@ -45,7 +46,7 @@ def _corners(ring: Float, least: float, scale: float) -> Float:
     place = np.unique(np.append(mark[:-1], np.arange(0.0, length, reach / _STEPS)))
     here = _at(place, ring, mark)
     to, on = here - _at(place - reach, ring, mark), _at(place + reach, ring, mark) - here
-    turn = np.arctan2(to[:, 0] * on[:, 1] - to[:, 1] * on[:, 0], (to * on).sum(axis=1))
+    turn = np.arctan2(cross(to, on), dot(to, on))
     chosen: list[int] = []
     left = turn > least
     while left.any():

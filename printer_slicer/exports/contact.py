@@ -14,6 +14,7 @@ from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.geometry.nearest import distance_to_segments
 from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.vectors import cross
 
 __all__ = ["clearance", "contacts"]
 
@@ -134,5 +135,4 @@ def _distance(areas: Areas, first: Int, second: Int) -> Float:
 
 def _side(a: Float, b: Float, point: Float) -> Float:
     """(P,) positive where the point lies to the left of the way from a to b."""
-    along, gap = b - a, point - a
-    return np.asarray(along[:, 0] * gap[:, 1] - along[:, 1] * gap[:, 0])
+    return cross(b - a, point - a)

@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
+from printer_slicer.geometry.vectors import cross
 
 __all__ = ["clip_lines", "clipped"]
 
@@ -126,8 +127,8 @@ def _crossings(
     """
     p, q, a, b = points[segment], points[segment + 1], outline[edge], outline[following[edge]]
     way, side = q - p, b - a
-    beside_a, beside_b = _cross(way, a - p), _cross(way, b - p)
-    before, after = _cross(side, p - a), _cross(side, q - a)
+    beside_a, beside_b = cross(way, a - p), cross(way, b - p)
+    before, after = cross(side, p - a), cross(side, q - a)
     aside_way, aside_side = _aside(way), _aside(side)
     left_a, left_b = (np.where(value == 0, ~aside_way, value > 0) for value in (beside_a, beside_b))
     left_p, left_q = (np.where(value == 0, aside_side, value > 0) for value in (before, after))
@@ -139,11 +140,6 @@ def _crossings(
     enters = left_q[chosen]  # solid lies to the left of every edge
     order = np.lexsort((~enters, share, at))
     return at[order], on[order], share[order], enters[order]
-
-
-def _cross(a: Int, b: Int) -> Int:
-    """(n,) cross product of vectors (n, 2); whole numbers up to 10 m in steps of 0.01 µm fit."""
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _aside(way: Int) -> Bool:

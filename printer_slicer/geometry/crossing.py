@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from printer_slicer.geometry.areas import Bool, Float, Int
 from printer_slicer.geometry.joints import Index, welded
 from printer_slicer.geometry.planes import directed_keys, keys_of, spread
+from printer_slicer.geometry.vectors import cross
 
 __all__ = ["Crossings", "crossings_of", "section_areas"]
 
@@ -67,7 +68,7 @@ def section_areas(triangles: Float, planes: Float) -> Float:
     total = np.zeros(len(planes))
     for part in crossings_of(triangles, planes):
         tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
-        twice = tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0]
+        twice = cross(tail, head)
         total += np.bincount(part.plane[part.tail], weights=twice, minlength=len(planes)) / 2
     return total
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Float, Int, consecutive
 from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.vectors import cross, dot, nearest_share
 
 __all__ = ["depths"]
 
@@ -35,11 +36,9 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
     if not len(owner):
         return result
     way, gap = end[edge] - begin[edge], points[owner] - begin[edge]
-    length = (way**2).sum(axis=1)
-    place = np.clip((gap * way).sum(axis=1) / length, 0.0, 1.0)
-    away = ((gap - place[:, None] * way) ** 2).sum(axis=1)
-    side = way[:, 0] * gap[:, 1] - way[:, 1] * gap[:, 0]
-    rank = away - _SIDEWAYS * side**2 / length
+    rest = gap - nearest_share(gap, way)[:, None] * way
+    away, side = dot(rest, rest), cross(way, gap)
+    rank = away - _SIDEWAYS * side**2 / dot(way, way)
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     nearest = np.flatnonzero(
         rank == np.repeat(np.minimum.reduceat(rank, first), np.diff(first, append=len(rank)))

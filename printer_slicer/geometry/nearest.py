@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 from printer_slicer.geometry.planar import SegmentTree
+from printer_slicer.geometry.vectors import nearest_share
 
 __all__ = ["Outlines", "distance_to_segments"]
 
@@ -75,7 +76,6 @@ class Outlines:
 
 def distance_to_segments(points: Float, begin: Float, end: Float) -> Float:
     """(P,) mm from each point (P, 2) to the segment from `begin` to `end` (P, 2) that goes with it."""
-    along, gap = end - begin, points - begin
-    length = (along**2).sum(axis=1)
-    place = np.clip((gap * along).sum(axis=1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
-    return np.asarray(np.hypot(*(gap - place[:, None] * along).T))
+    way, gap = end - begin, points - begin
+    # Seen from the begin: near a short segment far from the origin the place itself would lose digits.
+    return np.asarray(np.hypot(*(gap - nearest_share(gap, way)[:, None] * way).T))

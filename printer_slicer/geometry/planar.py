@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
+from printer_slicer.geometry.vectors import cross, dot
 
 __all__ = [
     "SegmentTree",
@@ -237,8 +238,7 @@ def _corner_kites(areas: Areas, distance: Float) -> tuple[Shapes, Bool]:
     along /= np.hypot(*along.T)[:, None]
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
     before, after = outward[_previous(areas)], outward
-    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    cosine = (before * after).sum(axis=1)
+    turn, cosine = cross(before, after), dot(before, after)
     gap = turn * distance[layer] > 0
     # The point is 1 / cos(turn / 2) distances away.
     within = MITER_LIMIT**2 * (1 + cosine) >= 2

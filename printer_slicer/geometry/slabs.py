@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Float, Int
 from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.vectors import cross
 
 __all__ = ["BESIDE", "slab_shadows"]
 
@@ -28,8 +29,8 @@ def slab_shadows(triangles: Float, bottom: Float, top: Float) -> Areas:
     z = triangles[:, :, 2]
     first = np.searchsorted(high, z.min(axis=1), side="right")
     last = np.searchsorted(low, z.max(axis=1), side="left")
-    edge, reach = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    area = edge[:, 0] * reach[:, 1] - edge[:, 1] * reach[:, 0]
+    flat = triangles[..., :2]
+    area = cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
     facets = np.flatnonzero(np.abs(area) > _NO_AREA)
     owner, place = spread(np.maximum(last - first, 0)[facets])
     facet = facets[owner]

@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.geometry.joints import cycles, linked, welded
 from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.vectors import dot, nearest_share
 from printer_slicer.healing.facets import Facets
 from printer_slicer.model import Bool, Float, Int, Repair
 
@@ -170,12 +171,10 @@ def _cracks(points: Float, holes: _Holes) -> Bool:
         return ~result
     begin, end = points[holes.corner], points[holes.corner[holes.following]]
     along = end - begin
-    length2 = np.maximum((along**2).sum(axis=1), 1e-300)
     for some in np.array_split(several, len(several) * len(hole) // _PAIRS_AT_ONCE + 1):
         gap = begin[some][:, None] - begin[None]
-        share = np.clip((gap * along).sum(axis=2) / length2, 0, 1)
-        distance2 = ((gap - share[:, :, None] * along) ** 2).sum(axis=2)
-        near = (distance2 < CRACK**2) & (hole[some][:, None] != hole[None])
+        gap -= nearest_share(gap, along)[..., None] * along
+        near = (dot(gap, gap) < CRACK**2) & (hole[some][:, None] != hole[None])
         result[hole[some][near.any(axis=1)]] = True
     return result
 

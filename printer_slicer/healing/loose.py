@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.geometry.vectors import feet
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
 from printer_slicer.healing.outward import enclosed_volume
@@ -63,7 +64,4 @@ def _beside_others(facets: Facets, patch: Int, open_edge: Bool, loose: Bool) -> 
 
 def _distance(point: Float, begin: Float, end: Float) -> Float:
     """(n,) mm from each point (n, 3) to its straight line from `begin` to `end`."""
-    along, arm = end - begin, point - begin
-    length2 = np.maximum((along**2).sum(axis=1), 1e-300)
-    share = np.clip((arm * along).sum(axis=1) / length2, 0, 1)
-    return np.asarray(np.linalg.norm(arm - share[:, None] * along, axis=1))
+    return np.asarray(np.linalg.norm(point - feet(point, begin, end)[0], axis=1))

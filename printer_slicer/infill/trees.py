@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines
 from printer_slicer.geometry.clipping import clipped
 from printer_slicer.geometry.planar import SegmentTree
+from printer_slicer.geometry.vectors import feet
 
 __all__ = ["AT_WALL", "Tree", "Wall", "grown", "retracted", "rooted", "within"]
 
@@ -68,16 +69,9 @@ class Wall:
 
     def nearest(self, points: Float) -> tuple[Float, Float]:
         """(P,) mm to the wall, and (P, 2) where it is reached."""
-        foot, _ = _feet(points, self.ends[self._tree.nearest(points)])
+        segment = self.ends[self._tree.nearest(points)]
+        foot, _ = feet(points, segment[:, 0], segment[:, 1])
         return np.hypot(*(foot - points).T), foot
-
-
-def _feet(points: Float, segments: Float) -> tuple[Float, Float]:
-    """(P, 2) the place on its segment (P, 2, 2) nearest to each point, and (P,) how far along the segment it is."""
-    begin, way = segments[:, 0], segments[:, 1] - segments[:, 0]
-    long = np.maximum((way * way).sum(axis=1), 1e-18)
-    share = np.clip(((points - begin) * way).sum(axis=1) / long, 0, 1)
-    return begin + share[:, None] * way, share
 
 
 def retracted(tree: Tree, reach: float) -> Tree:
@@ -148,7 +142,7 @@ def rooted(tree: Tree, wall: Wall, reach: float) -> Tree:
     share = np.zeros(len(far))
     ends = tree.ends()
     for i, one in enumerate(far.tolist()):
-        places, along = _feet(np.broadcast_to(xy[root[one]], (len(branch), 2)), ends)
+        places, along = feet(xy[root[one]], ends[:, 0], ends[:, 1])
         distance = np.hypot(*(places - xy[root[one]]).T)
         distance[key_of[owner[branch]] >= key[one]] = np.inf
         nearest = int(np.argmin(distance)) if len(branch) else -1
@@ -216,7 +210,7 @@ def grown(tree: Tree, wall: Wall, points: Float, level: Int, radius: float) -> T
         branch = tree.branch
         segments = np.concatenate([tree.ends(), wall.ends])
         which = SegmentTree(segments).nearest(asking)
-        foot, share = _feet(asking, segments[which])
+        foot, share = feet(asking, segments[which, 0], segments[which, 1])
         gap = np.hypot(*(foot - asking).T)
         free = gap > radius
         if not free.any():

@@ -20,6 +20,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.geometry.crossing import crossings_of
 from printer_slicer.geometry.joints import lowest_of_chain
+from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import Float, Int
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
@@ -121,7 +122,7 @@ def _sections(triangles: Float, z: Float) -> tuple[Float, Float, Float]:
     length, twice, loops = np.zeros((3, len(z)))
     for part in crossings_of(triangles, z):
         tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
-        plane, turn = part.plane[part.tail], tail[:, 0] * head[:, 1] - tail[:, 1] * head[:, 0]
+        plane, turn = part.plane[part.tail], cross(tail, head)
         length += np.bincount(plane, weights=np.hypot(*(head - tail).T), minlength=len(z))
         twice += np.bincount(plane, weights=turn, minlength=len(z))
         following = np.arange(len(part.xy))
