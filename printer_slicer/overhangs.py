@@ -21,6 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
+from printer_slicer.geometry.areas import following_around
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
 
@@ -85,7 +86,7 @@ class _Pieces:
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     """(N,) whether the segment that begins at each point passes the box around something that hangs."""
-    following = _following(paths)
+    following = following_around(paths.start, paths.closed)
     low = np.minimum(paths.xy, paths.xy[following]) - width
     high = np.maximum(paths.xy, paths.xy[following]) + width
     result = np.zeros(len(paths.xy), np.bool_)
@@ -106,16 +107,8 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     return result
 
 
-def _following(paths: Toolpaths) -> Int:
-    """(N,) the point after each; itself at the end of an open path."""
-    following = np.arange(1, len(paths.xy) + 1)
-    last = paths.start[1:] - 1
-    following[last] = np.where(paths.closed, paths.start[:-1], last)
-    return following
-
-
 def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
-    following = _following(paths)
+    following = following_around(paths.start, paths.closed)
     length = np.hypot(*(paths.xy[following] - paths.xy).T)
     count = np.where(near, np.maximum(np.ceil(length / longest), 1), 1).astype(np.int64)
     point, step = spread(count)

@@ -77,7 +77,7 @@ def smooth(areas: Areas, bound: float) -> Areas:
     moved = _filtered(refined, _MOVED * bound)
     # Points that were put on an edge which did not move are not needed.
     still = (moved.xy == refined.xy).all(axis=1)
-    around = still[refined.following] & still & still[_previous(refined)]
+    around = still[refined.following] & still & still[refined.previous]
     keep = original | ~around
     kept = _only(moved, keep)
     # Points that did not move hold the straight edges between them in place.
@@ -114,13 +114,6 @@ def resample(areas: Areas, spacing: float, bound: float) -> Areas:
     corners = _needed(areas, _thirds(areas), bound)
     dense, chosen = _spaced(areas, corners, spacing)
     return _only(dense, _needed(dense, chosen, bound))
-
-
-def _previous(areas: Areas) -> Int:
-    """(N,) index of the point before each point around its ring."""
-    previous = np.arange(-1, len(areas.xy) - 1)
-    previous[areas.ring_start[:-1]] = areas.ring_start[1:] - 1
-    return previous
 
 
 def _edge_lengths(areas: Areas) -> Float:
@@ -177,7 +170,7 @@ def _refined(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
 def _filtered(areas: Areas, bound: float) -> Areas:
     """The contours with their points moved by at most `bound` mm and no ring meeting itself or another."""
     room = clearance(areas, bound / _HALF)
-    most = np.minimum(bound, _HALF * np.minimum(room, room[_previous(areas)]))
+    most = np.minimum(bound, _HALF * np.minimum(room, room[areas.previous]))
     step = _smoothing(areas, most)
     sign = np.sign(areas.ring_area())
     sizes = np.diff(areas.ring_start)
@@ -202,7 +195,7 @@ def _smoothing(areas: Areas, most: Float) -> Float:
     straight line no point moves, and what is convex stays convex; a filter that also takes steps back, to keep the
     size of circles, was tried and left bumps of a third of the rounding beside each corner.
     """
-    following, previous = areas.following, _previous(areas)
+    following, previous = areas.following, areas.previous
     weight = 1.0 / np.maximum(_edge_lengths(areas), _STILL)
     share = weight / (weight + weight[previous])
     rest = 1 - share

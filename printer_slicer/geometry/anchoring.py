@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, previous_around
 from printer_slicer.geometry.polylines import Polylines
 
 __all__ = ["anchor"]
@@ -99,11 +99,9 @@ class _Ways:
         return self.next_place - self.place
 
     @property
-    def following(self) -> Int:
-        """(E,) the next way around the ring."""
-        following = np.arange(1, len(self.end) + 1)
-        following[self.first + self.count - 1] = self.first
-        return following
+    def previous(self) -> Int:
+        """(E,) the way before it around the ring."""
+        return previous_around(np.append(self.first, len(self.end)))
 
 
 def _ways(lines: Polylines, outline: _Outline, ends: Int) -> _Ways:
@@ -208,11 +206,9 @@ class _Stretches:
 
 def _hooks(ways: _Ways, mate: Int, hook: float) -> _Stretches:
     """The hooks of the ends that are left over."""
-    before = np.zeros(len(ways.end), np.int64)
-    before[ways.following] = np.arange(len(ways.end))
     length = ways.length
     free = np.flatnonzero(mate[ways.end] < 0)
-    ahead, behind = length[free], length[before[free]]
+    ahead, behind = length[free], length[ways.previous[free]]
     reach = np.minimum(np.maximum(ahead, behind) / 2, hook)
     long = reach > _SHORTEST_HOOK
     free, reach = free[long], np.where(ahead >= behind, reach, -reach)[long]

@@ -8,7 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Areas", "Bool", "Float", "Int", "Lines", "consecutive", "frozen_array", "per_layer", "placed"]
+__all__ = [
+    "Areas",
+    "Bool",
+    "Float",
+    "Int",
+    "Lines",
+    "consecutive",
+    "following_around",
+    "frozen_array",
+    "per_layer",
+    "placed",
+    "previous_around",
+]
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -50,6 +62,26 @@ def consecutive(first: Int, count: Int) -> Int:
     """`first[i], first[i] + 1, ...` (`count[i]` numbers) for every i, one after the other."""
     before = np.cumsum(count) - count
     return np.asarray(np.arange(int(count.sum())) + np.repeat(first - before, count))
+
+
+def following_around(start: Int, closed: Bool | None = None) -> Int:
+    """(N,) the item after each, in rings of items: after the last of a ring comes its first.
+
+    Args:
+        start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`, one at least.
+        closed: (R,) which are rings; in the others the last item is followed by itself. None: all are.
+    """
+    first, last = start[:-1], start[1:] - 1
+    following = np.arange(1, int(start[-1]) + 1)
+    following[last] = first if closed is None else np.where(closed, first, last)
+    return following
+
+
+def previous_around(start: Int) -> Int:
+    """(N,) the item before each, in rings of items: the inverse of `following_around`."""
+    previous = np.arange(-1, int(start[-1]) - 1)
+    previous[start[:-1]] = start[1:] - 1
+    return previous
 
 
 def placed(xy: Float, place: Int) -> Float:
@@ -113,9 +145,12 @@ class Areas:
     @property
     def following(self) -> Int:
         """(N,) index of the next point around the ring, for each point."""
-        following = np.arange(1, len(self.xy) + 1)
-        following[self.ring_start[1:] - 1] = self.ring_start[:-1]
-        return following
+        return following_around(self.ring_start)
+
+    @property
+    def previous(self) -> Int:
+        """(N,) index of the point before each around its ring."""
+        return previous_around(self.ring_start)
 
     def ring(self, index: int) -> Float:
         """(n, 2) the points of one ring."""

@@ -237,7 +237,7 @@ def _corner_kites(areas: Areas, distance: Float) -> tuple[Shapes, Bool]:
     along = areas.xy[areas.following] - areas.xy
     along /= np.hypot(*along.T)[:, None]
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    before, after = outward[_previous(areas)], outward
+    before, after = outward[areas.previous], outward
     turn, cosine = cross(before, after), dot(before, after)
     gap = turn * distance[layer] > 0
     # The point is 1 / cos(turn / 2) distances away.
@@ -290,7 +290,7 @@ def _only_corners(areas: Areas) -> Areas:
 
 def _corners(areas: Areas) -> Bool:
     """(N,) whether a point differs from the one before; once all do, whether the outline turns there."""
-    following, previous = areas.following, _previous(areas)
+    following, previous = areas.following, areas.previous
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = x.take(following) - x, y.take(following) - y
     length = ahead_x**2 + ahead_y**2
@@ -298,13 +298,6 @@ def _corners(areas: Areas) -> Bool:
         return np.asarray(length[previous] > 0)
     cross = ahead_x[previous] * ahead_y - ahead_y[previous] * ahead_x
     return np.asarray(cross**2 > STRAIGHT**2 * length * length[previous])
-
-
-def _previous(areas: Areas) -> Int:
-    """(N,) index of the point before each point around the ring."""
-    previous = np.arange(-1, len(areas.xy) - 1)
-    previous[areas.ring_start[:-1]] = areas.ring_start[1:] - 1
-    return previous
 
 
 def _only_points(areas: Areas, keep: Bool) -> Areas:

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, consecutive, frozen_array
+from printer_slicer.geometry.areas import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    Lines,
+    consecutive,
+    following_around,
+    frozen_array,
+)
 
 __all__ = ["Polylines"]
 
@@ -95,8 +104,6 @@ class Polylines:
         """(M,) mm of each line."""
         if not self.n_lines:
             return np.zeros(0)
-        following = np.arange(1, len(self.xy) + 1)
-        last, first = self.start[1:] - 1, self.start[:-1]
-        following[last] = np.where(self.closed, first, last)
+        following = following_around(self.start, self.closed)
         along = np.hypot(*(self.xy[following] - self.xy).T)
         return np.asarray(np.add.reduceat(along, self.start[:-1]))

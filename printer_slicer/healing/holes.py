@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.geometry.areas import following_around
 from printer_slicer.geometry.joints import cycles, linked, welded
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import dot, nearest_share
@@ -44,9 +45,7 @@ class _Holes:
     @property
     def following(self) -> Int:
         """(n,) place of the next corner around the hole."""
-        following = np.arange(1, len(self.corner) + 1)
-        following[self.start[1:] - 1] = self.start[:-1]
-        return following
+        return following_around(self.start)
 
     def kept(self, keep: Bool) -> _Holes:
         """Only the walks for which `keep` (H,) is true."""

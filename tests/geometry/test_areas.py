@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, Lines
-from printer_slicer.geometry.areas import consecutive, per_layer
+from printer_slicer.geometry.areas import consecutive, following_around, per_layer, previous_around
 from tests.strategies import areas, box
 
 
@@ -111,3 +113,22 @@ def test_one_value_holds_for_all_layers() -> None:
 def test_values_that_are_not_one_per_layer_are_refused(value: float | np.ndarray) -> None:
     with pytest.raises(ValueError, match="layer"):
         per_layer(value, 2)
+
+
+@given(st.lists(st.tuples(st.integers(1, 5), st.booleans()), max_size=6))
+def test_the_last_item_of_a_ring_is_followed_by_its_first_and_that_of_an_open_run_by_itself(
+    runs: list[tuple[int, bool]],
+) -> None:
+    start = np.cumsum([0, *(size for size, _ in runs)])
+    rings = [list(range(a, b)) for a, b in pairwise(start.tolist())]
+
+    following = following_around(start).tolist()
+    opened = following_around(start, np.array([closed for _, closed in runs], np.bool_)).tolist()
+
+    assert following == [i for ring in rings for i in ring[1:] + ring[:1]]
+    assert previous_around(start)[following].tolist() == list(range(start[-1]))
+    assert opened == [
+        i
+        for ring, (_, closed) in zip(rings, runs, strict=True)
+        for i in ring[1:] + (ring[:1] if closed else ring[-1:])
+    ]
