@@ -213,7 +213,7 @@ def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
     printed = footprint(stack, chosen)
     wrong = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
     upper = doubtful & (wrong[1] < wrong[0])
-    return low.select(~upper[low.ring_layer]).merge(high.select(upper[high.ring_layer]))
+    return low.of_layers(~upper).merge(high.of_layers(upper))
 
 
 def _problems(ledger: Ledger, match: Match, part_top: float) -> Iterator[str]:

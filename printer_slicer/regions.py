@@ -93,7 +93,7 @@ def _uncovered(inside: Areas, at: Int) -> Areas:
     """What of each layer's inside is not inside the layer `at` (L,)."""
     other = at != np.arange(inside.n_layers)
     cover = window_intersection(inside, at, at + 1)
-    return difference(inside.select(other[inside.ring_layer]), cover.select(other[cover.ring_layer]))
+    return difference(inside.of_layers(other), cover.of_layers(other))
 
 
 def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Float:
@@ -163,7 +163,7 @@ def _missing(inside: Areas, solid: Areas, first: Int, last: Int) -> Areas:
     idle = last <= first
     own = np.arange(inside.n_layers)
     cover = window_intersection(solid, np.where(idle, own, first), np.where(idle, own + 1, last))
-    return difference(inside.select(~idle[inside.ring_layer]), cover.select(~idle[cover.ring_layer]))
+    return difference(inside.of_layers(~idle), cover.of_layers(~idle))
 
 
 def _grown(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:

@@ -64,11 +64,11 @@ def _turned(rings: Areas, solid: Areas) -> Areas | None:
     if not differs.any():
         return None
     mirror = np.array([-1.0, 1.0])  # in a mirror the wrong way round is the right one
-    suspects = rings.select(differs[rings.ring_layer])
+    suspects = rings.of_layers(differs)
     found = normalize(
         Areas(suspects.xy * mirror, suspects.ring_start, suspects.ring_layer, suspects.n_layers)
     )
-    found = found.select((found.area() > _WORTH_SAYING)[found.ring_layer])
+    found = found.of_layers(found.area() > _WORTH_SAYING)
     if not found.n_rings:
         return None
     return Areas(found.xy * mirror, found.ring_start, found.ring_layer, found.n_layers)

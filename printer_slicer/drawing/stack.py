@@ -123,7 +123,7 @@ def _resolved(sections: Sections, scale: float) -> tuple[Areas, Float, Float]:
     keep = np.zeros(plan.n_layers, np.bool_)
     keep[order[np.diff(group[order], prepend=-1) > 0]] = True
     first, last = np.searchsorted(group, group), np.searchsorted(group, group, side="right") - 1
-    kept = solid.select(keep[solid.ring_layer])
+    kept = solid.of_layers(keep)
     return simplify(kept, _RESOLUTION / scale), plan.bottom[first], plan.top[last]
 
 

@@ -191,10 +191,32 @@ class Areas:
 
     def take(self, rings: Int) -> Areas:
         """The rings with the given indices; their layers must ascend."""
+        return self.restacked(rings, self.ring_layer[rings], self.n_layers)
+
+    def restacked(self, rings: Int, layer: Int, n_layers: int) -> Areas:
+        """The rings (r,) with the given indices, in any order, as another stack: each on its `layer` (r,) ascending."""
         sizes = np.diff(self.ring_start)[rings]
         start = np.concatenate([[0], np.cumsum(sizes)])
         points = consecutive(self.ring_start[rings], sizes)
-        return Areas(self.xy.take(points, axis=0), start, self.ring_layer[rings], self.n_layers)
+        return Areas(self.xy.take(points, axis=0), start, layer, n_layers)
+
+    def of_layers(self, layers: Bool) -> Areas:
+        """Only the rings of the layers for which `layers` (n_layers,) is true."""
+        keep = layers[self.ring_layer]
+        return self if keep.all() else self.select(keep)
+
+    def for_each(self, layers: Int) -> Areas:
+        """A stack with an entry for each of `layers` (E,), in any order, which has all rings of that layer."""
+        bounds = self.layer_start
+        count = np.diff(bounds)[layers]
+        entry = np.repeat(np.arange(len(layers)), count)
+        return self.restacked(consecutive(bounds[layers], count), entry, len(layers))
+
+    def raised(self, by: int) -> Areas:
+        """Each layer with the area of the one `by` layers below it (above it, if negative), where there is one."""
+        layer = self.ring_layer + by
+        rings = np.flatnonzero((layer >= 0) & (layer < self.n_layers))
+        return self.restacked(rings, layer[rings], self.n_layers)
 
     @classmethod
     def following_on(cls, parts: Sequence[Areas], n_layers: int) -> Areas:

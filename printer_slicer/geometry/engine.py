@@ -116,7 +116,7 @@ def union(a: Areas, b: Areas) -> Areas:
         ValueError: the stacks have different numbers of layers.
     """
     worked, meets = _combined("union", a, b)
-    return worked.merge(_on_layers(a, ~meets)).merge(_on_layers(b, ~meets))
+    return worked.merge(a.of_layers(~meets)).merge(b.of_layers(~meets))
 
 
 def difference(a: Areas, b: Areas) -> Areas:
@@ -126,7 +126,7 @@ def difference(a: Areas, b: Areas) -> Areas:
         ValueError: the stacks have different numbers of layers.
     """
     worked, meets = _combined("difference", a, b)
-    return worked.merge(_on_layers(a, ~meets))
+    return worked.merge(a.of_layers(~meets))
 
 
 def intersection(a: Areas, b: Areas) -> Areas:
@@ -298,13 +298,8 @@ def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
     if not meets.any():
         return Areas.empty(a.n_layers), meets
     engine = _engine()
-    layers_a, layers_b = engine.load(_on_layers(a, meets)), engine.load(_on_layers(b, meets))
+    layers_a, layers_b = engine.load(a.of_layers(meets)), engine.load(b.of_layers(meets))
     return engine.store(engine.combine(operation, layers_a, layers_b)), meets
-
-
-def _on_layers(areas: Areas, layers: Bool) -> Areas:
-    keep = layers[areas.ring_layer]
-    return areas if keep.all() else areas.select(keep)
 
 
 def _boxes(areas: Areas) -> tuple[Float, Float]:

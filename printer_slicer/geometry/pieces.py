@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Float, Int, consecutive, frozen_array
+from printer_slicer.geometry.areas import Areas, Float, Int, frozen_array
 from printer_slicer.geometry.inside import rings_around
 
 __all__ = ["Pieces", "pieces_of"]
@@ -34,9 +34,7 @@ class Pieces:
         """Some of the pieces (n,), ascending."""
         number = np.full(self.count, -1)
         number[which] = np.arange(len(which))
-        kept = self.areas.take(np.flatnonzero(number[self.areas.ring_layer] >= 0))
-        areas = Areas(kept.xy, kept.ring_start, number[kept.ring_layer], len(which))
-        return Pieces(areas, self.layer[which], number[self.of_ring])
+        return Pieces(self.areas.for_each(which), self.layer[which], number[self.of_ring])
 
     @property
     def count(self) -> int:
@@ -50,18 +48,12 @@ class Pieces:
 
     def beside(self, areas: Areas) -> Areas:
         """For each piece all rings of a stack that lie on its layer."""
-        bounds = areas.layer_start
-        count = np.diff(bounds)[self.layer]
-        rings = consecutive(bounds[self.layer], count)
-        size = np.diff(areas.ring_start)[rings]
-        points = consecutive(areas.ring_start[rings], size)
-        start = np.append(0, np.cumsum(size))
-        return Areas(areas.xy[points], start, np.repeat(np.arange(self.count), count), self.count)
+        return areas.for_each(self.layer)
 
     def on_layers(self, n_layers: int, which: Int) -> Areas:
         """Some of the pieces (n,), ascending, put back on the layers of the stack."""
-        kept = self.areas.take(np.flatnonzero(np.isin(self.areas.ring_layer, which)))
-        return Areas(kept.xy, kept.ring_start, self.layer[kept.ring_layer], n_layers)
+        rings = np.flatnonzero(np.isin(self.areas.ring_layer, which))
+        return self.areas.restacked(rings, self.layer[self.areas.ring_layer[rings]], n_layers)
 
 
 def pieces_of(areas: Areas) -> Pieces:
@@ -81,7 +73,5 @@ def pieces_of(areas: Areas) -> Pieces:
         owner[holes] = found
     # A ring of no area that lies in none belongs to nothing.
     order = np.argsort(owner, kind="stable")[int((owner < 0).sum()) :]
-    # Rings are taken from a stack without layers, so that they may come in any order.
-    flat = Areas(areas.xy, areas.ring_start, np.zeros(areas.n_rings, np.int64), 1).take(order)
-    entries = Areas(flat.xy, flat.ring_start, owner[order], len(solids))
+    entries = areas.restacked(order, owner[order], len(solids))
     return Pieces(entries, areas.ring_layer[solids], owner)

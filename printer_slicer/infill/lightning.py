@@ -70,11 +70,8 @@ def _roof_points(task: Task, area: Areas) -> tuple[Float, Int, Int]:
     By ascending layer, with the layer and the level of each. Levels are those of both coordinates together, in the
     order in which they are to be held.
     """
-    n = area.n_layers
-    up = area.select(area.ring_layer > 0)
-    above = Areas(up.xy, up.ring_start, up.ring_layer - 1, n)
     step = task.spacing / 2
-    rows = hatch(difference(area, above), angle=task.angle, spacing=step)
+    rows = hatch(difference(area, area.raised(-1)), angle=task.angle, spacing=step)
     first = np.ceil(rows.u[:, 0] / step).astype(np.int64)
     count = np.maximum(np.floor(rows.u[:, 1] / step).astype(np.int64) - first + 1, 0)
     column, owner = consecutive(first, count), np.repeat(np.arange(rows.n_lines), count)

@@ -75,7 +75,7 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
     window[grouped] = first[grouped]
     common = window_intersection(sparse, window, own + 1)
     common = offset_open(common.select(np.isin(common.ring_layer, grouped)), narrowest / 2)
-    rest = difference(sparse, _on(common, last[number]))
+    rest = difference(sparse, common.for_each(last[number]))
     strips = np.isin(rest.ring_layer, np.flatnonzero(first[last[number]] < last[number]))
     wide = offset_open(rest.select(strips), narrowest / 2)
     return Fillings(
@@ -116,19 +116,6 @@ def _groups(sparse: Areas, plan: LayerPlan, limit: float) -> Int:
         first[layer - size[layer] : layer + 1] = layer - size[layer]
         layer -= size[layer] + 1
     return first
-
-
-def _on(areas: Areas, source: Int) -> Areas:
-    """For each layer k the area of layer `source[k]`; `source` ascends."""
-    counts = np.diff(areas.layer_start)[source]
-    chosen = np.repeat(areas.layer_start[:-1][source], counts)
-    chosen += np.arange(len(chosen)) - np.repeat(np.cumsum(counts) - counts, counts)
-    size = np.diff(areas.ring_start)[chosen]
-    points = np.repeat(areas.ring_start[:-1][chosen] - (np.cumsum(size) - size), size) + np.arange(
-        int(size.sum())
-    )
-    layer = np.repeat(np.arange(len(source)), counts)
-    return Areas(areas.xy[points], np.append(0, np.cumsum(size)), layer, areas.n_layers)
 
 
 def _stacked(one: Areas, another: Areas) -> Areas:

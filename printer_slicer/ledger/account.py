@@ -126,7 +126,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
     # A spiral is a wall without skins.
-    open_to_air = open_to_air.select(~stack.rising[open_to_air.ring_layer])
+    open_to_air = open_to_air.of_layers(~stack.rising)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
     covered = footprint(stack, of_part)

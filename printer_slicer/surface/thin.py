@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, difference
+from printer_slicer.geometry import difference
 from printer_slicer.model import Float, Sections
 from printer_slicer.surface.certificate import Surface
 
@@ -29,7 +29,7 @@ def thin_areas(surface: Surface, sections: Sections) -> Float:
         sections: cut in the middle of the layers, with resolution 0.
     """
     solid, cut = sections.solid, sections.plan.cut
-    before = _raised(solid)
+    before = solid.raised(1)
     changed = difference(solid, before).area() + difference(before, solid).area()
     below = surface.up.under(cut) + surface.down.under(cut)
     everything = float(surface.up.area.sum() + surface.down.area.sum())
@@ -38,9 +38,3 @@ def thin_areas(surface: Surface, sections: Sections) -> Float:
     length = np.bincount(solid.ring_layer, weights=solid.ring_length(), minlength=solid.n_layers)
     noise = _ROUNDING * np.append(length + np.append(0.0, length[:-1]), length[-1:])
     return np.asarray(np.where(pairs > noise, pairs, 0.0))
-
-
-def _raised(areas: Areas) -> Areas:
-    """Each layer with the area of the one below; the first with none."""
-    moved = areas.select(areas.ring_layer < areas.n_layers - 1)
-    return Areas(moved.xy, moved.ring_start, moved.ring_layer + 1, areas.n_layers)

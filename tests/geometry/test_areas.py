@@ -132,3 +132,28 @@ def test_the_last_item_of_a_ring_is_followed_by_its_first_and_that_of_an_open_ru
         for ring, (_, closed) in zip(rings, runs, strict=True)
         for i in ring[1:] + (ring[:1] if closed else ring[-1:])
     ]
+
+
+@given(areas(3), st.data())
+def test_rings_are_found_by_their_layers(stack: Areas, data: st.DataObject) -> None:
+    flags = np.array(data.draw(st.lists(st.booleans(), min_size=stack.n_layers, max_size=stack.n_layers)))
+    entries = data.draw(st.lists(st.integers(0, stack.n_layers - 1), max_size=6))
+
+    some, each = stack.of_layers(flags), stack.for_each(np.array(entries, np.int64))
+
+    nothing = np.zeros((0, 2))
+    for k, wanted in enumerate(flags.tolist()):
+        expected = np.concatenate([nothing, *stack.rings(k)]) if wanted else nothing
+        assert np.array_equal(np.concatenate([nothing, *some.rings(k)]), expected)
+    assert (some.n_layers, each.n_layers) == (stack.n_layers, len(entries))
+    for entry, k in enumerate(entries):
+        assert [ring.tolist() for ring in each.rings(entry)] == [ring.tolist() for ring in stack.rings(k)]
+
+
+@given(areas(4), st.integers(-5, 5))
+def test_raised_layers_have_the_area_of_those_below(stack: Areas, by: int) -> None:
+    raised = stack.raised(by)
+
+    for k in range(stack.n_layers):
+        below = stack.rings(k - by) if 0 <= k - by < stack.n_layers else []
+        assert [ring.tolist() for ring in raised.rings(k)] == [ring.tolist() for ring in below]
