@@ -21,7 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
-from printer_slicer.geometry.areas import following_around
+from printer_slicer.geometry.areas import boxes, following_around
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
 
@@ -92,8 +92,7 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     result = np.zeros(len(paths.xy), np.bool_)
     if not air.n_rings:
         return result
-    lowest = np.minimum.reduceat(air.xy, air.ring_start[:-1])
-    highest = np.maximum.reduceat(air.xy, air.ring_start[:-1])
+    lowest, highest = boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
     bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
     rings = air.layer_start
     for layer in np.unique(air.ring_layer).tolist():

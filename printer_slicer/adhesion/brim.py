@@ -25,6 +25,7 @@ from printer_slicer.geometry import (
     rings_around,
     union,
 )
+from printer_slicer.geometry.areas import lengths
 from printer_slicer.model import Areas, Bool, Float, Int, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile, Quality
 
@@ -142,10 +143,9 @@ def _limits(rooms: _Rooms, reach: float, width: float, quality: Quality) -> Area
 def _cut(loops: Areas, within: Areas, width: float) -> tuple[list[Float], Int, Bool]:
     """The centre lines inside their limits, with room and whether closed; stubs shorter than a bead is wide go."""
     xy, size, ring, closed = clip_outlines(loops, within)
-    lines = np.split(xy, np.cumsum(size)[:-1]) if len(size) else []
-    long = np.array([np.hypot(*np.diff(line, axis=0).T).sum() >= width for line in lines], np.bool_) | closed
-    kept = np.flatnonzero(long)
-    return [lines[i] for i in kept.tolist()], loops.ring_layer[ring[kept]], closed[kept]
+    start = np.append(0, np.cumsum(size))
+    kept = np.flatnonzero(closed | (lengths(xy, start, closed=False) >= width))
+    return [xy[start[i] : start[i + 1]] for i in kept.tolist()], loops.ring_layer[ring[kept]], closed[kept]
 
 
 def _by_body(lines: list[Float], room: Int, grounds: Areas) -> list[int]:

@@ -14,9 +14,11 @@ __all__ = [
     "Float",
     "Int",
     "Lines",
+    "boxes",
     "consecutive",
     "following_around",
     "frozen_array",
+    "lengths",
     "per_layer",
     "placed",
     "previous_around",
@@ -64,16 +66,16 @@ def consecutive(first: Int, count: Int) -> Int:
     return np.asarray(np.arange(int(count.sum())) + np.repeat(first - before, count))
 
 
-def following_around(start: Int, closed: Bool | None = None) -> Int:
+def following_around(start: Int, closed: bool | Bool = True) -> Int:
     """(N,) the item after each, in rings of items: after the last of a ring comes its first.
 
     Args:
         start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`, one at least.
-        closed: (R,) which are rings; in the others the last item is followed by itself. None: all are.
+        closed: (R,) which are rings, or whether all are; in the others the last item is followed by itself.
     """
     first, last = start[:-1], start[1:] - 1
     following = np.arange(1, int(start[-1]) + 1)
-    following[last] = first if closed is None else np.where(closed, first, last)
+    following[last] = np.where(closed, first, last)
     return following
 
 
@@ -82,6 +84,39 @@ def previous_around(start: Int) -> Int:
     previous = np.arange(-1, int(start[-1]) - 1)
     previous[start[:-1]] = start[1:] - 1
     return previous
+
+
+def boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[Float, Float]:
+    """(n_owners, 2) lowest and highest corner of the box around what each owns; infinite, inside out, where nothing.
+
+    Args:
+        points: (N, 2)
+        start: (R + 1,) run `i` of points is `points[start[i]:start[i + 1]]`; none is empty.
+        owner: (R,) of each run, ascending.
+        n_owners: how many there are.
+    """
+    low = np.full((n_owners, 2), np.inf)
+    high = -low
+    used, first = np.unique(owner, return_index=True)
+    for axis, column in enumerate(np.ascontiguousarray(points.T) if len(used) else ()):
+        low[used, axis] = np.minimum.reduceat(column, start[first])
+        high[used, axis] = np.maximum.reduceat(column, start[first])
+    return low, high
+
+
+def lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float:
+    """(M,) mm of each line.
+
+    Args:
+        xy: (N, 2) mm.
+        start: (M + 1,) line `i` has the points `xy[start[i]:start[i + 1]]`, one at least.
+        closed: (M,) which return to their first point, which they do not repeat; or whether all do.
+    """
+    if len(start) < 2:
+        return np.zeros(0)
+    x, y = np.ascontiguousarray(xy.T)
+    following = following_around(start, closed)
+    return np.add.reduceat(np.hypot(x.take(following) - x, y.take(following) - y), start[:-1])
 
 
 def placed(xy: Float, place: Int) -> Float:
@@ -178,12 +213,11 @@ class Areas:
 
     def ring_length(self) -> Float:
         """(R,) length of each ring, mm."""
-        if self.n_rings == 0:
-            return np.zeros(0)
-        x, y = np.ascontiguousarray(self.xy.T)
-        following = self.following
-        sides = np.hypot(x.take(following) - x, y.take(following) - y)
-        return np.add.reduceat(sides, self.ring_start[:-1])
+        return lengths(self.xy, self.ring_start)
+
+    def boxes(self) -> tuple[Float, Float]:
+        """(n_layers, 2) mm, lowest and highest corner around each layer; infinite, inside out, where it is empty."""
+        return boxes(self.xy, self.ring_start, self.ring_layer, self.n_layers)
 
     def select(self, keep: Bool) -> Areas:
         """Only the rings for which `keep` (R,) is true."""

@@ -13,7 +13,7 @@ import clipper2
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Areas, Float, Int
+from printer_slicer.geometry.areas import Areas, Float, Int, boxes
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
 __all__ = ["combine", "load", "load_any", "offset", "outlines_within", "store", "stroke"]
@@ -45,13 +45,17 @@ def load_any(areas: Areas) -> list[Rings]:
 
 def store(layers: list[Rings]) -> Areas:
     """The rings of all layers as one stack, mm."""
-    rings = [ring for layer in layers for ring in layer]
-    if not rings:
-        return Areas.empty(len(layers))
-    sizes = np.array([0, *map(len, rings)], dtype=np.int64)
-    ring_layer = np.repeat(np.arange(len(layers)), [len(layer) for layer in layers])
+    xy, start, ring_layer = _ragged(layers)
     # Divided, not multiplied: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
-    return Areas(np.concatenate(rings) / STEPS_PER_MM, np.cumsum(sizes), ring_layer, len(layers))
+    return Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers))
+
+
+def _ragged(layers: list[Rings]) -> tuple[Int, Int, Int]:
+    """All points (N, 2), where each ring begins (R + 1,), and its layer (R,)."""
+    rings = [ring for layer in layers for ring in layer]
+    xy = np.concatenate(rings) if rings else np.zeros((0, 2), np.int64)
+    start = np.cumsum(np.array([0, *map(len, rings)], dtype=np.int64))
+    return xy, start, np.repeat(np.arange(len(layers)), [len(layer) for layer in layers])
 
 
 def combine(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Rings]:
@@ -100,13 +104,8 @@ def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
     if not outlines.n_rings:
         return result
     grid = np.rint(outlines.xy * STEPS_PER_MM).astype(np.int64)
-    low, high = (
-        np.full((len(layers), 2), np.iinfo(np.int64).max),
-        np.full((len(layers), 2), np.iinfo(np.int64).min),
-    )
-    for k, rings in enumerate(layers):
-        for ring in rings:
-            low[k], high[k] = np.minimum(low[k], ring.min(axis=0)), np.maximum(high[k], ring.max(axis=0))
+    xy, start, ring_layer = _ragged(layers)
+    low, high = boxes(xy, start, ring_layer, len(layers))
     sizes = np.diff(outlines.ring_start)
     layer, following = np.repeat(outlines.ring_layer, sizes), outlines.following
     near = np.ones(len(grid), np.bool_)

@@ -235,10 +235,7 @@ def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int
 def _begins_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
     """(n,) whether the first point of some of the lines lies in the areas."""
     point, layer = lines.xy[lines.start[which]], lines.layer[which]
-    low, high = np.full((areas.n_layers, 2), np.inf), np.full((areas.n_layers, 2), -np.inf)
-    used, first_ring = np.unique(areas.ring_layer, return_index=True)
-    low[used] = np.minimum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
-    high[used] = np.maximum.reduceat(areas.xy, areas.ring_start[first_ring], axis=0)
+    low, high = areas.boxes()
     inside = np.zeros(len(which), np.bool_)
     near = np.flatnonzero(((point >= low[layer]) & (point <= high[layer])).all(axis=1))
     if len(near):

@@ -293,21 +293,10 @@ def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
     """The result on the layers where the boxes around `a` and `b` meet, and (n_layers,) which those are."""
     if a.n_layers != b.n_layers:
         raise ValueError(f"stacks of {a.n_layers} and {b.n_layers} layers")
-    (low_a, high_a), (low_b, high_b) = _boxes(a), _boxes(b)
+    (low_a, high_a), (low_b, high_b) = a.boxes(), b.boxes()
     meets = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
     if not meets.any():
         return Areas.empty(a.n_layers), meets
     engine = _engine()
     layers_a, layers_b = engine.load(a.of_layers(meets)), engine.load(b.of_layers(meets))
     return engine.store(engine.combine(operation, layers_a, layers_b)), meets
-
-
-def _boxes(areas: Areas) -> tuple[Float, Float]:
-    """(n_layers, 2) lowest and highest corner around each layer; infinite, inside out, where it is empty."""
-    low = np.full((areas.n_layers, 2), np.inf)
-    high = -low
-    used, first_ring = np.unique(areas.ring_layer, return_index=True)
-    for axis, column in enumerate(np.ascontiguousarray(areas.xy.T) if len(used) else ()):
-        low[used, axis] = np.minimum.reduceat(column, areas.ring_start[first_ring])
-        high[used, axis] = np.maximum.reduceat(column, areas.ring_start[first_ring])
-    return low, high

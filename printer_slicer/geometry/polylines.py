@@ -14,8 +14,8 @@ from printer_slicer.geometry.areas import (
     Int,
     Lines,
     consecutive,
-    following_around,
     frozen_array,
+    lengths,
 )
 
 __all__ = ["Polylines"]
@@ -102,8 +102,4 @@ class Polylines:
 
     def length(self) -> Float:
         """(M,) mm of each line."""
-        if not self.n_lines:
-            return np.zeros(0)
-        following = following_around(self.start, self.closed)
-        along = np.hypot(*(self.xy[following] - self.xy).T)
-        return np.asarray(np.add.reduceat(along, self.start[:-1]))
+        return lengths(self.xy, self.start, self.closed)

@@ -16,7 +16,8 @@ from printer_slicer.geometry import (
     offset,
     pieces_of,
 )
-from printer_slicer.infill.strips import line_lengths, strip_paths
+from printer_slicer.geometry.areas import lengths
+from printer_slicer.infill.strips import strip_paths
 from printer_slicer.model import LayerPlan, Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -138,7 +139,7 @@ def _filled(plan: LayerPlan, pieces: Pieces, beads: _Beads, profile: Profile) ->
     xy, start, piece = chain_rows(rows, max_turn=_LONGEST_TURN * gap)
     # Between walls that nearly touch, rows shrink to dots that fill nothing and cost a stop each.
     size = np.diff(start)
-    seen = line_lengths(xy, size) >= np.minimum(gap, profile.extrusion_width)[piece] / 2
+    seen = lengths(xy, start, closed=False) >= np.minimum(gap, profile.extrusion_width)[piece] / 2
     xy, size, piece = xy[np.repeat(seen, size)], size[seen], piece[seen]
     return Toolpaths.gathered(
         plan,

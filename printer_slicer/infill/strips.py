@@ -6,10 +6,11 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Float, Int, Pieces, offset, outlines_within
+from printer_slicer.geometry.areas import lengths
 from printer_slicer.model import Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
-__all__ = ["line_lengths", "strip_paths"]
+__all__ = ["strip_paths"]
 
 _WIDEST = 3.0  # beads
 # What as many usual beads as there are may hold of what the strip does: between two walls there is one beside each, and
@@ -29,7 +30,7 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
     gap = bead.spacing(width, plan.height)
     overlap = profile.quality.infill_overlap * width if profile.quality.perimeters else 0.0
     xy, size, piece, first = _lines(regions, strips, gap, overlap)
-    length = line_lengths(xy, size)
+    length = lengths(xy, np.append(0, np.cumsum(size)), closed=False)
     laid = np.bincount(piece, length, minlength=strips.count) * gap[strips.layer]
     # Rows reach into the walls to fill the notches at their ends too. Lines along a wall leave none: less is needed to
     # fill what is left in its corners. The first line shows how much of the outline is at a wall.
@@ -67,10 +68,3 @@ def _lines(regions: Regions, strips: Pieces, gap: Float, overlap: float) -> tupl
         return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     xy, size, piece = (np.concatenate([part[i] for part in found]) for i in range(3))
     return xy, size, piece, (np.arange(len(size)) < len(found[0][1])).astype(np.float64)
-
-
-def line_lengths(xy: Float, size: Int) -> Float:
-    """(M,) mm of each open line of `size` (M,) points."""
-    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T)))
-    last = np.cumsum(size) - 1
-    return np.asarray(along[last] - along[last - size + 1])

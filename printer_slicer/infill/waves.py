@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines, clip_lines, frozen_array
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import boxes, consecutive
 
 __all__ = ["Waves", "wave_lines"]
 
@@ -83,13 +83,11 @@ def _laid(waves: Waves, line: Int, row: Int, first: Int, periods: Int) -> Polyli
 
 def _boxes(area: Areas, waves: Waves) -> tuple[Int, Float, Float]:
     """Entries that have any area, and lowest and highest corner of each, along and across the waves."""
-    entry, first = (np.asarray(part, np.int64) for part in np.unique(area.ring_layer, return_index=True))
     cos, sin = np.cos(waves.angle), np.sin(waves.angle)
     x, y = area.xy.T
     x, y = x * cos + y * sin, y * cos - x * sin
     swapped = np.repeat(waves.swapped[area.ring_layer], np.diff(area.ring_start))
     uv = np.stack([np.where(swapped, y, x), np.where(swapped, x, y)], axis=1)
-    starts = area.ring_start[first]
-    if not len(entry):
-        return entry, np.zeros((0, 2)), np.zeros((0, 2))
-    return entry, np.minimum.reduceat(uv, starts), np.maximum.reduceat(uv, starts)
+    low, high = boxes(uv, area.ring_start, area.ring_layer, area.n_layers)
+    entry = np.unique(area.ring_layer)
+    return entry, low[entry], high[entry]

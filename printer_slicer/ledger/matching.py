@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.geometry.areas import boxes
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.ledger.beads import Beads, Purpose, spread_out
 from printer_slicer.ledger.stack import Stack
@@ -49,14 +50,17 @@ def first_guess(stack: Stack, sections: Areas) -> tuple[float, float]:
     beads, layer = stack.beads, stack.layer
     outer = _outer(beads) & (layer >= 0)
     half = beads.width[outer, None] / 2
-    low, high = _boxes(
-        np.minimum(beads.begin, beads.end)[outer] - half,
-        np.maximum(beads.begin, beads.end)[outer] + half,
-        layer[outer],
-        stack.n_layers,
+    corners = np.stack(
+        [
+            np.minimum(beads.begin, beads.end)[outer] - half,
+            np.maximum(beads.begin, beads.end)[outer] + half,
+        ],
+        axis=1,
     )
-    section_layer = np.repeat(sections.ring_layer, np.diff(sections.ring_start))
-    floor, ceiling = _boxes(sections.xy, sections.xy, section_layer, stack.n_layers)
+    order = np.argsort(layer[outer], kind="stable")
+    start = np.arange(0, 2 * len(order) + 1, 2)
+    low, high = boxes(corners[order].reshape(-1, 2), start, layer[outer][order], stack.n_layers)
+    floor, ceiling = sections.boxes()
     both = np.isfinite(low[:, 0]) & np.isfinite(floor[:, 0])
     if not both.any():
         return 0.0, 0.0
@@ -129,17 +133,6 @@ def _outer(beads: Beads) -> Bool:
     """(B,) the outer perimeters, or all beads of the part where nobody tells them apart."""
     outer = beads.purpose == Purpose.OUTER_PERIMETER
     return outer if outer.any() else ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
-
-
-def _boxes(low: Float, high: Float, layer: Int, n_layers: int) -> tuple[Float, Float]:
-    """(L, 2) the corners of the box around the boxes of each layer; infinite where there are none."""
-    lowest, highest = np.full((n_layers, 2), np.inf), np.full((n_layers, 2), -np.inf)
-    order = np.argsort(layer, kind="stable")
-    used, first = np.unique(layer[order], return_index=True)
-    if len(used):
-        lowest[used] = np.minimum.reduceat(low[order], first, axis=0)
-        highest[used] = np.maximum.reduceat(high[order], first, axis=0)
-    return lowest, highest
 
 
 def _depth(outlines: Outlines, sections: Areas, points: Float, layer: Int) -> tuple[Float, Float]:

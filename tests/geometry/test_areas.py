@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, Lines
-from printer_slicer.geometry.areas import consecutive, following_around, per_layer, previous_around
+from printer_slicer.geometry.areas import (
+    boxes,
+    consecutive,
+    following_around,
+    lengths,
+    per_layer,
+    previous_around,
+)
 from tests.strategies import areas, box
 
 
@@ -157,3 +164,23 @@ def test_raised_layers_have_the_area_of_those_below(stack: Areas, by: int) -> No
     for k in range(stack.n_layers):
         below = stack.rings(k - by) if 0 <= k - by < stack.n_layers else []
         assert [ring.tolist() for ring in raised.rings(k)] == [ring.tolist() for ring in below]
+
+
+def test_boxes_are_around_what_each_owns() -> None:
+    points = np.array([[0, 5], [3, 1], [2, 2], [-4, 9], [7, 7]])
+
+    low, high = boxes(points, np.array([0, 2, 3, 5]), np.array([0, 0, 2]), 4)
+
+    inf = np.inf
+    assert low.tolist() == [[0, 1], [inf, inf], [-4, 7], [inf, inf]]
+    assert high.tolist() == [[3, 5], [-inf, -inf], [7, 9], [-inf, -inf]]
+
+
+def test_lengths_are_of_open_and_of_closed_lines() -> None:
+    xy = np.concatenate([box(0, 0, 4, 3), box(10, 10, 11, 11), [[7.0, 7.0]]])
+    start = np.array([0, 4, 8, 9])
+
+    assert lengths(xy, start).tolist() == [14, 4, 0]
+    assert lengths(xy, start, closed=False).tolist() == [11, 3, 0]
+    assert lengths(xy, start, np.array([False, True, True])).tolist() == [11, 4, 0]
+    assert lengths(xy[:0], start[:1]).shape == (0,)
