@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, previous_around
+from printer_slicer.geometry.joints import chain_steps
 from printer_slicer.geometry.polylines import Polylines
 
 __all__ = ["anchor"]
@@ -274,16 +275,11 @@ def _walks(mate: Int) -> tuple[Int, Int]:
     """The end by which each line is entered, in the order of walking, and the walk each belongs to."""
     n = len(mate)
     following = _following(mate)
-    rank, jump = (following >= 0).astype(np.int64), np.where(following < 0, np.arange(n), following)
-    for _ in range(max(n, 2).bit_length()):
-        further = jump[jump]
-        if np.array_equal(further, jump):
-            break
-        rank, jump = rank + rank[jump], further
+    last, rank = chain_steps(np.where(following < 0, np.arange(n), following))
     heads = np.flatnonzero(mate < 0)
     head_of = np.full(n, -1)
-    head_of[jump[heads]] = heads
-    head, tail = head_of[jump], jump ^ 1
+    head_of[last[heads]] = heads
+    head, tail = head_of[last], last ^ 1
     kept = np.flatnonzero(head <= tail)  # each walk exists both ways
     order = kept[np.lexsort((-rank[kept], head[kept]))]
     return order, head[order]

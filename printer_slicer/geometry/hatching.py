@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, consecutive, per_layer
+from printer_slicer.geometry.joints import chain_ends
 
 __all__ = ["chain_rows", "hatch"]
 
@@ -137,12 +138,7 @@ def _lowest(above: Int) -> Int:
     foot = np.arange(len(above))
     joinable = np.flatnonzero(above >= 0)
     foot[above[joinable]] = joinable
-    # Everyone points to who their next points to, until all point to the foot: twice as far each time.
-    while True:
-        farther = foot[foot]
-        if np.array_equal(farther, foot):
-            return foot
-        foot = farther
+    return chain_ends(foot)
 
 
 def _turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float) -> tuple[Bool, Bool]:

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Float, Int, consecutive
 
-__all__ = ["Index", "close_groups", "cycles", "linked", "lowest_of_chain", "welded"]
+__all__ = [
+    "Index",
+    "chain_ends",
+    "chain_steps",
+    "close_groups",
+    "cycles",
+    "linked",
+    "lowest_of_chain",
+    "welded",
+]
 
 Index = NDArray[np.int32]
+
+_Whole = TypeVar("_Whole", np.int32, np.int64)
 
 _SPREAD = 0x9E3779B97F4A7C15
 _STEP = 0x2545F4914F6CDD1D
@@ -92,7 +105,7 @@ def linked(members: Index | Int, n: int) -> Int:
         low, high = np.minimum(one, other)[::-1], np.maximum(one, other)[::-1]
         parent = itself.copy()
         parent[high] = low
-        parent = _ends(parent)
+        parent = chain_ends(parent)
         label = parent.take(label)
         one, other = parent.take(low), parent.take(high)
         apart = np.flatnonzero(one != other)
@@ -101,13 +114,28 @@ def linked(members: Index | Int, n: int) -> Int:
     return np.asarray(number.take(label), np.int64)
 
 
-def _ends(parent: Index) -> Index:
-    """(n,) where chains of parents end; parents are never higher than their children."""
+def chain_ends(following: NDArray[_Whole]) -> NDArray[_Whole]:
+    """(n,) where each item comes to when it goes on to `following` again and again.
+
+    The last item of a chain is followed by itself; there must be no cycles. Everyone points to who their next points
+    to, until all point to the end: twice as far each time.
+    """
     while True:
-        further = parent.take(parent)
-        if np.array_equal(further, parent):
-            return parent
-        parent = further
+        further = following.take(following)
+        if np.array_equal(further, following):
+            return following
+        following = further
+
+
+def chain_steps(following: NDArray[_Whole]) -> tuple[NDArray[_Whole], NDArray[_Whole]]:
+    """(n,) where each item comes to as with `chain_ends`, and in how many steps."""
+    end = following
+    steps = (end != np.arange(len(end))).astype(following.dtype)
+    while True:
+        further = end.take(end)
+        if np.array_equal(further, end):
+            return end, steps
+        steps, end = steps + steps.take(end), further
 
 
 def close_groups(points: Float, reach: float) -> Int:
@@ -169,12 +197,6 @@ def cycles(following: Int) -> tuple[Int, Int]:
     # Steps to the cycle's first item, by the same doubling along the chain that ends there.
     itself = np.arange(n, dtype=np.int32)
     is_first = lowest == itself
-    jump = np.where(is_first[following], itself, following.astype(np.int32))
-    steps = (jump != itself).astype(np.int32)
-    while True:
-        ahead = steps.take(jump)
-        if not ahead.any():
-            break
-        steps, jump = steps + ahead, jump.take(jump)
+    _, steps = chain_steps(np.where(is_first[following], itself, following.astype(np.int32)))
     length = np.bincount(lowest, minlength=n)
     return lowest.astype(np.int64), np.where(is_first, 0, length[lowest] - 1 - steps)

@@ -14,6 +14,7 @@ import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines, clip_lines, difference, hatch, offset
 from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.joints import chain_ends, chain_steps
 from printer_slicer.infill.task import Task
 from printer_slicer.infill.trees import AT_WALL, Tree, Wall, grown, retracted, rooted, within
 
@@ -109,10 +110,7 @@ def _branches(trees: list[Tree]) -> Polylines:
     if not len(xy):
         return Polylines.of(xy, np.zeros(0, np.int64), layer)
     depth, heir = _heirs(xy, parent)
-    tip = heir.copy()
-    tip[tip < 0] = np.flatnonzero(tip < 0)
-    while not np.array_equal(tip, tip[tip]):
-        tip = tip[tip]
+    tip = chain_ends(np.where(heir >= 0, heir, np.arange(len(heir))))
     order = np.lexsort((-depth, tip))
     head = np.append(True, np.diff(tip[order]) != 0)
     last = order[np.append(head[1:], True)]
@@ -130,9 +128,7 @@ def _heirs(xy: Float, parent: Int) -> tuple[Int, Int]:
     """For each node its depth, and the child from which the longest branch comes; -1 for tips."""
     n = len(xy)
     has = parent >= 0
-    depth, jump = has.astype(np.int64), np.where(has, parent, np.arange(n))
-    while not np.array_equal(jump, jump[jump]):
-        depth, jump = depth + depth[jump], jump[jump]
+    _, depth = chain_steps(np.where(has, parent, np.arange(n)))
     own = np.where(has, np.hypot(*(xy - xy[parent]).T), 0.0)
     far, heir = np.zeros(n), np.full(n, -1)
     by_depth = np.argsort(depth, kind="stable")

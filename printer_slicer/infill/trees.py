@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines
 from printer_slicer.geometry.clipping import clipped
+from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.vectors import feet
 
@@ -51,9 +52,7 @@ class Tree(NamedTuple):
         """With new places, without nodes that are gone and without pieces too short to be printed."""
         short = self.parent >= 0
         short[short] = np.hypot(*(xy[short] - xy[self.parent[short]]).T) < _TOGETHER
-        goal = np.where(short, self.parent, np.arange(len(xy)))
-        while not np.array_equal(goal, goal[goal]):
-            goal = goal[goal]
+        goal = chain_ends(np.where(short, self.parent, np.arange(len(xy))))
         parent = np.where(self.parent >= 0, goal[self.parent], -1)
         return Tree(xy, parent).keep(~gone & ~short)
 
@@ -135,7 +134,7 @@ def rooted(tree: Tree, wall: Wall, reach: float) -> Tree:
         return tree
     branch = tree.branch
     key = np.where(gap > reach, gap, 0.0)
-    owner = _root_of(parent)
+    owner = chain_ends(np.where(parent >= 0, parent, np.arange(len(parent))))  # the root of each
     key_of = np.zeros(len(parent))
     key_of[root] = key
     on_tree = np.full(len(far), -1)
@@ -149,14 +148,6 @@ def rooted(tree: Tree, wall: Wall, reach: float) -> Tree:
         if nearest >= 0 and distance[nearest] < gap[one]:
             on_tree[i], share[i], foot[one] = branch[nearest], along[nearest], places[nearest]
     return _joined(tree, root[far], on_tree, share, foot[far])
-
-
-def _root_of(parent: Int) -> Int:
-    """(n,) the root that each node's branch leads to."""
-    goal = np.where(parent >= 0, parent, np.arange(len(parent)))
-    while not np.array_equal(goal, goal[goal]):
-        goal = goal[goal]
-    return goal
 
 
 def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tree:

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from printer_slicer.geometry import Int
-from printer_slicer.geometry.joints import close_groups, cycles, linked, welded
+from printer_slicer.geometry.joints import chain_ends, chain_steps, close_groups, cycles, linked, welded
 from printer_slicer.geometry.planes import corner_keys
 
 seeds = st.integers(0, 2**32 - 1)
@@ -116,3 +116,21 @@ def test_corners_of_symmetric_parts_have_keys_of_their_own(steps: int) -> None:
     unique = np.unique(points, axis=0)
 
     assert len(np.unique(corner_keys(unique))) == len(unique)
+
+
+@given(seed=seeds, n=st.integers(0, 300), kind=st.sampled_from([np.int32, np.int64]))
+def test_chains_end_where_going_on_leads_to_in_as_many_steps(seed: int, n: int, kind: type) -> None:
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(n)
+    following = np.zeros(n, kind)
+    following[order] = order[np.maximum(np.arange(n) - rng.integers(0, 4, n), 0)]
+
+    end, steps = chain_steps(following)
+
+    here, counted = np.arange(n), np.zeros(n, np.int64)
+    for _ in range(n):
+        counted += following[here] != here
+        here = following[here]
+    assert end.tolist() == chain_ends(following).tolist() == here.tolist()
+    assert steps.tolist() == counted.tolist()
+    assert end.dtype == steps.dtype == following.dtype
