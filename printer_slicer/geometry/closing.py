@@ -9,15 +9,13 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Bool, Float, Int
 from printer_slicer.geometry.inside import any_crossing
-from printer_slicer.geometry.planes import keys_of, spread
+from printer_slicer.geometry.planes import spread, with_others_around
 
 __all__ = ["Chords", "LooseEnds", "close_by_chords", "close_near"]
 
 _TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
 """mm; ends are looked for this near before they are looked for farther away, so that few are left for that."""
 _MOST_CELLS = 1 << 30  # in a row, and rows in a plane
-_WIDE_CELLS = 64
-_AT_BORDER = 1 / 60  # of a wide cell; more than the radius, by more than coordinates are rounded
 _PAIRS_PER_END = 20
 _MANY_PAIRS = 200_000
 """Where each loose end has more than so many others near it, and there are more than so many in all, or where more
@@ -115,7 +113,9 @@ def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
     Raises:
         OverflowError: too many to be compared.
     """
-    tails, heads = _with_others_around(loose, radius)
+    node = np.concatenate([loose.tails, loose.heads])
+    maybe = with_others_around(loose.xy[node], radius, plane=loose.plane[node])
+    tails, heads = loose.tails[maybe[: len(loose.tails)]], loose.heads[maybe[len(loose.tails) :]]
     if not len(tails) or not len(heads):
         return tails[:0], heads[:0]
     key, row = _cells(loose, np.concatenate([tails, heads]), radius)
@@ -135,27 +135,6 @@ def _near(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
         near = ((loose.xy[tail] - loose.xy[head]) ** 2).sum(axis=1) <= radius**2
         found.append((tail[near], head[near]))
     return np.concatenate([tail for tail, _ in found]), np.concatenate([head for _, head in found])
-
-
-def _with_others_around(loose: LooseEnds, radius: float) -> tuple[Int, Int]:
-    """Tails and heads but for those that surely have none of the others within the radius; costs less than sorting.
-
-    Two ends that are near lie in one wide cell, or the border between their cells is near to both.
-    """
-    node = np.concatenate([loose.tails, loose.heads])
-    place = loose.xy[node] / (_WIDE_CELLS * radius)
-    cell = np.floor(place)
-    place -= cell
-    at_border = (np.minimum(place, 1 - place) <= _AT_BORDER).any(axis=1)
-    bits = len(node).bit_length() + 3
-    mixed = keys_of(cell[:, 0], cell[:, 1], loose.plane[node].astype(np.float64)) >> np.uint64(64 - bits)
-    is_tail, bucket = np.arange(len(node)) < len(loose.tails), mixed.view(np.int64)
-    maybe = at_border
-    for one in (is_tail, ~is_tail):
-        there = np.zeros(1 << bits, np.bool_)
-        there[bucket[~one]] = True
-        maybe |= one & there[bucket]
-    return node[maybe & is_tail], node[maybe & ~is_tail]
 
 
 def _cells(loose: LooseEnds, node: Int, width: float) -> tuple[Int, int]:

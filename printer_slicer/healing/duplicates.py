@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.joints import close_groups, linked, welded
-from printer_slicer.geometry.planes import corner_keys
+from printer_slicer.geometry.joints import close_groups, linked
+from printer_slicer.geometry.planes import with_others_around
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.nesting import runs_around
 from printer_slicer.model import Bool, Float, Int, Repair
@@ -16,8 +16,6 @@ _SAME_PLACE = 0.001  # mm
 _SMALL = 1e-4  # of the size of the part
 _NEAR_PLACE = 0.25  # mm
 _SHORTER = 0.1  # of the shortest edge
-_WIDE_CELLS = 64
-_AT_BORDER = 1 / 30  # of a wide cell; more than two reaches, up to which corners may be joined
 _LEAST = 1e-30  # mm; damaged files hold numbers next to nothing
 _SINGLE_STEPS = 4 * 2.0**-24  # of a coordinate: what is lost by a few roundings to 32 bits
 
@@ -49,7 +47,8 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     is_loose[facets.corners[at_open]] = is_loose[facets.corners[:, [1, 2, 0]][at_open]] = True
     loose = np.flatnonzero(is_loose)
     for shift in (0.0, 0.5):  # what is at a border of the first cells is in the middle of the second ones
-        loose = loose[_with_others_around(facets.points[loose], reach, shift)]
+        # What is up to two reaches apart may be joined, in crowds.
+        loose = loose[with_others_around(facets.points[loose], 2 * reach, shift=shift)]
     loose = loose[np.lexsort(facets.points[loose].T[::-1])]
     if not len(loose):
         return facets, []
@@ -63,24 +62,6 @@ def _joined(facets: Facets, reach: float) -> tuple[Facets, list[Repair]]:
     by = np.linalg.norm(facets.points[number[moved]] - facets.points[moved], axis=1)
     joined = Facets.of(facets.points, number[facets.corners])
     return joined, [Repair("corners joined", facets.points[moved], widest=float(by.max()))]
-
-
-def _with_others_around(points: Float, reach: float, shift: float) -> Bool:
-    """(n,) all points but those that surely have no other within two reaches along every axis; cheaper than sorting.
-
-    Two that are near lie in one wide cell, or the border between their cells is near to both.
-
-    Args:
-        points: (n, 3) mm.
-        reach: mm.
-        shift: of the cells, in their width.
-    """
-    place = points / (_WIDE_CELLS * reach) + shift
-    cell = np.floor(place)
-    place -= cell
-    at_border = (np.minimum(place, 1 - place) <= _AT_BORDER).any(axis=1)
-    number, firsts = welded(corner_keys(cell))
-    return at_border | (np.bincount(number, minlength=len(firsts)) > 1)[number]
 
 
 def drop_duplicates(facets: Facets) -> tuple[Facets, list[Repair]]:

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from printer_slicer.geometry import Int
 from printer_slicer.geometry.joints import chain_ends, chain_steps, close_groups, cycles, linked, welded
-from printer_slicer.geometry.planes import corner_keys
+from printer_slicer.geometry.planes import corner_keys, with_others_around
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -134,3 +134,24 @@ def test_chains_end_where_going_on_leads_to_in_as_many_steps(seed: int, n: int, 
     assert end.tolist() == chain_ends(following).tolist() == here.tolist()
     assert steps.tolist() == counted.tolist()
     assert end.dtype == steps.dtype == following.dtype
+
+
+@given(seed=seeds, n=st.integers(0, 200), room=st.sampled_from([1, 30, 1000]), flat=st.booleans())
+def test_points_with_others_around_are_never_missed(seed: int, n: int, room: int, flat: bool) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-room, room, (n, 2 if flat else 3))
+    plane = rng.integers(0, 3, n)
+
+    found = with_others_around(points, 0.7, plane=plane if flat else None, shift=rng.uniform())
+
+    gap = np.abs(points[:, None] - points[None]).max(axis=2)
+    gap[plane[:, None] != plane[None] if flat else np.zeros((n, n), np.bool_)] = np.inf
+    np.fill_diagonal(gap, np.inf)
+    assert found[(gap <= 0.7).any(axis=1)].all()
+
+
+def test_points_that_are_alone_are_mostly_known_to_be() -> None:
+    points = np.random.default_rng(7).uniform(-1e5, 1e5, (2000, 3))
+
+    assert with_others_around(points, 0.1).mean() < 0.25
+    assert with_others_around(points[:, :2] * 1e-3, 0.1, plane=np.arange(2000)).mean() < 0.25
