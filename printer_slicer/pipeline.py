@@ -111,6 +111,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
         return plan
 
     def seconds_of(plan: LayerPlan) -> float:
+        """How long the moves of a print with these layers take, s."""
         return float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
 
     asked, low, high = budget, 0.0, np.inf

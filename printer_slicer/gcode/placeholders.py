@@ -58,6 +58,7 @@ def fill_in(text: str, known: dict[str, str], place: str) -> list[str]:
     """
 
     def one(match: re.Match[str]) -> str:
+        """What stands for one placeholder."""
         name = match.group(1).strip()
         if name in known:
             return known[name]

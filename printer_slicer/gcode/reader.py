@@ -85,6 +85,7 @@ def _changed(limits: Limits, kind: str, values: Mapping[str, float]) -> Limits:
     """The limits after M201, M203 or M205."""
 
     def merged(axes: Axes) -> Axes:
+        """The limits of all axes, new ones for those that are named."""
         x, y, z, e = (values.get(letter, old) for letter, old in zip("XYZE", axes, strict=True))
         return x, y, z, e
 

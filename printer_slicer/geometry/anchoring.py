@@ -46,7 +46,14 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float) -> Po
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Outline:
-    """The outlines as one long line: the place of point i is `place[i]`, of ring r `ring_place[r]` to the next."""
+    """The outlines as one long line.
+
+    Attributes:
+        areas: whose outlines they are.
+        place: (N + 1,) mm, of each point and of the end of the last ring.
+        ring_place: (R + 1,) mm, where each ring begins, and where the last one ends.
+        ring: (N,) of each point.
+    """
 
     areas: Areas
     place: Float
@@ -55,6 +62,7 @@ class _Outline:
 
     @classmethod
     def of(cls, areas: Areas) -> _Outline:
+        """All rings of the areas one after the other."""
         step = np.hypot(*(areas.xy[areas.following] - areas.xy).T)
         place = np.append(0.0, np.cumsum(step))
         ring = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))

@@ -75,6 +75,7 @@ def _near(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
     n_rows, n_columns = other_row.max() - low_row + 2, other_column.max() - low_column + 2
 
     def keys(layer: Int, row: Int, column: Int) -> Int:
+        """(n,) a number for each cell in which an edge may lie; -1 for all others."""
         key = (layer * n_rows + row - low_row) * n_columns + column - low_column
         within = (row >= low_row) & (row < low_row + n_rows)
         within &= (column >= low_column) & (column < low_column + n_columns)

@@ -205,6 +205,9 @@ def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> 
 def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
     """The parts of outlines that lie within areas of the same layer, as open lines.
 
+    Done by the engine, layer by layer: for many outlines of which little lies near the areas, as those of narrow
+    strips. `clip_outlines` also tells of which ring each part is and whether that is whole.
+
     Args:
         outlines: any rings.
         areas: clean areas.

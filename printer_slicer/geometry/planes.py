@@ -53,6 +53,7 @@ def edge_faults(triangles: Float) -> tuple[Float, Float, Float]:
     net = 2 * np.bincount(edge[(tag < after).ravel()[used]], minlength=len(firsts)) - count
 
     def middles(of: Bool) -> Float:
+        """(n, 3) of some of the edges, in the order in which they first come up."""
         corner, facet = np.divmod(used[np.sort(firsts[of])], len(triangles))
         return np.asarray((triangles[facet, corner] + triangles[facet, (corner + 1) % 3]) / 2)
 

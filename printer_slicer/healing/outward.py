@@ -40,6 +40,7 @@ class _Shells:
 
     @classmethod
     def of(cls, facets: Facets) -> _Shells:
+        """Closed patches each by itself, open ones that hang together as one."""
         patch = facets.patches()
         n_patches = int(patch.max(initial=-1)) + 1
         closed = _closed(facets, patch, n_patches)

@@ -134,6 +134,7 @@ def _noted(text: bytes, line: Int) -> tuple[Int, Float, Int]:
     kinds = [note[1] for note in notes]
 
     def latest(wanted: tuple[bytes, ...], read: Callable[[str], float], before: float) -> Float:
+        """What the last comment of the `wanted` kinds says before each bead; `before` where there is none yet."""
         of_kind = [i for i, kind in enumerate(kinds) if kind in wanted]
         values = [before, *(read(notes[i][2].decode("utf-8", "replace")) for i in of_kind)]
         return np.array(values, np.float64)[np.searchsorted(place[of_kind], line)]

@@ -40,6 +40,7 @@ class _Volume:
     kind: str
 
     def spoken(self) -> str:
+        """Name and kind as messages say them."""
         return f"'{self.name[:LONGEST_NAME]}' ({self.kind[:LONGEST_NAME]})"
 
 
