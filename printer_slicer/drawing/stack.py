@@ -77,7 +77,7 @@ def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tupl
     half = (high - low) / 2 + _BORDER * reach
     bed = _turned(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)])
     turned = _turned(solid.xy - middle)
-    view = _fitted(bed, turned, np.repeat(plan.top[solid.ring_layer], np.diff(solid.ring_start)), panel)
+    view = _fitted(bed, turned, plan.top[solid.point_layer], panel)
     shapes = list(_bed(half, step, view))
     drawn, bottom, top = _resolved(sections, view.scale)
     for layer, rings in _layers(drawn, middle):
@@ -174,7 +174,7 @@ def _walls(rings: Areas) -> tuple[list[int], list[int], list[int]]:
     length = np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-300)
     toward = (step[:, 1] * _LIGHT[0] - step[:, 0] * _LIGHT[1]) / length
     light = np.where(step[:, 0] > 0, np.rint(np.clip(toward, 0, 1) * _SHADES), -1).astype(np.int64)
-    ring = np.repeat(np.arange(rings.n_rings), np.diff(rings.ring_start))
+    ring = rings.point_ring
     begin = np.flatnonzero((np.diff(light, prepend=-2) != 0) | (np.diff(ring, prepend=-1) != 0))
     count = np.diff(np.append(begin, len(light)))
     away = np.add.reduceat(rings.xy[:, 1] + rings.xy[following, 1], begin) / (2 * count)

@@ -65,7 +65,7 @@ class _Outline:
         """All rings of the areas one after the other."""
         step = np.hypot(*(areas.xy[areas.following] - areas.xy).T)
         place = np.append(0.0, np.cumsum(step))
-        ring = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
+        ring = areas.point_ring
         return cls(areas, place, place[areas.ring_start], ring)
 
     def edge_at(self, place: Float, ring: Int) -> Int:

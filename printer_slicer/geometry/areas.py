@@ -187,6 +187,16 @@ class Areas:
         """(N,) index of the point before each around its ring."""
         return previous_around(self.ring_start)
 
+    @property
+    def point_layer(self) -> Int:
+        """(N,) ascending layer index of each point."""
+        return np.repeat(self.ring_layer, np.diff(self.ring_start))
+
+    @property
+    def point_ring(self) -> Int:
+        """(N,) ascending index of the ring of each point."""
+        return np.repeat(np.arange(self.n_rings), np.diff(self.ring_start))
+
     def ring(self, index: int) -> Float:
         """(n, 2) the points of one ring."""
         return self.xy[self.ring_start[index] : self.ring_start[index + 1]]

@@ -106,14 +106,12 @@ def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
     grid = np.rint(outlines.xy * STEPS_PER_MM).astype(np.int64)
     xy, start, ring_layer = _ragged(layers)
     low, high = boxes(xy, start, ring_layer, len(layers))
-    sizes = np.diff(outlines.ring_start)
-    layer, following = np.repeat(outlines.ring_layer, sizes), outlines.following
+    layer, ring, following = outlines.point_layer, outlines.point_ring, outlines.following
     near = np.ones(len(grid), np.bool_)
     for axis in (0, 1):
         begin = np.ascontiguousarray(grid[:, axis])
         end = begin.take(following)
         near &= (np.minimum(begin, end) <= high[layer, axis]) & (np.maximum(begin, end) >= low[layer, axis])
-    ring = np.repeat(np.arange(outlines.n_rings), sizes)
     # Sides that follow one another are one line; it ends where the last of them does.
     kept = np.flatnonzero(near)
     first = np.flatnonzero(np.append(True, (np.diff(kept) != 1) | (np.diff(ring[kept]) != 0))[: len(kept)])

@@ -46,10 +46,9 @@ def clipped(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     segment = np.flatnonzero(np.append(np.diff(owner) == 0, False))
     segment = segment[(points[segment + 1] != points[segment]).any(axis=1)]
-    ring_of = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
     of_segment, of_edge = _near(
         _Segments(points[segment], points[segment + 1], lines.layer[owner[segment]]),
-        _Segments(outline, outline[areas.following], areas.ring_layer[ring_of]),
+        _Segments(outline, outline[areas.following], areas.point_layer),
     )
     at, edge, share, enters = _crossings(points, segment[of_segment], outline, areas.following, of_edge)
     return _pieces(areas, lines, owner, (at, edge, share, enters))

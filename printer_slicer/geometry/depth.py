@@ -55,7 +55,7 @@ def _short_edges(areas: Areas, longest: float) -> tuple[Float, Float, Int]:
     owner, step = spread(count)
     piece = along[owner] / count[owner, None]
     begin = areas.xy[owner] + piece * step[:, None]
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))[owner]
+    layer = areas.point_layer[owner]
     long = np.flatnonzero(piece.any(axis=1))
     return begin[long], (begin + piece)[long], layer[long]
 

@@ -56,7 +56,7 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
 
 def _crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple[Int, Int, Float, Int]:
     """Layer, row, place along the row and edge of every crossing of an outline and a row."""
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    layer = areas.point_layer
     (x, y), (cos, sin) = areas.xy.T, axis.take(layer, axis=0).T
     u = x * cos + y * sin
     # Heights in rows: row j is at j. Levels are whole, so what crosses what is decided without rounding.

@@ -58,7 +58,7 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
     # Layers side by side, so that one tree serves all of them.
     every = np.concatenate([begin, end, a])
     pitch = float(every[:, 0].max() - every[:, 0].min()) + 1.0
-    edge_layer = np.repeat(outlines.ring_layer, np.diff(outlines.ring_start))
+    edge_layer = outlines.point_layer
     aside, way_aside = (np.multiply.outer(of * pitch, (1.0, 0.0)) for of in (edge_layer, layer))
     tree = SegmentTree(np.stack([a + aside, b + aside], axis=1))
     way, edge = tree.meeting(begin + way_aside, end + way_aside)

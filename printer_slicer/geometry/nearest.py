@@ -23,7 +23,7 @@ class Outlines:
         """Take clean areas, and the corners (2,) of the box, mm, in which all points to ask for will lie."""
         self._begin, self._end = areas.xy, areas.xy[areas.following]
         self._n_layers = areas.n_layers
-        self._layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+        self._layer = areas.point_layer
         self._filled = np.bincount(self._layer, minlength=areas.n_layers) > 0
         self._right = float(self._begin[:, 0].max(initial=high[0]))
         room = np.maximum(high, self._begin.max(axis=0, initial=-np.inf))

@@ -165,7 +165,7 @@ def _array(layers: list[Any]) -> Shapes:
 
 
 def _linear_rings(areas: Areas) -> Shapes:
-    index = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
+    index = areas.point_ring
     return np.asarray(shapely.linearrings(areas.xy, indices=index), dtype=np.object_)
 
 
@@ -233,7 +233,7 @@ def _corner_kites(areas: Areas, distance: Float) -> tuple[Shapes, Bool]:
 
     Growing opens a gap at corners that stick out, shrinking at those that stick in.
     """
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    layer = areas.point_layer
     along = areas.xy[areas.following] - areas.xy
     along /= np.hypot(*along.T)[:, None]
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)

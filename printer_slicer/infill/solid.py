@@ -159,7 +159,7 @@ def _across(areas: Areas, angle: Float) -> tuple[Float, Float]:
     """(P,) from where to where each piece reaches across lines of its direction."""
     if not areas.n_rings:
         return np.zeros(areas.n_layers), np.zeros(areas.n_layers)
-    owner = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    owner = areas.point_layer
     (x, y), turn = areas.xy.T, angle[owner]
     across = y * np.cos(turn) - x * np.sin(turn)
     start = np.searchsorted(owner, np.arange(areas.n_layers)).astype(np.int64)

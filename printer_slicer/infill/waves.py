@@ -86,7 +86,7 @@ def _boxes(area: Areas, waves: Waves) -> tuple[Int, Float, Float]:
     cos, sin = np.cos(waves.angle), np.sin(waves.angle)
     x, y = area.xy.T
     x, y = x * cos + y * sin, y * cos - x * sin
-    swapped = np.repeat(waves.swapped[area.ring_layer], np.diff(area.ring_start))
+    swapped = waves.swapped[area.point_layer]
     uv = np.stack([np.where(swapped, y, x), np.where(swapped, x, y)], axis=1)
     low, high = boxes(uv, area.ring_start, area.ring_layer, area.n_layers)
     entry = np.unique(area.ring_layer)

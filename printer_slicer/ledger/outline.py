@@ -76,5 +76,5 @@ def sampled(areas: Areas) -> tuple[Float, Int, Float]:
     side = np.repeat(np.arange(len(way)), count)
     share = consecutive(np.zeros(len(way), np.int64), count) / count[side]
     points = areas.xy[side] + share[:, None] * way[side]
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    layer = areas.point_layer
     return points, layer[side], (length / count)[side]

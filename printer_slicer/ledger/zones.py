@@ -109,7 +109,7 @@ def body_of(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> A
     if not missing.n_rings:
         return body
     low, high = missing.xy.min(axis=0), missing.xy.max(axis=0)
-    ring = np.repeat(np.arange(missing.n_rings), np.diff(missing.ring_start))
+    ring = missing.point_ring
     shallow = Outlines(sections, low, high).distance(missing.xy, missing.ring_layer[ring]) <= tolerance
     reaches_out = np.bincount(ring, weights=shallow, minlength=missing.n_rings) > 0
     return union(body, normalize(missing.select(~reaches_out)))

@@ -184,3 +184,10 @@ def test_lengths_are_of_open_and_of_closed_lines() -> None:
     assert lengths(xy, start, closed=False).tolist() == [11, 3, 0]
     assert lengths(xy, start, np.array([False, True, True])).tolist() == [11, 4, 0]
     assert lengths(xy[:0], start[:1]).shape == (0,)
+
+
+def test_points_know_their_rings_and_layers() -> None:
+    stack = Areas.from_rings([[box(0, 0, 4, 3), box(1, 1, 2, 2)[1:]], [], [box(0, 0, 1, 1)]])
+
+    assert stack.point_ring.tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2]
+    assert stack.point_layer.tolist() == [0, 0, 0, 0, 0, 0, 0, 2, 2, 2, 2]
