@@ -1,29 +1,20 @@
 """The medial axis of areas: the part of the Voronoi diagram of their outlines that lies inside.
 
-The diagram comes from Boost.Polygon through pyvoronoi, on whole numbers of the grid that areas are rounded to, so no
-point of an outline moves. All layers go into one diagram, each in a cell of its own on a square lattice; what the
-outlines of two layers have between them lies outside of both and is left out.
+Places where outlines of other layers, or the far side of an outline, are nearest are no part of it.
 """
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
-from operator import attrgetter
 
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, frozen_array
-from printer_slicer.geometry.polygons import STEPS_PER_MM
+from printer_slicer.geometry.diagram import Diagram, diagram_of
 
 __all__ = ["MedialAxis", "medial_axis"]
 
 _STEP = 0.2  # radians between neighbouring points around a corner: chords within 0.5 % of the radius
-_WIDEST = 2.0e9  # steps of the grid that Boost's 32 bits hold
-_APART = 1.5  # mm around each layer of a diagram, with room for what rounding moves it by
 _CHORD = 0.005  # mm between a parabola and its pieces
 _TIP = 1e-6  # mm of radius
 _MOST = 64  # pieces of one edge
@@ -85,26 +76,13 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None) -> Medial
         sides: (N,) which sides of the outlines, named by the points at which they begin, take part; all if not given.
             Where a side that does not is nearest, the axis is not that of the areas.
     """
-    parts = [_axis(some, reach) for some in _batches(areas, sides)]
-    if not parts:
+    found = _sides(areas, sides)
+    if not len(found.layer):
         none = np.zeros(0, np.int64)
         return MedialAxis(
             np.zeros((0, 2)), np.zeros(0), none, none, np.zeros((0, 2, 2)), none, none, np.zeros(0, np.bool_)
         )
-    n_points = np.cumsum([0, *(len(part.xy) for part in parts)])
-    n_halves = np.cumsum([0, *(len(part.start) for part in parts)])
-    return MedialAxis(
-        np.concatenate([part.xy for part in parts]),
-        np.concatenate([part.radius for part in parts]),
-        np.concatenate([part.layer for part in parts]),
-        np.concatenate([part.start + n for part, n in zip(parts, n_points, strict=False)]),
-        np.concatenate([part.foot for part in parts]),
-        np.concatenate(
-            [np.where(p.following < 0, -1, p.following + n) for p, n in zip(parts, n_halves, strict=False)]
-        ),
-        np.concatenate([part.source for part in parts]),
-        np.concatenate([part.corner for part in parts]),
-    )
+    return _axis(found, reach)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,20 +92,16 @@ class _Sides:
     Attributes:
         points: (S, 4, 2) mm: the point before, where the side begins, where it ends, the point after.
         index: (S, 2) of the points of the areas at which it begins and ends.
-        layer: (S,).
-        moved: (S, 2) whole mm to the place of the layer in the diagram.
+        layer: (S,) ascending.
     """
 
     points: Float
     index: Int
     layer: Int
-    moved: Float
 
 
-def _batches(areas: Areas, sides: Bool | None) -> Iterator[_Sides]:
-    """The sides of as many layers at a time as fit on the lattice."""
-    if not areas.n_rings or (sides is not None and not sides.any()):
-        return
+def _sides(areas: Areas, sides: Bool | None) -> _Sides:
+    """Those that take part."""
     layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
     after = areas.following
     before = np.zeros_like(after)
@@ -135,52 +109,7 @@ def _batches(areas: Areas, sides: Bool | None) -> Iterator[_Sides]:
     index = np.stack([before, np.arange(len(after)), after, after[after]], axis=1)
     if sides is not None:
         layer, index = layer[sides], index[sides]
-    used, starts, rank = np.unique(layer, return_index=True, return_inverse=True)
-    ends = areas.xy[index[:, 1:3]]
-    low = np.minimum.reduceat(ends.min(axis=1), starts)
-    high = np.maximum.reduceat(ends.max(axis=1), starts)
-    pitch = 2 * float(np.ceil((high - low).max() / 2 + _APART))  # even, so that half of it is whole
-    across = max(int(2 * _WIDEST / STEPS_PER_MM / pitch), 1)
-    for first in range(0, len(used), across * across):
-        side = int(np.ceil(np.sqrt(min(across * across, len(used) - first))))
-        cell = np.column_stack(np.divmod(np.arange(len(used)) - first, side)) - (side - 1) / 2
-        moved = np.rint(cell * pitch) - np.rint((low + high) / 2)
-        here = (rank >= first) & (rank < first + across * across)
-        yield _Sides(areas.xy[index[here]], index[here, 1:3], layer[here], moved[rank[here]])
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    """No search for garbage meanwhile: hundreds of thousands of new objects would set it off again and again."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
-
-
-def _diagram(sides: _Sides) -> tuple[Float, Int, Int]:
-    """Boost's vertices (n, 2) mm, edges (m, 5) and cells (k, 2)."""
-    import pyvoronoi  # noqa: PLC0415 - only for parts with narrow places
-
-    ends = sides.points[:, 1:3] + sides.moved[:, None]
-    builder = pyvoronoi.Pyvoronoi(1)
-    with _no_collection():
-        for side in np.rint(ends * STEPS_PER_MM).astype(np.int64).tolist():
-            builder.AddSegment(side)
-        builder.Construct()
-        edges = _columns(builder.GetEdges(), "start", "end", "cell", "twin", "is_primary")
-        cells = _columns(builder.GetCells(), "site", "source_category")
-        vertices = [(vertex.X, vertex.Y) for vertex in builder.GetVertices()]
-    return np.array(vertices, np.float64).reshape(-1, 2) / STEPS_PER_MM, edges, cells
-
-
-def _columns(objects: list[object], *names: str) -> Int:
-    """(n, k) attributes of the library's objects."""
-    flat = chain.from_iterable(map(attrgetter(*names), objects))
-    return np.fromiter(flat, np.int64, len(objects) * len(names)).reshape(-1, len(names))
+    return _Sides(areas.xy.take(index.ravel(), axis=0).reshape(-1, 4, 2), index[:, 1:3], layer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,34 +153,32 @@ class _Halves:
 
 
 def _axis(sides: _Sides, reach: float) -> MedialAxis:
-    """The medial axis of one batch."""
-    vertices, edges, cells = _diagram(sides)
-    cell, twin, primary = edges[:, 2], edges[:, 3], edges[:, 4] == 1
-    chosen = np.flatnonzero(primary & (edges[:, :2] >= 0).all(axis=1))
-    site, category = cells[cell[chosen]].T  # 1: where a side begins, 2: where it ends, 3 and 4: the side
-    points = sides.points[site].copy()
-    ends = category == 2
+    """The medial axis of sides."""
+    diagram = diagram_of(sides.points[:, 1:3], sides.layer)
+    chosen = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end >= 0))
+    cell = diagram.cell[chosen]
+    site, place = diagram.side[cell], diagram.place[cell]
+    points = sides.points.take(site, axis=0)
+    ends = place == 2
     points[ends, :2] = points[ends, 1:3]
     points[ends, 2] = points[ends, 1]
-    points[category == 1, 2:] = points[category == 1, 1:3]
+    points[place == 1, 2:] = points[place == 1, 1:3]
+    vertex = np.stack([diagram.start[chosen], diagram.end[chosen]], axis=1)
     halves = _Halves(
-        edges[chosen, :2],
-        vertices[edges[chosen, :2]] - sides.moved[site][:, None],
-        category <= 2,
+        vertex,
+        diagram.vertex.take(vertex.ravel(), axis=0).reshape(-1, 2, 2),
+        place <= 2,
         points,
         sides.index[site, ends.astype(np.int64)],
         sides.layer[site],
     )
-    number = np.full(len(edges), -1)
-    number[chosen] = np.arange(len(chosen))
-    kept = _within(halves, number[twin[chosen]])
+    twin = np.arange(len(chosen)) ^ 1  # both of a pair are primary, or neither
+    kept = _within(halves, twin)
     n = np.arange(len(chosen))
     near = [np.hypot(*(halves.ends[:, k] - halves.feet(halves.ends[:, k], n)).T) <= reach for k in (0, 1)]
     kept &= near[0] | near[1]
-    kept &= kept[number[twin[chosen]]]
-    first = chosen[kept & (chosen < twin[chosen])]
-    pairs = np.stack([first, twin[first]], axis=1).ravel()
-    return _pieces(halves.take(number[pairs]), _following(edges, pairs))
+    kept &= kept[twin]
+    return _pieces(halves.take(np.flatnonzero(kept)), _following(diagram, chosen[kept]))
 
 
 def _within(halves: _Halves, twin: Int) -> Bool:
@@ -271,29 +198,21 @@ def _cross(a: Float, b: Float) -> Float:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _following(edges: Int, pairs: Int) -> Int:
+def _following(diagram: Diagram, chosen: Int) -> Int:
     """(h,) for the chosen edges the chosen one that goes on with the outline on the left; -1 where none is.
 
-    Within a cell the edge that begins where this one ends goes on. Edges between a side and its own end are crossed:
-    beyond them lies the cell of that end, and the way goes on there.
+    Edges between a side and its own end are crossed: beyond them lies the cell of that end, and the way goes on there.
     """
-    begin, end, cell, twin, primary = edges.T
-    n_vertices = int(edges[:, :2].max(initial=0)) + 2
-    key = cell * n_vertices + begin
-    order = np.argsort(key)
-    key = key[order]
-    number = np.full(len(edges), -1)
-    number[pairs] = np.arange(len(pairs))
-    result = np.full(len(pairs), -1)
-    left, here = np.arange(len(pairs)), pairs
+    number = np.full(len(diagram.start), -1)
+    number[chosen] = np.arange(len(chosen))
+    result = np.full(len(chosen), -1)
+    left, here = np.arange(len(chosen)), chosen
     while len(left):
-        wanted = cell[here] * n_vertices + end[here]
-        place = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-        there = order[place]
-        known = (key[place] == wanted) & (end[here] >= 0)
-        through = known & (primary[there] == 0)
+        there = diagram.after[here]
+        known = diagram.end[here] >= 0
+        through = known & ~diagram.primary[there]
         result[left] = np.where(known & ~through, number[there], -1)
-        left, here = left[through], twin[there[through]]
+        left, here = left[through], there[through] ^ 1
     return result
 
 
