@@ -27,22 +27,21 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     `quality.single_top_perimeter` says so; with `quality.extra_perimeters` the edges of overhangs are walls too.
     """
     plan, solid, quality = sections.plan, sections.solid, profile.quality
-    top, layers = Areas.empty(plan.n_layers), np.zeros(plan.n_layers, np.bool_)
+    top = Areas.empty(plan.n_layers)
     if quality.single_top_perimeter and quality.perimeters > 1:
         top = _open_top(solid, profile.extrusion_width)
-        layers[top.ring_layer] = True
-    usual = shell(_on(solid, ~layers), plan, profile, quality.perimeters)
+    # Outermost loops by themselves, and the others then in what they leave: borders that nobody sees may be simpler.
+    apart = np.full(plan.n_layers, quality.varying_walls and quality.perimeters > 0)
+    apart[top.ring_layer] = True
+    usual = shell(_on(solid, ~apart), plan, profile, quality.perimeters)
     parts, inside, lost = [usual.paths], usual.rest, usual.lost
-    if layers.any():
-        outer = shell(_on(solid, layers), plan, profile, 1)
-        under = difference(outer.rest, top)
+    if apart.any():
+        outer = shell(_on(solid, apart), plan, profile, 1)
+        under = difference(outer.rest, top) if top.n_rings else outer.rest
         inner = shell(under, plan, profile, quality.perimeters - 1, outermost=False)
-        inside = inside.merge(union(difference(outer.rest, under), inner.rest))
+        rest = union(difference(outer.rest, under), inner.rest) if top.n_rings else inner.rest
+        inside, lost = inside.merge(rest), lost + outer.lost + inner.lost
         parts += [inner.paths, outer.paths]
-        lost = lost + outer.lost + inner.lost
-    if quality.perimeters and quality.varying_walls:
-        strips = fill_narrow(inside, plan, profile)
-        parts, inside, lost = [strips.paths, *parts], strips.rest, lost + strips.lost
     if quality.extra_perimeters and quality.perimeters:
         extra = fill_narrow(
             _hanging(solid, inside, profile.extrusion_width), plan, profile, beads=_OVERHANG_BEADS

@@ -21,7 +21,7 @@ def ordinary_loops(solid: Areas, width: Float, gap: Float, count: int) -> tuple[
         solid: clean areas.
         width: (L,) mm of the beads.
         gap: (L,) mm, their spacing.
-        count: how many loops, at least one.
+        count: how many loops.
     """
     loops: list[Areas] = []
     lost = np.zeros(solid.n_layers)
@@ -34,4 +34,4 @@ def ordinary_loops(solid: Areas, width: Float, gap: Float, count: int) -> tuple[
         lost += np.maximum(room.area() - offset(loop, gap / 2 if loops else width / 2).area(), 0.0)
         loops.append(loop)
         inside, step = loop, gap
-    return loops, offset(loops[-1], -gap / 2), lost
+    return loops, offset(loops[-1], -gap / 2) if loops else solid, lost

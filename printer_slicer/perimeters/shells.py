@@ -46,18 +46,17 @@ def shell(areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outerm
         plan: the layers.
         profile: printer and quality.
         loops: how many; none if 0.
-        outermost: whether the outlines are contours; else they are where the shares of other beads end.
+        outermost: whether the outlines are contours; else they are where the shares of other beads end, and may be
+            simplified; one more bead lies amid all loops where there is room for no more.
     """
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(width, plan.height)
-    if not loops:
-        return Filled(_loops(plan, [], width, Role.INNER_PERIMETER), areas, np.zeros(plan.n_layers))
+    varying, amid = profile.quality.varying_walls, not outermost
     least = np.full(plan.n_layers, profile.thinnest_feature) if outermost else _least(plan, profile)
     margin = (width - gap) / 2 if outermost else np.full(plan.n_layers, _HAIR)
-    given = areas if profile.quality.varying_walls else Areas.empty(plan.n_layers)
-    narrow = fill_narrow_places(
-        given, _beading(plan, profile, loops=loops, amid=False, margin=margin, thinnest=least)
-    )
+    count = _beading(plan, profile, loops=loops, amid=amid, margin=margin, thinnest=least)
+    given = areas if varying and (loops or amid) else Areas.empty(plan.n_layers)
+    narrow = fill_narrow_places(given, count, 0.0 if outermost else _SIMPLER)
     wide = areas.select(~narrow.layers[areas.ring_layer])
     ordinary, inside, lost = ordinary_loops(wide, width if outermost else gap, gap, loops)
     role = Role.OUTER_PERIMETER if outermost else Role.INNER_PERIMETER
