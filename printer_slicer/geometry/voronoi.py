@@ -11,8 +11,9 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, frozen_array
 from printer_slicer.geometry.diagram import Diagram, diagram_of
+from printer_slicer.geometry.vectors import cross, dot, feet
 
-__all__ = ["MedialAxis", "medial_axis"]
+__all__ = ["MedialAxis", "medial_axis", "ways_of_parts"]
 
 _STEP = 0.2  # radians between neighbouring points around a corner: chords within 0.5 % of the radius
 _CHORD = 0.005  # mm between a parabola and its pieces
@@ -104,9 +105,7 @@ def _sides(areas: Areas, sides: Bool | None) -> _Sides:
     """Those that take part."""
     layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
     after = areas.following
-    before = np.zeros_like(after)
-    before[after] = np.arange(len(after))
-    index = np.stack([before, np.arange(len(after)), after, after[after]], axis=1)
+    index = np.stack([areas.previous, np.arange(len(after)), after, after[after]], axis=1)
     if sides is not None:
         layer, index = layer[sides], index[sides]
     return _Sides(areas.xy.take(index.ravel(), axis=0).reshape(-1, 4, 2), index[:, 1:3], layer)
@@ -145,11 +144,24 @@ class _Halves:
 
     def feet(self, xy: Float, which: Int) -> Float:
         """(n, 2) the places of the own side or corner nearest to points (n, 2), for the halves with these numbers."""
-        a, b = self.points[which, 1], self.points[which, 2]
-        along = b - a
-        length = (along**2).sum(axis=1)
-        place = ((xy - a) * along).sum(axis=1) / np.where(length > 0, length, 1.0)
-        return np.asarray(a + np.clip(place, 0, 1)[:, None] * along)
+        return feet(xy, self.points[which, 1], self.points[which, 2])[0]
+
+
+def ways_of_parts(following: Int, count: Int) -> Int:
+    """(2 P,) what follows each way along the parts of pieces: the next part, or the first of what follows the piece.
+
+    Args:
+        following: (2 E,) the way that follows each way along a piece; -1 where none does.
+        count: (E,) parts that each piece is divided into, P in all.
+    """
+    first, owner = np.cumsum(count) - count, np.repeat(np.arange(len(count)), count)
+    last = (first + count - 1)[owner]
+    entry = np.stack([2 * first, 2 * (first + count) - 1], axis=1).ravel()
+    onward = np.where(following < 0, -1, entry[following])
+    part = np.arange(len(owner))
+    up = np.where(part == last, onward[2 * owner], 2 * part + 2)
+    down = np.where(part == first[owner], onward[2 * owner + 1], 2 * part - 1)
+    return np.stack([up, down], axis=1).ravel()
 
 
 def _axis(sides: _Sides, reach: float) -> MedialAxis:
@@ -185,17 +197,13 @@ def _within(halves: _Halves, twin: Int) -> Bool:
     """(h,) whether edges lie inside the areas: to the left of the own side, or of a side of the corner."""
     middle = halves.ends.mean(axis=1)
     before, begin, end, after = np.moveaxis(halves.points, 1, 0)
-    left = _cross(end - begin, middle - begin) > 0
-    around = (_cross(begin - before, middle - before) > 0) | (_cross(after - begin, middle - begin) > 0)
-    inward = _cross(begin - before, after - begin) < 0
+    left = cross(end - begin, middle - begin) > 0
+    around = (cross(begin - before, middle - before) > 0) | (cross(after - begin, middle - begin) > 0)
+    inward = cross(begin - before, after - begin) < 0
     inside = np.where(halves.corner, around & inward, left)
     # Where one of both cells is that of a side, it knows for certain.
     both = np.where(halves.corner == halves.corner[twin], inside & inside[twin], inside[twin])
     return np.where(halves.corner, both, inside)
-
-
-def _cross(a: Float, b: Float) -> Float:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _following(diagram: Diagram, chosen: Int) -> Int:
@@ -233,7 +241,7 @@ def _pieces(halves: _Halves, following: Int) -> MedialAxis:
         ],
         axis=1,
     )
-    after = _onward(following, count)
+    after = ways_of_parts(following, count)
     owner = np.stack([2 * edge, 2 * edge + 1], axis=1).ravel()
     all_xy = np.concatenate([xy, inner])
     of_new = 2 * np.repeat(np.arange(len(count)), count - 1)
@@ -258,17 +266,6 @@ def _pieces(halves: _Halves, following: Int) -> MedialAxis:
     )
 
 
-def _onward(following: Int, count: Int) -> Int:
-    """What follows each half-piece, for edges of `count` pieces: the next of the edge, or the first of another."""
-    first = np.cumsum(count) - count
-    edge, piece = np.repeat(np.arange(len(count)), count), np.arange(int(count.sum()))
-    entry = np.stack([2 * first, 2 * (first + count) - 1], axis=1).ravel()
-    onward = np.where(following < 0, -1, entry[following])
-    up = np.where(piece == (first + count - 1)[edge], onward[2 * edge], 2 * piece + 2)
-    down = np.where(piece == first[edge], onward[2 * edge + 1], 2 * piece - 1)
-    return np.stack([up, down], axis=1).ravel()
-
-
 def _divided(halves: _Halves) -> tuple[Int, Float]:
     """(h / 2,) pieces that each edge is divided into, and the (n, 2) points between them.
 
@@ -283,11 +280,11 @@ def _divided(halves: _Halves) -> tuple[Int, Float]:
     along = end_of_other - other
     across = np.where(two[:, None], focus - other, np.stack([-along[:, 1], along[:, 0]], axis=1))
     across /= np.maximum(np.hypot(*across.T), 1e-12)[:, None]
-    gap = _dot(focus - other, across)[:, None]
+    gap = dot(focus - other, across)[:, None]
     across *= np.sign(gap)
     gap = np.abs(gap[:, 0]) / np.where(two, 2, 1)
     tangent = np.stack([across[:, 1], -across[:, 0]], axis=1)
-    u = _dot(halves.ends[::2] - focus[:, None], tangent[:, None])
+    u = dot(halves.ends[::2] - focus[:, None], tangent[:, None])
     curved = (up | down) & (gap > 1e-5)
     gap = np.where(curved, gap, 1.0)
     half = np.where(two, 1.0, 2.0)[:, None]
@@ -301,7 +298,3 @@ def _divided(halves: _Halves) -> tuple[Int, Float]:
     place = gap[edge] * np.tan(turn / half[edge, 0])
     back = np.where(two[edge], gap[edge], gap[edge] - (place**2 + gap[edge] ** 2) / (2 * gap[edge]))
     return count, focus[edge] + place[:, None] * tangent[edge] - back[:, None] * across[edge]
-
-
-def _dot(a: Float, b: Float) -> Float:
-    return np.asarray((a * b).sum(axis=-1))

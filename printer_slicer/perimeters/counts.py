@@ -21,8 +21,15 @@ _SHARPEST = np.sin(np.deg2rad(25) / 2)  # in corners wider than this loops turn 
 _SHORTEST_CENTRAL = 0.6  # spacings; a shorter stretch in front of a wider place is part of a corner
 _SHORTEST_RUN = 1.0  # mm
 _GIVE = 0.25  # spacings by which beads of a short run may leave their limits
+_LONGER_RUN, _GIVE_LONGER = (
+    5.0,
+    0.12,
+)  # mm and spacings: what hardly differs is not worth beads that begin and end
 _GIVE_ON_TOP = 0.6  # the same where stretches meet
 _ROUNDS = 6
+_TIP = 1e-6  # mm of radius
+_SPUR_FLOOR = 0.3  # of the narrowest bead's spacing
+_SPUR = 0.05  # mm beyond the round end of a bead
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,9 +62,16 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
         beading: beads by thickness.
         widest: (L,) radius beyond which pieces are wide.
     """
-    limits = np.concatenate([beading.thresholds(), widest[None]])
     radius, layer = graph.radius[graph.ends], graph.piece_layer
-    cuts = [crossings(radius, limit[layer]) for limit in limits]
+    # Down to the tip of a corner the count is that of the place from which the way leads there.
+    above = np.flatnonzero((radius.min(axis=1) > _TIP) | (graph.steepness <= _SHARPEST))
+    cuts = [crossings(radius, widest[layer])]
+    single = np.flatnonzero(radius.max(axis=1) <= beading.thresholds()[min(1, beading.full - 1)][layer])
+    piece, share = crossings(radius[single], _spur_floor(beading)[layer[single]])
+    cuts.append((single[piece], share))
+    for limit in beading.thresholds():
+        piece, share = crossings(radius[above], limit[layer[above]])
+        cuts.append((above[piece], share))
     graph = graph.divided(np.concatenate([cut[0] for cut in cuts]), np.concatenate([cut[1] for cut in cuts]))
     real, layer, radius = real[graph.origin], graph.piece_layer, graph.middle_radius
     wide = real & (radius > widest[layer])
@@ -76,7 +90,41 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
     stays = (own[rising] == below) | (bulge >= 0)
     count[rising[stays]] = np.where(bulge >= 0, bulge, below)[stays]
     central[rising[stays]] = True
-    return Counted(graph, used, central, used & ~central & (base < 0), wide, count)
+    corner = used & ~central & (base < 0)
+    spur = _spurs(graph, corner, central, count, _spur_floor(beading))
+    central[spur], corner[spur], count[spur] = True, False, 1
+    return Counted(graph, used, central, corner, wide, count)
+
+
+def _spur_floor(beading: Beading) -> Float:
+    """(L,) radius down to which a bead goes into a corner."""
+    return np.asarray(np.maximum(beading.thresholds()[0], _SPUR_FLOOR * beading.narrowest))
+
+
+def _spurs(graph: Graph, corner: Bool, central: Bool, count: Int, floor: Float) -> Int:
+    """Pieces into corners that a bead on its own leaves open by more than a trifle, as it ends or goes by."""
+    ends, radius, length = graph.ends, graph.radius, graph.length
+    top = np.zeros(len(radius), np.int64)
+    np.maximum.at(top, ends[central].ravel(), np.repeat(count[central], 2))
+    piece = np.flatnonzero(corner)
+    up = np.argmax(radius[ends[piece]], axis=1)[:, None]
+    high, low = (np.take_along_axis(ends[piece], end, axis=1)[:, 0] for end in (up, 1 - up))
+    forks = np.bincount(high, minlength=len(radius))
+    onward = np.full(len(radius), -1)
+    onward[high] = np.arange(len(piece))
+    start = np.flatnonzero(top[high] == 1)
+    here, chain = start, np.arange(len(start))
+    reached, visited = np.zeros(len(start)), [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+    while len(here):
+        deep = radius[low[here]] >= floor[graph.layer[low[here]]] - _TIP
+        here, chain = here[deep], chain[deep]
+        visited.append((here, chain))
+        reached[chain] += length[piece[here]]
+        goes_on = forks[low[here]] == 1
+        here, chain = onward[low[here[goes_on]]], chain[goes_on]
+    worth = reached > radius[high[start]] + _SPUR
+    items, chains = (np.concatenate(column) for column in zip(*visited, strict=True))
+    return np.asarray(piece[items[worth[chains]]])
 
 
 def _on_top(graph: Graph, rising: Int, below: Int, decided: Bool, beading: Beading) -> Int:
@@ -190,15 +238,16 @@ class _Runs:
         rank[ranked] = np.arange(len(ranked))
         lowest = np.full(len(rank), len(rank))
         np.minimum.at(lowest, own, rank[other])
-        ask = (self.length[own] < _SHORTEST_RUN) & (rank[own] < lowest[own]) & (self.count[other] > 0)
+        ask = (self.length[own] < _LONGER_RUN) & (rank[own] < lowest[own]) & (self.count[other] > 0)
         own, other = own[ask], other[ask]
         wanted, layer = self.count[other], self.layer[own]
         strain = np.maximum(
             beading.strain(self.thinnest[own], wanted, layer),
             beading.strain(self.thickest[own], wanted, layer),
         )
+        gives = strain <= np.where(self.length[own] < _SHORTEST_RUN, _GIVE, _GIVE_LONGER)
         result = self.count.copy()
         best = np.lexsort((self.length[other], -strain))  # the least strain is written last
-        best = best[strain[best] <= _GIVE]
+        best = best[gives[best]]
         result[own[best]] = wanted[best]
         return result

@@ -12,43 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.vectors import cross, dot, feet
 
-__all__ = ["Boxes", "facing"]
+__all__ = ["facing"]
 
 _SMALL_TURN = 1e-4  # radians; corners that turn by less are straight
 _SLACK = 1e-6  # mm
 _SMALL = 1.8  # an equilateral triangle has a circle inside whose diameter is its side over 1.73
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Boxes:
-    """Rectangles on layers.
-
-    Attributes:
-        low: (B, 2) mm.
-        high: (B, 2) mm.
-        layer: (B,) ascending.
-    """
-
-    low: Float
-    high: Float
-    layer: Int
-
-    def near(self, low: Float, high: Float, layer: Int, reach: float) -> Bool:
-        """(n,) whether boxes (n, 2) come as near as `reach` mm to any of these on their layer, along both axes."""
-        n_layers = int(max(self.layer.max(initial=0), layer.max(initial=0))) + 1
-        bounds = np.searchsorted(self.layer, np.arange(n_layers + 1))
-        count = bounds[layer + 1] - bounds[layer]
-        owner, box = np.repeat(np.arange(len(layer)), count), consecutive(bounds[layer], count)
-        for axis in (0, 1):
-            hit = (low[owner, axis] - reach <= self.high[box, axis]) & (
-                high[owner, axis] + reach >= self.low[box, axis]
-            )
-            owner, box = owner[hit], box[hit]
-        result = np.zeros(len(layer), np.bool_)
-        result[owner] = True
-        return result
 
 
 def facing(areas: Areas, distance: Float, lean: float) -> Boxes:
@@ -59,17 +30,16 @@ def facing(areas: Areas, distance: Float, lean: float) -> Boxes:
         distance: (L,) mm within which sides or corners face each other.
         lean: radians by which sides that face each other may be off parallel.
     """
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
-    begin, end = areas.xy, areas.xy[areas.following]
-    low, high = np.minimum(begin, end), np.maximum(begin, end)
-    a, b = _close_pairs(low, high, layer, distance)
+    boxes = Boxes.of_sides(areas)
+    low, high, layer = boxes.low, boxes.high, boxes.layer
+    a, b = boxes.grown(distance[layer] / 2).neighbours()
+    begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
     way = end - begin
     way = way / np.maximum(np.hypot(*way.T), 1e-12)[:, None]
     normal = np.column_stack([-way[:, 1], way[:, 0]])
-    before = np.zeros(len(layer), np.int64)
-    before[areas.following] = np.arange(len(layer))
-    turn = way[before, 0] * way[:, 1] - way[before, 1] * way[:, 0]
-    sides = _Sides(begin, end, normal, normal[before], turn < -_SMALL_TURN)
+    before = areas.previous
+    turn = cross(way.take(before, axis=0), way)
+    sides = _Sides(begin, end, normal, normal.take(before, axis=0), turn < -_SMALL_TURN)
     reach = distance[layer[a]]
     found = sides.lean(a, b, np.cos(lean), reach)
     found |= sides.corner_to_side(a, b, reach) | sides.corner_to_side(b, a, reach)
@@ -108,23 +78,6 @@ def _of_small_rings(areas: Areas, distance: Float) -> Bool:
     return np.repeat(small, size)
 
 
-def _close_pairs(low: Float, high: Float, layer: Int, distance: Float) -> tuple[Int, Int]:
-    """Pairs of boxes of a layer that are no farther apart than the distance along both axes; `layer` ascends."""
-    order = np.lexsort((low[:, 0], layer))
-    left, right, of_layer = low[order, 0], high[order, 0], layer[order]
-    # One axis for all layers, which stand apart from each other on it.
-    pitch = float(right.max(initial=0.0) - left.min(initial=0.0)) + float(distance.max(initial=0.0)) + 1.0
-    shift = of_layer * pitch
-    last = np.searchsorted(left + shift, right + shift + distance[of_layer], side="right")
-    first = np.arange(len(order)) + 1
-    count = np.maximum(last - first, 0)
-    a, b = np.repeat(np.arange(len(order)), count), consecutive(first, count)
-    a, b = order[a], order[b]
-    reach = distance[layer[a]]
-    near = (low[a, 1] <= high[b, 1] + reach) & (low[b, 1] <= high[a, 1] + reach)
-    return a[near], b[near]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sides:
     """Sides of outlines, and the corners at which they begin.
@@ -145,15 +98,15 @@ class _Sides:
 
     def lean(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
         """(n,) whether two sides face each other nearly parallel."""
-        opposite = np.flatnonzero(_dot(self.normal[a], self.normal[b]) <= -cosine)
+        opposite = np.flatnonzero(dot(self.normal[a], self.normal[b]) <= -cosine)
         result = np.zeros(len(a), np.bool_)
         a, b, reach = a[opposite], b[opposite], reach[opposite]
         near = np.zeros(len(a), np.bool_)
         for one, other in ((a, b), (b, a)):
             for point in (self.begin[one], self.end[one]):
-                foot = self._foot(point, other)
+                foot, _ = feet(point, self.begin[other], self.end[other])
                 near |= (np.hypot(*(point - foot).T) <= reach) & (
-                    _dot(point - self.begin[other], self.normal[other]) > -_SLACK
+                    dot(point - self.begin[other], self.normal[other]) > -_SLACK
                 )
         result[opposite] = near
         return result
@@ -163,11 +116,11 @@ class _Sides:
         result = np.zeros(len(a), np.bool_)
         some = np.flatnonzero(self.inward[a])
         a, b = a[some], b[some]
-        height = _dot(self.begin[a] - self.begin[b], self.normal[b])
+        height = dot(self.begin[a] - self.begin[b], self.normal[b])
         foot = self.begin[a] - height[:, None] * self.normal[b]
         along = self.end[b] - self.begin[b]
-        place = _dot(foot - self.begin[b], along)
-        square = (place > -_SLACK) & (place < _dot(along, along) + _SLACK)
+        place = dot(foot - self.begin[b], along)
+        square = (place > -_SLACK) & (place < dot(along, along) + _SLACK)
         square &= (height > _SLACK) & (height <= reach[some])
         result[some] = square & self._sees(a, -self.normal[b])
         return result
@@ -178,7 +131,7 @@ class _Sides:
         some = np.flatnonzero(self.inward[a] & self.inward[b])
         a, b = a[some], b[some]
         way = self.begin[b] - self.begin[a]
-        near = _dot(way, way) <= reach[some] ** 2
+        near = dot(way, way) <= reach[some] ** 2
         result[some] = near & self._sees(a, way) & self._sees(b, -way)
         return result
 
@@ -186,18 +139,5 @@ class _Sides:
         """(n,) whether directions lie between the normals of the two sides that meet in a corner."""
         first, second = self.normal_before[corner], self.normal[corner]
         size = np.maximum(np.hypot(*way.T), 1e-12) * 1e-3
-        between = (_cross(first, way) <= size) & (_cross(second, way) >= -size)
-        return np.asarray(between & (_dot(first + second, way) > 0))
-
-    def _foot(self, point: Float, side: Int) -> Float:
-        begin, along = self.begin[side], self.end[side] - self.begin[side]
-        share = _dot(point - begin, along) / np.maximum(_dot(along, along), 1e-18)
-        return np.asarray(begin + np.clip(share, 0, 1)[:, None] * along)
-
-
-def _dot(a: Float, b: Float) -> Float:
-    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])
-
-
-def _cross(a: Float, b: Float) -> Float:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        between = (cross(first, way) <= size) & (cross(second, way) >= -size)
+        return np.asarray(between & (dot(first + second, way) > 0))

@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.geometry import Float, Int
 from printer_slicer.geometry.areas import consecutive
-from printer_slicer.geometry.voronoi import MedialAxis
+from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 
 __all__ = ["Graph", "crossings"]
 
@@ -117,7 +117,6 @@ class Graph:
             ],
             axis=1,
         )
-        first = np.cumsum(count) - count
         low, high = np.zeros(len(owner)), np.ones(len(owner))
         low[~is_first], high[~is_last] = share, share
         along = _between(self.xy[ends[piece]], share[:, None])
@@ -127,7 +126,7 @@ class Graph:
             np.concatenate([self.layer, self.layer[ends[piece, 0]]]),
             points.ravel(),
             _feet(self.foot, owner, low, high),
-            _followers(self.following, owner, first, count),
+            ways_of_parts(self.following, count),
             self.steepness[owner],
             self.origin[owner],
         )
@@ -147,21 +146,6 @@ def _feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
         np.stack([_between(down, 1 - high), _between(down, 1 - low)], axis=1),
     ]
     return np.stack(parts, axis=1).reshape(-1, 2, 2)
-
-
-def _followers(following: Int, owner: Int, first: Int, count: Int) -> Int:
-    """(H,) of the parts: the next part of the same piece, or the first part of what follows it."""
-    entry = np.stack([2 * first, 2 * (first + count) - 1], axis=1).ravel()
-    onward = np.where(following < 0, -1, entry[following])
-    part = np.arange(len(owner))
-    is_first, is_last = part == first[owner], part == (first + count - 1)[owner]
-    return np.stack(
-        [
-            np.where(is_last, onward[2 * owner], 2 * part + 2),
-            np.where(is_first, onward[2 * owner + 1], 2 * part - 1),
-        ],
-        axis=1,
-    ).ravel()
 
 
 def crossings(ends: Float, level: Float) -> tuple[Int, Float]:

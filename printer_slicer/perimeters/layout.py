@@ -193,7 +193,8 @@ class _Ports:
         change = self.change[end]
         half = beading.spacing[graph.piece_layer] / 2
         # In front of a wide place there may be no room to turn; there it turns where it ends.
-        close = (self.distance[self.port].mean(axis=1) < half) & ((self.distance + self.open)[end] > half)
+        middle = self.distance[end] + graph.length / 2
+        close = (middle < half) & ((self.distance + self.open)[end] > half)
         ending = (change >= 0) & close & (self.fewest[change] <= level) & (level < beading.loops)
         active = there & (rest > 0) & ~ending & given.used
         middle = given.central & (count % 2 == 1) & (count < beading.full)
@@ -266,10 +267,18 @@ def _nearest_change(port: Int, length: Float, changing: Bool, reach: float) -> t
     change = np.where(changing, np.arange(len(changing)), -1)
     a, b = np.concatenate([port, port[:, ::-1]]).T
     step = np.tile(length, 2)
+    near = np.flatnonzero(step <= reach)
+    a, b, step = a[near], b[near], step[near]
+    new = changing
     while True:
-        farther = distance[a] + step
-        better = np.flatnonzero((farther < distance[b] - 1e-9) & (farther <= reach))
+        ask = np.flatnonzero(new[a])
+        farther = distance[a[ask]] + step[ask]
+        shorter = (farther < distance[b[ask]] - 1e-9) & (farther <= reach)
+        better, farther = ask[shorter], farther[shorter]
         if not len(better):
             return change, distance
-        better = better[np.argsort(-farther[better], kind="stable")]  # the nearest is written last
-        distance[b[better]], change[b[better]] = farther[better], change[a[better]]
+        order = np.argsort(-farther, kind="stable")  # the nearest is written last
+        better, farther = better[order], farther[order]
+        distance[b[better]], change[b[better]] = farther, change[a[better]]
+        new = np.zeros(len(changing), np.bool_)
+        new[b[better]] = True

@@ -15,12 +15,13 @@ from printer_slicer.geometry import (
     offset,
     simplify,
 )
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
 from printer_slicer.geometry.voronoi import medial_axis
 from printer_slicer.model import reordered
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted, counted
-from printer_slicer.perimeters.facing import Boxes, facing
+from printer_slicer.perimeters.facing import facing
 from printer_slicer.perimeters.graph import Graph
 from printer_slicer.perimeters.layout import Layout, laid_out
 from printer_slicer.perimeters.lines import Lines, middle_lines
@@ -74,12 +75,13 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
         tolerance: mm by which outlines may be simplified where there are narrow places.
     """
     widest = beading.thresholds()[-1] + _BEYOND
-    near = facing(solid, 2 * widest, _LEAN)
-    layers = np.zeros(solid.n_layers, np.bool_)
-    layers[near.layer] = True
-    solid = _on(solid, layers)
     if tolerance:
-        solid = normalize(simplify(solid, tolerance))
+        simple = simplify(solid, tolerance)
+        near = facing(simple, 2 * widest, _LEAN)
+        solid = normalize(_on(simple, _layers_of(near, solid.n_layers)))
+    else:
+        near = facing(solid, 2 * widest, _LEAN)
+        solid = _on(solid, _layers_of(near, solid.n_layers))
     narrow, broken = _filled(solid, near, beading, widest)
     if broken.any():
         # Where the places cannot be joined to the ordinary loops everything is traced, wide or not.
@@ -88,17 +90,19 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
     return narrow
 
 
+def _layers_of(boxes: Boxes, n_layers: int) -> Bool:
+    return np.bincount(boxes.layer, minlength=n_layers) > 0
+
+
 def _on(areas: Areas, layers: Bool) -> Areas:
     return areas.select(layers[areas.ring_layer])
 
 
 def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -> tuple[Narrow, Bool]:
     """The same with the sides near narrow places, or with all; and (L,) where those were not enough."""
-    layer = np.repeat(solid.ring_layer, np.diff(solid.ring_start))
-    ends = np.stack([solid.xy, solid.xy[solid.following]])
-    sides = np.ones(len(layer), np.bool_)
+    sides = np.ones(len(solid.xy), np.bool_)
     if near is not None:
-        sides = near.near(ends.min(axis=0), ends.max(axis=0), layer, 2 * float(widest.max()) + _ROOM)
+        sides = Boxes.of_sides(solid).touched(near.grown(2 * float(widest.max()) + _ROOM))
     axis = medial_axis(solid, float(widest.max(initial=0.0)), sides)
     real = _real(solid, sides, axis.source, axis.corner)
     given, layers, broken = _needed(counted(Graph.of(axis), real, beading, widest), beading, solid.n_layers)
@@ -151,7 +155,7 @@ def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
     cell = np.unique(np.column_stack([graph.layer[point], np.floor(graph.xy[point] / _CELL)]), axis=0)
     middle, layer = (cell[:, 1:] + 0.5) * _CELL, cell[:, 0].astype(np.int64)
     result = np.zeros(n_layers, np.bool_)
-    result[layer[~near.near(middle, middle, layer, reach - _CELL / 2)]] = True
+    result[layer[~Boxes(middle, middle, layer).touched(near.grown(reach - _CELL / 2))]] = True
     return result
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
-from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.vectors import feet
 from printer_slicer.perimeters.layout import Layout
 
 __all__ = ["Rings", "Walk", "closed_rings", "walked"]
@@ -278,30 +279,35 @@ class _Ordinary:
 
 
 def _begin_in(rings: Areas, places: Areas) -> Bool:
-    """(R,) whether rings begin within places."""
-    if not rings.n_rings:
-        return np.zeros(0, np.bool_)
-    here = places.select(np.isin(places.ring_layer, rings.ring_layer))
-    begin = rings.xy[rings.ring_start[:-1]]
-    return Outlines(here, begin.min(axis=0), begin.max(axis=0)).inside(begin, rings.ring_layer)
+    """(R,) whether rings begin within places: a ray to the right leaves them an odd time."""
+    begin = rings.xy.take(rings.ring_start[:-1], axis=0)
+    right = max(begin[:, 0].max(initial=0.0), places.xy[:, 0].max(initial=0.0))
+    rays = Boxes(begin, np.column_stack([np.full(len(begin), right), begin[:, 1]]), rings.ring_layer)
+    ray, side = rays.overlapping(Boxes.of_sides(places))
+    (x, y), (ax, ay), (bx, by) = (
+        xy.take(one, axis=0).T
+        for xy, one in ((begin, ray), (places.xy, side), (places.xy, places.following[side]))
+    )
+    # Each end belongs to the part of the side above it, so that a ray through a corner counts once.
+    left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+    crossed = ((ay <= y) & (by > y) & (left > 0)) | ((ay > y) & (by <= y) & (left < 0))
+    return np.asarray(np.bincount(ray[crossed], minlength=len(begin)) % 2 == 1)
 
 
 def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
-    """(n,) for each point the side of its layer's rings that it lies nearest to, where along it, and how far away."""
-    bounds = areas.ring_start[areas.layer_start]
-    first, count = bounds[layer], bounds[layer + 1] - bounds[layer]
-    owner = np.repeat(np.arange(len(points)), count)
-    side = consecutive(first, count)
-    begin = areas.xy[side]
-    along = areas.xy[areas.following[side]] - begin if len(side) else begin
-    length = np.maximum((along**2).sum(axis=1), 1e-300)
-    share = np.clip(((points[owner] - begin) * along).sum(axis=1) / length, 0, 1)
-    gap = np.hypot(*(points[owner] - begin - share[:, None] * along).T)
+    """(n,) the nearest side of its layer's rings for each point that lies on one, where along it, and how far away.
+
+    Points that lie on none are infinitely far away from side 0.
+    """
+    point, side = Boxes(points, points, layer).overlapping(Boxes.of_sides(areas).grown(_ON))
+    begin, end = (areas.xy.take(one, axis=0) for one in (side, areas.following[side]))
+    place = points.take(point, axis=0)
+    foot, share = feet(place, begin, end)
+    gap = np.hypot(*(place - foot).T)
     best = np.full(len(points), -1)
     order = np.argsort(-gap, kind="stable")
-    best[owner[order]] = order  # the nearest is written last
-    known = best >= 0
-    found = np.where(known, best, 0)
-    if not len(side):
-        return np.zeros(len(points), np.int64), np.zeros(len(points)), np.full(len(points), np.inf)
-    return side[found], share[found], np.where(known, gap[found], np.inf)
+    best[point[order]] = order  # the nearest is written last
+    found = np.flatnonzero(best >= 0)
+    nearest, where, far = np.zeros(len(points), np.int64), np.zeros(len(points)), np.full(len(points), np.inf)
+    nearest[found], where[found], far[found] = side[best[found]], share[best[found]], gap[best[found]]
+    return nearest, where, far
