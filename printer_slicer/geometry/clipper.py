@@ -6,10 +6,12 @@ rounding of new points, and they do not fail however badly the rings cross.
 
 from __future__ import annotations
 
+import sys
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
-import clipper2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,29 @@ from printer_slicer.geometry.areas import Areas, Float, Int
 from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
 
 __all__ = ["combine", "load", "load_any", "offset", "outlines_within", "store", "stroke"]
+
+
+def _compiled() -> Any:
+    """The compiled module of the binding alone.
+
+    Its package asks for its own version and loads a second module of points with heights, which takes ten times as
+    long as this one.
+    """
+    package, name = find_spec("clipper2"), "clipper2._clipper2"
+    spec = PathFinder.find_spec(name, package.submodule_search_locations) if package else None
+    if name in sys.modules or spec is None or spec.loader is None:
+        import clipper2 as whole  # noqa: PLC0415 - only where it is laid out in another way, or loaded already
+
+        return whole
+    module = sys.modules[name] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if TYPE_CHECKING:
+    import clipper2
+else:
+    clipper2 = _compiled()
 
 Rings = list[NDArray[np.int64]]
 
