@@ -47,13 +47,13 @@ def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
     by_size = np.argsort(np.abs(outlines.ring_area()), kind="stable")
     rank, smallest = np.argsort(by_size), np.full(len(points), n_rings)
     np.minimum.at(smallest, point, rank[within])
-    return np.append(by_size, -1)[smallest]
+    return np.append(by_size, -1).take(smallest)
 
 
 def _every(count: Int, most: int) -> Int:
     """Where to split items that own `count` (n,) things each, so that parts own hardly more than `most`."""
     total = np.cumsum(count)
-    return np.searchsorted(total, np.arange(most, int(total[-1]) if len(total) else 0, most))
+    return np.searchsorted(total, np.arange(most, int(total[-1]) if len(total) else 0, most)).astype(np.int64)
 
 
 def _odd(values: Int) -> Int:
