@@ -84,8 +84,10 @@ class _Pieces:
 
     def take(self, which: Int) -> _Pieces:
         """Some of them (n,), ascending."""
-        columns = (self.point, self.following, self.step, self.count, self.path)
-        return _Pieces(*(column.take(which) for column in columns), open=self.open.take(which))
+        point, following, step, count, path = (
+            column.take(which) for column in (self.point, self.following, self.step, self.count, self.path)
+        )
+        return _Pieces(point, following, step, count, path, self.open.take(which))
 
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:

@@ -45,6 +45,7 @@ else:
 
 Rings = list[NDArray[np.int64]]
 
+_FARTHEST: Final = np.iinfo(np.int64).max
 CLIP_TYPES: Final = {
     "union": clipper2.ClipType.UNION,
     "difference": clipper2.ClipType.DIFFERENCE,
@@ -125,13 +126,13 @@ def _near(outlines: Areas, layers: list[Rings]) -> list[Rings]:
     if not outlines.n_rings:
         return result
     grid = np.rint(outlines.xy * STEPS_PER_MM).astype(np.int64)
-    low, high = (
-        np.full((len(layers), 2), np.iinfo(np.int64).max),
-        np.full((len(layers), 2), np.iinfo(np.int64).min),
-    )
-    for k, rings in enumerate(layers):
-        for ring in rings:
-            low[k], high[k] = np.minimum(low[k], ring.min(axis=0)), np.maximum(high[k], ring.max(axis=0))
+    low, high = (np.full((len(layers), 2), extreme) for extreme in (_FARTHEST, -_FARTHEST))
+    filled = [k for k, rings in enumerate(layers) if rings]
+    if filled:
+        every = np.concatenate([ring for rings in layers for ring in rings])
+        size = [sum(map(len, layers[k])) for k in filled]
+        begin = np.cumsum(size, dtype=np.int64) - size
+        low[filled], high[filled] = np.minimum.reduceat(every, begin), np.maximum.reduceat(every, begin)
     sizes = np.diff(outlines.ring_start)
     layer, following = np.repeat(outlines.ring_layer, sizes), outlines.following
     near = np.ones(len(grid), np.bool_)
