@@ -21,6 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
+from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
 
@@ -102,7 +103,7 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     highest = np.maximum.reduceat(air.xy, air.ring_start[:-1])
     bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
     rings = air.layer_start
-    for layer in np.unique(air.ring_layer).tolist():
+    for layer in distinct(air.ring_layer).tolist():
         here = slice(int(bounds[layer]), int(bounds[layer + 1]))
         some = slice(int(rings[layer]), int(rings[layer + 1]))
         meets = low[here, None, 0] <= highest[None, some, 0]

@@ -4,15 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Areas", "Bool", "Float", "Int", "Lines", "consecutive", "frozen_array", "per_layer", "placed"]
+__all__ = [
+    "Areas",
+    "Bool",
+    "Float",
+    "Int",
+    "Lines",
+    "consecutive",
+    "distinct",
+    "frozen_array",
+    "per_layer",
+    "placed",
+]
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+_Number = TypeVar("_Number", np.int64, np.float64)
 
 
 def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDArray:  # type: ignore[type-arg]
@@ -50,6 +63,14 @@ def consecutive(first: Int, count: Int) -> Int:
     """`first[i], first[i] + 1, ...` (`count[i]` numbers) for every i, one after the other."""
     before = np.cumsum(count) - count
     return np.asarray(np.arange(int(count.sum())) + np.repeat(first - before, count))
+
+
+def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
+    """(m,) each of the values (n,) once, ascending: `numpy.unique`, which loads masked arrays to do it."""
+    ordered = np.sort(values)
+    new = np.ones(len(ordered), np.bool_)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
+    return ordered.compress(new)
 
 
 def placed(xy: Float, place: Int) -> Float:
