@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.geometry import Areas, Float, Int, Lines, Pieces, hatch, intersection, pieces_of
+from printer_slicer.geometry.areas import distinct
 
 __all__ = ["bridge_angles"]
 
@@ -40,7 +41,7 @@ def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> 
     coarse = best
     for turn in _FINER:
         # Pieces with the same best direction are looked at together.
-        for angle in np.unique(coarse[record > 0]).tolist():
+        for angle in distinct(coarse[record > 0]).tolist():
             score = np.where(coarse == angle, _score(pieces, support, spacing, angle + turn), 0.0)
             best = np.where(score > record + 1e-9, angle + turn, best)
             record = np.maximum(record, score)

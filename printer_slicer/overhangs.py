@@ -21,7 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
-from printer_slicer.geometry.areas import boxes, following_around
+from printer_slicer.geometry.areas import boxes, distinct, following_around
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
 
@@ -80,22 +80,29 @@ class _Pieces:
     def at(self, paths: Toolpaths, ahead: int = 0) -> Float:
         """(K, 2) where each piece begins, or ends with `ahead` = 1."""
         share = ((self.step + ahead) / self.count)[:, None]
-        begin = paths.xy[self.point]
-        return begin + share * (paths.xy[self.following] - begin)
+        begin = paths.xy.take(self.point, axis=0)
+        return begin + share * (paths.xy.take(self.following, axis=0) - begin)
+
+    def take(self, which: Int) -> _Pieces:
+        """Some of them (n,), ascending."""
+        point, following, step, count, path = (
+            column.take(which) for column in (self.point, self.following, self.step, self.count, self.path)
+        )
+        return _Pieces(point, following, step, count, path, self.open.take(which))
 
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     """(N,) whether the segment that begins at each point passes the box around something that hangs."""
-    following = following_around(paths.start, paths.closed)
-    low = np.minimum(paths.xy, paths.xy[following]) - width
-    high = np.maximum(paths.xy, paths.xy[following]) + width
+    ends = paths.xy.take(following_around(paths.start, paths.closed), axis=0)
+    low = np.minimum(paths.xy, ends) - width
+    high = np.maximum(paths.xy, ends) + width
     result = np.zeros(len(paths.xy), np.bool_)
     if not air.n_rings:
         return result
     lowest, highest = boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
     bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
     rings = air.layer_start
-    for layer in np.unique(air.ring_layer).tolist():
+    for layer in distinct(air.ring_layer).tolist():
         here = slice(int(bounds[layer]), int(bounds[layer + 1]))
         some = slice(int(rings[layer]), int(rings[layer + 1]))
         meets = low[here, None, 0] <= highest[None, some, 0]
@@ -108,11 +115,11 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
 
 def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
     following = following_around(paths.start, paths.closed)
-    length = np.hypot(*(paths.xy[following] - paths.xy).T)
+    length = np.hypot(*(paths.xy.take(following, axis=0) - paths.xy).T)
     count = np.where(near, np.maximum(np.ceil(length / longest), 1), 1).astype(np.int64)
     point, step = spread(count)
-    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))[point]
-    return _Pieces(point, following[point], step, count[point], path, near[point])
+    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
+    return _Pieces(point, following.take(point), step, count.take(point), path, near.take(point))
 
 
 def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], width: float) -> Float:
@@ -121,17 +128,20 @@ def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], widt
     chosen = np.flatnonzero(pieces.open)
     if not len(chosen):
         return result
-    layer = paths.layer[pieces.path[chosen]]
-    begin, end = pieces.at(paths)[chosen], pieces.at(paths, 1)[chosen]
+    looked_at = pieces.take(chosen)
+    layer = paths.layer.take(looked_at.path)
+    begin, end = looked_at.at(paths), looked_at.at(paths, 1)
     # A piece mostly begins where the one before it ends: only the other ends are looked at too.
-    apart = np.append((end[:-1] != begin[1:]).any(axis=1) | (np.diff(chosen) != 1), True)
+    apart = np.append(
+        (end[:-1, 0] != begin[1:, 0]) | (end[:-1, 1] != begin[1:, 1]) | (np.diff(chosen) != 1), True
+    )
     size = 1 + apart
     place = np.cumsum(size) - size
     points = np.zeros((int(size.sum()), 2))
     points[place], points[place[apart] + 1] = begin, end[apart]
     depth = _resolved(under, points, np.repeat(layer, size), _REACH * width, place[apart] + 1)
-    wide = (paths.width[pieces.point[chosen]] + paths.width[pieces.following[chosen]]) / 2
-    shares = np.clip(0.5 + np.stack([depth[place], depth[place + 1]]) / wide, 0, 1)
+    wide = (paths.width.take(looked_at.point) + paths.width.take(looked_at.following)) / 2
+    shares = np.clip(0.5 + np.stack([depth.take(place), depth.take(place + 1)]) / wide, 0, 1)
     result[chosen] = shares.mean(axis=0)
     return result
 
@@ -170,8 +180,8 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
 
 def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float) -> Toolpaths:
     """Paths with the points at which a stretch of one grade begins."""
-    at, ahead = pieces.at(paths), pieces.at(paths, 1)
-    length = np.hypot(*(ahead - at).T)
+    whole = np.hypot(*(paths.xy.take(following_around(paths.start, paths.closed), axis=0) - paths.xy).T)
+    length = whole.take(pieces.point) / pieces.count
     of_piece = np.digitize(carried, _GRADES)
     grade = _without_short(of_piece, pieces.path, length, _SHORTEST * float(paths.width.mean()))
     begins = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))
@@ -181,12 +191,13 @@ def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float) -> Toolpaths:
     mean = np.bincount(stretch, weight * carried) / np.where(total > 0, total, 1.0)
     mean = np.where((grade[begins] == len(_GRADES)) | (total == 0), 1.0, mean)
     kept = np.flatnonzero((pieces.step == 0) | begins)
-    share = pieces.step[kept] / pieces.count[kept]
-    width, following = paths.width[pieces.point[kept]], paths.width[pieces.following[kept]]
-    size = np.bincount(pieces.path[kept], minlength=paths.n_paths)
+    some = pieces.take(kept)
+    share = some.step / some.count
+    width, following = paths.width.take(some.point), paths.width.take(some.following)
+    size = np.bincount(some.path, minlength=paths.n_paths)
     return Toolpaths(
         paths.plan,
-        at[kept],
+        some.at(paths),
         width + share * (following - width),
         np.append(0, np.cumsum(size)),
         paths.layer,

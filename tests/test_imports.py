@@ -38,7 +38,10 @@ def python(code: str, *arguments: str) -> str:
 
 def loaded(code: str, *arguments: str) -> set[str]:
     """Which of the heavy packages are imported once the code has run."""
-    tail = f"\nimport sys; print('loaded:', *[name for name in {HEAVY!r} if name in sys.modules])"
+    tail = (
+        "\nimport sys; packages = {name.partition('.')[0] for name in sys.modules}"
+        f"\nprint('loaded:', *[name for name in {HEAVY!r} if name in packages])"
+    )
     return set(python(code + tail, *arguments).rpartition("loaded:")[2].split())
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -19,6 +20,8 @@ __all__ = ["main"]
 # No command multiplies large matrices; starting a thread per core for it would cost more CPU than slicing a small part.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+_OBJECTS = 100_000  # made before the collector looks for cycles of garbage; at the usual 700 it looks a hundred times
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command.
@@ -30,6 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled,
         7 verification failed.
     """
+    gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
     if sys.stdout is None or sys.stderr is None:  # closed by the caller: `>&-`
         nothing = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the rest of the process
         sys.stdout, sys.stderr = sys.stdout or nothing, sys.stderr or nothing

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, previous_around
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, previous_around
 from printer_slicer.geometry.joints import chain_steps
 from printer_slicer.geometry.polylines import Polylines
 
@@ -232,7 +232,7 @@ def _loops_opened(mate: Int, joints: _Stretches, hooks: _Stretches) -> tuple[Int
     ended = done
     for _ in range(max(len(mate), 2).bit_length()):
         lowest, ended, jump = np.minimum(lowest, lowest[jump]), ended | ended[jump], jump[jump]
-    begin = 2 * np.unique(lowest[~ended])
+    begin = 2 * distinct(lowest[~ended])
     if not len(begin):
         return mate, hooks
     joined, closing = mate, mate[begin]

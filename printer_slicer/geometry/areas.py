@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,7 @@ __all__ = [
     "Lines",
     "boxes",
     "consecutive",
+    "distinct",
     "following_around",
     "frozen_array",
     "lengths",
@@ -27,6 +29,7 @@ __all__ = [
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+_Number = TypeVar("_Number", np.int64, np.float64)
 
 
 def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDArray:  # type: ignore[type-arg]
@@ -117,6 +120,14 @@ def lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float:
     x, y = np.ascontiguousarray(xy.T)
     following = following_around(start, closed)
     return np.add.reduceat(np.hypot(x.take(following) - x, y.take(following) - y), start[:-1])
+
+
+def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
+    """(m,) each of the values (n,) once, ascending: `numpy.unique`, which loads masked arrays to do it."""
+    ordered = np.sort(values)
+    new = np.ones(len(ordered), np.bool_)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
+    return ordered.compress(new)
 
 
 def placed(xy: Float, place: Int) -> Float:

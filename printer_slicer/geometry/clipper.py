@@ -6,26 +6,60 @@ rounding of new points, and they do not fail however badly the rings cross.
 
 from __future__ import annotations
 
+import sys
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
-import clipper2
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Areas, Float, Int, boxes
-from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
+from printer_slicer.geometry.mitering import mitered
+from printer_slicer.geometry.polygons import (
+    CLEARANCE,
+    MITER_LIMIT,
+    ROUND_TOLERANCE,
+    STEPS_PER_MM,
+    Join,
+    Operation,
+)
 
-__all__ = ["combine", "load", "load_any", "offset", "outlines_within", "store", "stroke"]
+__all__ = ["combine", "load", "load_any", "offset", "opened", "outlines_within", "store", "stroke"]
+
+
+def _compiled() -> Any:
+    """The compiled module of the binding alone.
+
+    Its package asks for its own version and loads a second module of points with heights, which takes ten times as
+    long as this one.
+    """
+    package, name = find_spec("clipper2"), "clipper2._clipper2"
+    spec = PathFinder.find_spec(name, package.submodule_search_locations) if package else None
+    if name in sys.modules or spec is None or spec.loader is None:
+        import clipper2 as whole  # noqa: PLC0415 - only where it is laid out in another way, or loaded already
+
+        return whole
+    module = sys.modules[name] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if TYPE_CHECKING:
+    import clipper2
+else:
+    clipper2 = _compiled()
 
 Rings = list[NDArray[np.int64]]
 
+_FARTHEST: Final = np.iinfo(np.int64).max
 CLIP_TYPES: Final = {
     "union": clipper2.ClipType.UNION,
     "difference": clipper2.ClipType.DIFFERENCE,
     "intersection": clipper2.ClipType.INTERSECTION,
 }
-JOIN_TYPES: Final = {"miter": clipper2.JoinType.MITER, "round": clipper2.JoinType.ROUND}
+_LEAST: Final = 0.5  # steps; outlines are not moved by less
 
 
 def load(areas: Areas) -> list[Rings]:
@@ -143,15 +177,41 @@ def _rejoined(lines: Rings) -> Rings:
 
 def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
     """Each layer with its outlines moved outward by its distance, mm."""
+    if join == "miter":
+        return _combined("union", _mitered(layers, distance), [[] for _ in layers])
     inflater = clipper2.ClipperOffset(MITER_LIMIT, ROUND_TOLERANCE * STEPS_PER_MM)
-    steps = (distance * STEPS_PER_MM).tolist()
-    kind, result = JOIN_TYPES[join], []
-    for rings, by in zip(layers, steps, strict=True):
+    result = []
+    for rings, by in zip(layers, (distance * STEPS_PER_MM).tolist(), strict=True):
         inflater.clear()
         if rings:
-            inflater.add_paths(rings, kind, clipper2.EndType.POLYGON)
+            inflater.add_paths(rings, clipper2.JoinType.ROUND, clipper2.EndType.POLYGON)
         result.append(inflater.execute(by) if rings else [])
     return result
+
+
+def opened(layers: list[Rings], distance: Float) -> list[Rings]:
+    """Each layer without what is narrower than twice its distance, mm."""
+    # What the grown outlines cross of themselves and each other, the intersection takes as it takes overlapping areas.
+    grown = _mitered(offset(layers, -distance, "miter"), distance + CLEARANCE)
+    return combine("intersection", layers, grown)
+
+
+def _mitered(layers: list[Rings], distance: Float) -> list[Rings]:
+    """Rings with their outlines moved outward; what is too much of them still runs around the wrong way."""
+    moving = np.abs(distance) * STEPS_PER_MM >= _LEAST
+    rings = [ring for rings, moves in zip(layers, moving, strict=True) if moves for ring in rings]
+    if not rings:
+        return layers
+    count = np.where(moving, [len(rings) for rings in layers], 0)
+    start = np.cumsum([0, *map(len, rings)])
+    xy, start = mitered(np.concatenate(rings), start, np.repeat(distance * STEPS_PER_MM, count))
+    ends = zip(start.tolist(), start[1:].tolist(), strict=False)
+    moved = [xy[begin:end] for begin, end in ends]
+    last = np.cumsum(count)
+    return [
+        moved[end - n : end] if moves else rings
+        for rings, moves, n, end in zip(layers, moving.tolist(), count.tolist(), last.tolist(), strict=True)
+    ]
 
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Rings]:

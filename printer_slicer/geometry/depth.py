@@ -35,7 +35,9 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
     owner, edge = _pairs(points, layer, (begin, end, of_layer), reach)
     if not len(owner):
         return result
-    way, gap = end[edge] - begin[edge], points[owner] - begin[edge]
+    # Column by column: pairs of numbers are fetched much more slowly than single ones.
+    way = (end - begin).take(edge, axis=0)
+    gap = points.take(owner, axis=0) - begin.take(edge, axis=0)
     rest = gap - nearest_share(gap, way)[:, None] * way
     away, side = dot(rest, rest), cross(way, gap)
     rank = away - _SIDEWAYS * side**2 / dot(way, way)
@@ -53,11 +55,11 @@ def _short_edges(areas: Areas, longest: float) -> tuple[Float, Float, Int]:
     along = areas.xy.take(areas.following, axis=0) - areas.xy
     count = np.maximum(np.ceil(np.hypot(*along.T) / longest), 1).astype(np.int64)
     owner, step = spread(count)
-    piece = along[owner] / count[owner, None]
-    begin = areas.xy[owner] + piece * step[:, None]
-    layer = areas.point_layer[owner]
-    long = np.flatnonzero(piece.any(axis=1))
-    return begin[long], (begin + piece)[long], layer[long]
+    piece = along.take(owner, axis=0) / count.take(owner)[:, None]
+    begin = areas.xy.take(owner, axis=0) + piece * step[:, None]
+    layer = areas.point_layer.take(owner)
+    long = np.flatnonzero((piece[:, 0] != 0) | (piece[:, 1] != 0))
+    return begin.take(long, axis=0), (begin + piece).take(long, axis=0), layer.take(long)
 
 
 def _pairs(points: Float, layer: Int, edges: tuple[Float, Float, Int], reach: float) -> tuple[Int, Int]:
@@ -71,13 +73,18 @@ def _pairs(points: Float, layer: Int, edges: tuple[Float, Float, Int], reach: fl
     wide = np.maximum(high.max(axis=0), cell.max(axis=0)) - origin + 1
     columns = high[:, 0] - low[:, 0] + 1
     edge, x = np.repeat(np.arange(len(begin)), columns), consecutive(low[:, 0], columns)
-    rows = (high[:, 1] - low[:, 1] + 1)[edge]
-    x, y = np.repeat(x, rows), consecutive(low[edge, 1], rows)
+    rows = (high[:, 1] - low[:, 1] + 1).take(edge)
+    x, y = np.repeat(x, rows), consecutive(low[:, 1].take(edge), rows)
     edge = np.repeat(edge, rows)
-    key = (of_layer[edge] * wide[0] + x - origin[0]) * wide[1] + y - origin[1]
+    key = (of_layer.take(edge) * wide[0] + x - origin[0]) * wide[1] + y - origin[1]
     own = (layer * wide[0] + cell[:, 0] - origin[0]) * wide[1] + cell[:, 1] - origin[1]
     order = np.argsort(key, kind="stable")
-    key = key[order]
-    first = np.searchsorted(key, own)
-    count = np.searchsorted(key, own, side="right") - first
-    return np.repeat(np.arange(len(points)), count), edge[order[consecutive(first, count)]]
+    key = key.take(order)
+    # Points come along lines: neighbours mostly share their cell.
+    new = np.flatnonzero(np.diff(own, prepend=own[0] - 1))
+    again, sought = np.diff(new, append=len(own)), own.take(new)
+    first = np.searchsorted(key, sought)
+    count = np.repeat(np.searchsorted(key, sought, side="right") - first, again)
+    return np.repeat(np.arange(len(points)), count), edge.take(
+        order.take(consecutive(np.repeat(first, again), count))
+    )

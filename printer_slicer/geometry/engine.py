@@ -38,11 +38,6 @@ __all__ = [
 
 VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
 
-# Ten steps of the 0.01 µm grid. Grown back by a little more, an opened outline passes clear outside the
-# outline it came from, so that their intersection keeps the points of the original instead of crossing it at
-# every rounding.
-CLEARANCE: Final = 1e-4
-
 
 def _clipper() -> Polygons:
     from printer_slicer.geometry import clipper  # noqa: PLC0415 - each run loads one engine
@@ -172,9 +167,7 @@ def offset_open(areas: Areas, distance: float | Float) -> Areas:
     if (by < 0).any():
         raise ValueError("an opening needs distances of 0 or more")
     engine = _engine()
-    layers = engine.load(areas)
-    opened = engine.offset(engine.offset(layers, -by, "miter"), by + CLEARANCE, "miter")
-    return engine.store(engine.combine("intersection", layers, opened))
+    return engine.store(engine.opened(engine.load(areas), by))
 
 
 def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:

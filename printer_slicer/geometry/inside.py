@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
 
 __all__ = ["any_crossing", "crossed", "rings_around"]
 
@@ -14,34 +14,52 @@ _PAIRS_AT_ONCE = 1 << 18  # of ways and edges: what is compared stays small
 def rings_around(outlines: Areas, points: Float, layer: Int) -> Int:
     """For each point (P, 2) on its `layer` (P,) ascending the smallest ring that contains it, -1 where none does.
 
+    A ring contains a point if a ray from there to the right crosses it an odd number of times. Points are sorted by
+    layer and height: those that an edge passes stand in a row.
+
     Args:
         outlines: rings that do not cross; the direction does not matter.
         points: mm.
         layer: the layer each point lies on.
     """
-    found = np.full(len(points), -1, np.int64)
-    size = np.abs(outlines.ring_area())
-    rings_of, points_of = outlines.layer_start, np.searchsorted(layer, np.arange(outlines.n_layers + 1))
-    for k in np.unique(layer).tolist():
-        first, last = int(points_of[k]), int(points_of[k + 1])
-        here = points[first:last]
-        # Smaller rings last, so that they overwrite the larger ones around them.
-        for ring in sorted(range(int(rings_of[k]), int(rings_of[k + 1])), key=lambda i: -size[i]):
-            found[first:last][_inside(outlines.ring(ring), here)] = ring
-    return found
+    n_rings = outlines.n_rings
+    if not len(points) or not n_rings:
+        return np.full(len(points), -1, np.int64)
+    ring = np.repeat(np.arange(n_rings), np.diff(outlines.ring_start))
+    (x, y), (px, py) = outlines.xy.T, points.T
+    low = min(float(y.min()), float(py.min()))
+    pitch = max(float(y.max()), float(py.max())) - low + 1.0
+    key = layer * pitch + (py - low)
+    order = np.argsort(key, kind="stable")
+    # A corner at the height of a point lies under it, for both of its edges.
+    begins = np.searchsorted(key[order], outlines.ring_layer[ring] * pitch + (y - low))
+    ends, following = begins[outlines.following], outlines.following
+    first, count = np.minimum(begins, ends), np.abs(begins - ends)
+    odd = []
+    passing = np.flatnonzero(count)
+    for edges in np.split(passing, _every(count[passing], _PAIRS_AT_ONCE)):
+        edge = np.repeat(edges, count[edges])
+        point, end = order[consecutive(first[edges], count[edges])], following[edge]
+        reached = x[edge] + (py[point] - y[edge]) / (y[end] - y[edge]) * (x[end] - x[edge])
+        right = reached > px[point]
+        odd.append(_odd(point[right] * n_rings + ring[edge[right]]))
+    point, within = np.divmod(_odd(np.concatenate(odd)), n_rings)
+    by_size = np.argsort(np.abs(outlines.ring_area()), kind="stable")
+    rank, smallest = np.argsort(by_size), np.full(len(points), n_rings)
+    np.minimum.at(smallest, point, rank[within])
+    return np.append(by_size, -1).take(smallest)
 
 
-def _inside(ring: Float, points: Float) -> Bool:
-    """(P,) whether a ray to the right crosses the ring an odd number of times; only points in its box are tried."""
-    inside = ((points >= ring.min(axis=0)) & (points <= ring.max(axis=0))).all(axis=1)
-    x, y = points[inside, 0][:, None], points[inside, 1][:, None]
-    ax, ay = ring[:, 0][None], ring[:, 1][None]
-    bx, by = np.roll(ring[:, 0], -1)[None], np.roll(ring[:, 1], -1)[None]
-    crosses = (ay <= y) != (by <= y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        right = ax + (y - ay) / (by - ay) * (bx - ax) > x
-    inside[inside] = (crosses & right).sum(axis=1) % 2 == 1
-    return np.asarray(inside)
+def _every(count: Int, most: int) -> Int:
+    """Where to split items that own `count` (n,) things each, so that parts own hardly more than `most`."""
+    total = np.cumsum(count)
+    return np.searchsorted(total, np.arange(most, int(total[-1]) if len(total) else 0, most)).astype(np.int64)
+
+
+def _odd(values: Int) -> Int:
+    """Those that are there an odd number of times, ascending."""
+    found, count = np.unique(values, return_counts=True)
+    return np.asarray(found[count % 2 == 1])
 
 
 def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:

@@ -15,7 +15,14 @@ import shapely
 from numpy.typing import NDArray
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int
-from printer_slicer.geometry.polygons import MITER_LIMIT, ROUND_TOLERANCE, STEPS_PER_MM, Join, Operation
+from printer_slicer.geometry.polygons import (
+    CLEARANCE,
+    MITER_LIMIT,
+    ROUND_TOLERANCE,
+    STEPS_PER_MM,
+    Join,
+    Operation,
+)
 from printer_slicer.geometry.vectors import cross, dot
 
 __all__ = [
@@ -25,6 +32,7 @@ __all__ = [
     "load",
     "load_any",
     "offset",
+    "opened",
     "outlines_within",
     "simplify",
     "store",
@@ -125,6 +133,12 @@ def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> l
         _grouped(lines[order], pen, len(first)), radius[first], quad_segs=_quarter_steps(radius)
     )
     return list(shapely.union_all(_grouped(drawn, layer[first], n_layers)[:, None], axis=1))
+
+
+def opened(layers: list[Any], distance: Float) -> list[Any]:
+    """Each layer without what is narrower than twice its distance, mm."""
+    grown = offset(offset(layers, -distance, "miter"), distance + CLEARANCE, "miter")
+    return combine("intersection", layers, grown)
 
 
 def _mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:

@@ -6,7 +6,16 @@ from typing import Any, Final, Literal, Protocol
 
 from printer_slicer.geometry.areas import Areas, Float, Int
 
-__all__ = ["MITER_LIMIT", "ROUND_TOLERANCE", "STEPS_PER_MM", "Join", "Layer", "Operation", "Polygons"]
+__all__ = [
+    "CLEARANCE",
+    "MITER_LIMIT",
+    "ROUND_TOLERANCE",
+    "STEPS_PER_MM",
+    "Join",
+    "Layer",
+    "Operation",
+    "Polygons",
+]
 
 Join = Literal["miter", "round"]
 Operation = Literal["union", "difference", "intersection"]
@@ -25,6 +34,14 @@ triangles.
 
 ROUND_TOLERANCE: Final = 0.005
 """How far the chords of a round join may be from the circle, mm."""
+
+
+CLEARANCE: Final = 1e-4
+"""mm by which an opened outline is grown more than it was shrunk.
+
+Ten steps of the grid: it passes clear outside the outline it came from, so that their intersection keeps the points of
+the original instead of crossing it at every rounding.
+"""
 
 
 class Polygons(Protocol):
@@ -51,6 +68,9 @@ class Polygons(Protocol):
 
     def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
         """Each entry with its outlines moved outward by its distance, mm."""
+
+    def opened(self, layers: list[Layer], distance: Float) -> list[Layer]:
+        """Each entry shrunk and grown again by its distance, mm, and what lies within the entry of that."""
 
     def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Layer]:
         """One value per layer: what is within its radius of any of its open polylines."""

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Int
+from printer_slicer.geometry.areas import Int, distinct
 
 __all__ = ["intersect_windows"]
 
@@ -50,10 +50,10 @@ def intersect_windows(layers: Sequence[T], first: Int, last: Int, intersect: Int
 def _wanted(first: Int, tail: Int, level: Int) -> list[Int]:
     """The entries of each table that the windows need, directly or to build the tables above."""
     top = int(level.max(initial=0))
-    wanted = [np.unique([first[level == p], tail[level == p]]) for p in range(top + 1)]
+    wanted = [distinct(np.concatenate([first[level == p], tail[level == p]])) for p in range(top + 1)]
     for p in range(top, 0, -1):
         half = 1 << (p - 1)
-        wanted[p - 1] = np.unique(np.concatenate([wanted[p - 1], wanted[p], wanted[p] + half]))
+        wanted[p - 1] = distinct(np.concatenate([wanted[p - 1], wanted[p], wanted[p] + half]))
     return wanted
 
 

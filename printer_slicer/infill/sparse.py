@@ -12,6 +12,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Polylines, anchor, offset
+from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import Fillings, fillings
 from printer_slicer.model import Regions, Role, Toolpaths
@@ -39,7 +40,7 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
     width = profile.extrusion_width
     limit = min(quality.sparse_every, _NOZZLE_SHARE * profile.printer.nozzle_diameter, width)
     filled = fillings(regions.sparse, plan, limit, width)
-    used = np.unique(filled.area.ring_layer)
+    used = distinct(filled.area.ring_layer)
     highest = float(filled.height[used].max(initial=0.0))
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
     across = float(bead.spacing(width, highest))
@@ -100,10 +101,10 @@ def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> Ta
     Anchors follow the walls: their length hardly depends on the spacing, that of the lines is inverse to it. Both are
     measured on some of the entries; one spacing for the whole part keeps the lines above each other.
     """
-    used = np.unique(task.area.ring_layer)
+    used = distinct(task.area.ring_layer)
     if not len(used):
         return task
-    tried = used[np.unique(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
+    tried = used[distinct(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
     some = replace(task, area=task.area.select(np.isin(task.area.ring_layer, tried)))
     bare, more = _drawn(some, pattern)
     lines, both = (_laid(some, one, more).sum() for one in (bare, _anchored(some, bare, profile)))

@@ -41,7 +41,8 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
     height = plan.height[strips.layer]
     wide = np.round(bead.width_for_spacing(gap[strips.layer] / np.where(fits, full, 1.0), height), 4)
     fits &= wide >= height
-    kept = fits[piece]
+    kept, rest = fits[piece], np.ones(pieces.count, np.bool_)
+    rest[narrow[fits]] = False
     of = piece[kept]
     layer = strips.layer[of]
     paths = Toolpaths.gathered(
@@ -53,7 +54,7 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
         width=wide[of],
         closed=False,
     )
-    return paths, pieces.take(np.setdiff1d(np.arange(pieces.count), narrow[fits]))
+    return paths, pieces.take(np.flatnonzero(rest))
 
 
 def _lines(regions: Regions, strips: Pieces, gap: Float, overlap: float) -> tuple[Float, Int, Int, Float]:

@@ -11,6 +11,7 @@ from printer_slicer.geometry import Float, frozen_array
 __all__ = ["Faults", "Mesh", "Repair", "Repairs"]
 
 _BLOCK = 1 << 12  # facets: what fits the cache
+_ROW = 768  # coordinates compared at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -38,9 +39,14 @@ class Mesh:
     @property
     def bounds(self) -> Float:
         """(2, 3) lowest and highest corner of the envelope, mm."""
-        # Axis by axis: reducing strided columns is twenty times faster than reducing rows of three.
-        columns = [self.triangles[:, :, axis] for axis in range(3)]
-        return np.array([[column.min() for column in columns], [column.max() for column in columns]])
+        # Long rows first: numbers that stand side by side are compared several at a time.
+        flat = self.triangles.reshape(-1)
+        n = len(flat) - len(flat) % _ROW
+        ends = []
+        for extreme in (np.minimum, np.maximum):
+            rows = extreme.reduce(flat[:n].reshape(-1, _ROW), axis=0) if n else flat[:0]
+            ends.append(extreme.reduce(np.concatenate([rows, flat[n:]]).reshape(-1, 3), axis=0))
+        return np.array(ends)
 
     @property
     def size(self) -> Float:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, distinct
 from printer_slicer.model.layers import LayerPlan
 
 __all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
@@ -241,7 +241,7 @@ class Program:
     @property
     def printed(self) -> Int:
         """The layers that hold plastic; those where the part is narrower than a bead do not."""
-        return np.unique(self.layer[self.role != Role.TRAVEL])
+        return distinct(self.layer[self.role != Role.TRAVEL])
 
     @property
     def filament_used(self) -> float:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.geometry import frozen_array
+from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.joints import welded
 from printer_slicer.geometry.planes import edge_keys, keys_of
 from printer_slicer.model import Bool, Float, Int, Mesh
@@ -63,7 +64,7 @@ class Contacts:
 
     def events(self) -> Float:
         """(n,) heights of flats, level ridges and valleys, and of corners that are highest or lowest around, mm."""
-        return np.unique(self.low[(self.low == self.high) & (self.rise > 1 - _LEVEL)])
+        return distinct(self.low[(self.low == self.high) & (self.rise > 1 - _LEVEL)])
 
     def mirrored(self) -> Contacts:
         """The same seen upside down: z becomes -z."""
@@ -127,7 +128,7 @@ def find_contacts(mesh: Mesh) -> tuple[Contacts, float]:
     )
     area = sum(block.area for block in blocks)
     del blocks
-    edges, corners = np.union1d(ridges, valleys), np.concatenate([peaks, pits])
+    edges, corners = distinct(np.concatenate([ridges, valleys])), np.concatenate([peaks, pits])
     start, end = mesh.triangles[edges // 3, edges % 3], mesh.triangles[edges // 3, (edges + 1) % 3]
     steep = np.hypot(*(end - start)[:, :2].T) / np.linalg.norm(end - start, axis=1)
     tip = mesh.triangles[corners // 3, corners % 3, 2]

@@ -557,9 +557,10 @@ def test_the_engine_is_the_one_before_again_after_the_block() -> None:
 def test_the_environment_chooses_and_only_that_engine_is_loaded(chosen: str, loaded: str) -> None:
     code = (
         "import sys; from printer_slicer.geometry import Areas, normalize\n"
-        "before = {'clipper2', 'shapely'} & set(sys.modules)\n"
+        "def engines(): return {'clipper2', 'shapely'} & {name.partition('.')[0] for name in sys.modules}\n"
+        "before = engines()\n"
         "normalize(Areas.empty(1))\n"
-        "print(*before, *sorted({'clipper2', 'shapely'} & set(sys.modules)))"
+        "print(*before, *sorted(engines()))"
     )
     environment = {**os.environ, "PRINTER_SLICER_GEOMETRY": chosen}
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
