@@ -45,7 +45,7 @@ _LIGHT: Final = 0.25  # of white is added to the colours, so that dark ones keep
 _DARK: Final = 0.5  # of the light of a bead is that of its edge
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class View:
     """What of a layer is shown, and how.
 

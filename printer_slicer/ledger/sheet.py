@@ -94,16 +94,18 @@ def levels_of(deposit: Deposit, stack: Stack) -> Levels:
     loose = stack.layer < 0
     more = _new_heights(beads.z_top[loose & (beads.purpose == Purpose.SUPPORT)], stack.top)
     top = np.concatenate([stack.top, more])
+    if not len(top):
+        return Levels(beads, np.full(beads.n_beads, -1), top, top, np.zeros(0, np.int64))
     order = np.argsort(top)
-    of_stack = np.append(np.arange(stack.n_layers), np.full(len(more), -1))[order]
     top = top[order]
-    below = np.append(0.0, top[:-1])
-    bottom = np.where(of_stack < 0, below, stack.bottom[of_stack] if stack.n_layers else below)
-    place = np.argsort(order)[: stack.n_layers]
-    near = np.minimum(np.searchsorted(top, beads.z_top - _LEVEL), max(len(top) - 1, 0))
-    hit = np.abs(top[near] - beads.z_top) <= 2 * _LEVEL if len(top) else np.zeros(len(near), np.bool_)
-    level = np.where(loose, np.where(hit, near, -1), place[stack.layer] if stack.n_layers else -1)
-    height = np.where(loose & np.isnan(told) & (level >= 0), (top - bottom)[level], beads.height)
+    of_stack = np.append(np.arange(stack.n_layers), np.full(len(more), -1))[order]
+    bottom = np.where(of_stack < 0, np.append(0.0, top[:-1]), np.append(stack.bottom, 0.0)[of_stack])
+    near = np.minimum(np.searchsorted(top, beads.z_top - _LEVEL), len(top) - 1)
+    hit = np.abs(top[near] - beads.z_top) <= 2 * _LEVEL
+    place = np.argsort(order)  # of what stood here before it was sorted
+    level = np.where(loose, np.where(hit, near, -1), place[stack.layer])
+    # A stack knows nothing of the thickness of what lies in none of its layers.
+    height = np.where(loose & np.isnan(told) & hit, (top - bottom)[near], beads.height)
     return Levels(replace(beads, height=height), level, top, bottom, of_stack)
 
 

@@ -74,6 +74,17 @@ def test_a_raft_comes_first_and_its_beads_are_as_thick_as_the_step_where_nothing
     assert three[1].beads.width == pytest.approx(np.full(4, WIDTH), abs=1e-4)
 
 
+def test_a_file_of_supports_alone_has_their_layers() -> None:
+    two = sheets(";TYPE:Support material", *square(0.2), *square(0.5, 0.3))
+
+    assert [sheet.top for sheet in two] == pytest.approx([0.2, 0.5])
+    assert two[1].beads.width == pytest.approx(np.full(4, WIDTH), abs=1e-4)
+
+
+def test_a_file_that_lays_nothing_has_no_layers() -> None:
+    assert read("G1 X5 Y5")[1].n_levels == 0
+
+
 def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
     prime = path([(-50, 0), (-50, 60)], 0.37, 0.37)
     two = sheets(*prime, ";LAYER_CHANGE", *square(0.2), ";LAYER_CHANGE", *square(0.4))
