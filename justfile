@@ -38,6 +38,10 @@ cover:
 bench *ARGS:
     python benchmarks/compare.py {{ARGS}}
 
+# parts and pictures of docs/gallery.md
+gallery *NAMES:
+    python -m benchmarks.gallery {{NAMES}}
+
 # sample parts and the picture of the README
 parts:
     python sample_parts/make.py

@@ -35,7 +35,7 @@ from printer_slicer.pipeline import Report, quiet
 from printer_slicer.placing import Placement
 from printer_slicer.slicing import cut
 
-__all__ = ["Asked", "Check", "check_gcode"]
+__all__ = ["Asked", "Check", "check_gcode", "placed_sections", "read_deposit"]
 
 _RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer than what is printed
 _BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
@@ -115,14 +115,7 @@ def check_gcode(
         PartError: the part cannot be cut.
     """
     report("reading")
-    if text.startswith(b"GCDE"):
-        raise UsageError(
-            f"{name}: is binary G-code", remedy="export it as plain G-code, or convert it with bgcode"
-        )
-    deposit = beads_of_gcode(text, filament_diameter=asked.filament_diameter)
-    stack = stacked(deposit.beads)
-    if not stack.n_layers:
-        raise UsageError(f"{name}: no beads of a part in it", remedy="is it G-code that extrudes?")
+    deposit, stack = read_deposit(text, asked.filament_diameter, name)
     report("matching")
     part, stack, sections, match = _matched(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
@@ -139,6 +132,50 @@ def check_gcode(
         tuple(_notes(deposit, ledger)),
         deposit,
     )
+
+
+def read_deposit(text: bytes, filament_diameter: float | None, name: str) -> tuple[Deposit, Stack]:
+    """What a G-code text lays, and the layers of the part in it.
+
+    Args:
+        text: of any slicer.
+        filament_diameter: mm; None: as the file says.
+        name: of the file, for messages.
+
+    Raises:
+        UsageError: the text lays nothing, or is no text.
+    """
+    if text.startswith(b"GCDE"):
+        raise UsageError(
+            f"{name}: is binary G-code", remedy="export it as plain G-code, or convert it with bgcode"
+        )
+    deposit = beads_of_gcode(text, filament_diameter=filament_diameter)
+    stack = stacked(deposit.beads)
+    if not stack.n_layers:
+        raise UsageError(f"{name}: no beads of a part in it", remedy="is it G-code that extrudes?")
+    return deposit, stack
+
+
+def placed_sections(
+    mesh: Mesh, deposit: Deposit, stack: Stack, placement: Placement | None = None
+) -> tuple[Stack, Areas, Match]:
+    """The sections of a part where it lies among beads, and how well they fit.
+
+    Args:
+        mesh: the part, repaired, scaled and turned, anywhere.
+        deposit: the beads.
+        stack: the layers they are in.
+        placement: where the part is; None looks for it.
+
+    Returns:
+        The layers that the beads of the part have, which may be fewer than those of the file; a section for each; and
+        the shift from where the mesh was.
+
+    Raises:
+        PartError: the part cannot be cut.
+    """
+    _, stack, sections, match = _matched(mesh, deposit.beads, stack, placement)
+    return stack, sections, match
 
 
 def _matched(

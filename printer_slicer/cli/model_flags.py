@@ -9,11 +9,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["add_models", "attached"]
+__all__ = ["add_models", "attached", "box_of"]
 
 UNITS: Final = ("mm", "cm", "m", "inch", "foot", "micron")
-_WITH_SIGN: Final = ("--rotate", "--center")
+_WITH_SIGN: Final = ("--rotate", "--center", "--box")
 """Flags whose values may begin with a minus sign, which argparse takes for a flag."""
+_SMALLEST_BOX: Final = 0.01  # mm
 
 
 def add_models(
@@ -140,3 +141,14 @@ def _angles(text: str) -> tuple[float, float, float]:
 def _point(text: str) -> tuple[float, float]:
     x, y = _numbers(text, (2,), "X,Y in mm on the bed, such as 110,110")
     return x, y
+
+
+def box_of(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Two corners of a rectangle on the bed, mm."""
+    example = "two corners X0,Y0,X1,Y1 in mm on the bed, such as 100,100,120,110"
+    x0, y0, x1, y1 = _numbers(text, (4,), example)
+    if min(abs(x1 - x0), abs(y1 - y0)) < _SMALLEST_BOX:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: less than {_SMALLEST_BOX:g} mm wide or high; expected {example}"
+        )
+    return (x0, y0), (x1, y1)

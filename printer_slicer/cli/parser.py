@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Final
 
-from printer_slicer.cli.model_flags import add_models, attached
+from printer_slicer.cli.model_flags import add_models, attached, box_of
+from printer_slicer.cli.values import factor, height, length, pixels, positive, seconds
 
 __all__ = ["build_parser"]
 
@@ -20,6 +20,7 @@ examples:
   printer-slicer slice part.stl --quality adaptive   thick layers where the shape allows, thin ones elsewhere
   printer-slicer plan part.stl --picture plan.svg    compare layer plans, draw the chosen one
   printer-slicer check part.gcode --model part.stl   hold any slicer's G-code against the part
+  printer-slicer draw part.gcode --layer 12 -o layer.svg   draw a layer of any slicer's G-code
   printer-slicer dry-run part.stl                    print it on a simulated printer and say what would happen
   printer-slicer print part.stl --port sim:          the same over the serial protocol, line by line
   printer-slicer ports                               which serial ports there are
@@ -44,6 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
     _plan(commands)
     _contours(commands)
     _check(commands)
+    _draw(commands)
     _dry_run(commands)
     _print(commands)
     _sim(commands)
@@ -70,34 +72,7 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _positive(text: str) -> int:
-    """A whole number over 0."""
-    value = int(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text} is not over 0")
-    return value
-
-
-def _factor(text: str) -> float:
-    """A number that time can be multiplied by."""
-    value = float(text)
-    if not value >= 0:
-        raise argparse.ArgumentTypeError(f"{text} is not 0 or more")
-    return value
-
-
-def _seconds(text: str) -> float:
-    """A time such as 90m, 1h30m, 45s or 5400, in seconds."""
-    number = r"(\d+\.?\d*|\.\d+)"
-    found = re.fullmatch(rf"{number}h\s*{number}()", text.strip())  # 1h30: minutes
-    found = found or re.fullmatch(rf"(?:{number}h)?\s*(?:{number}m(?:in)?)?\s*(?:{number}s?)?", text.strip())
-    if not found or not any(found.groups()):
-        raise argparse.ArgumentTypeError(f"{text!r} is no time; write 1h30m, 90m or 5400 (seconds)")
-    hours, minutes, seconds = (float(part or 0) for part in found.groups())
-    return 3600 * hours + 60 * minutes + seconds
-
-
-_READERS: Final[dict[str, Callable[[str], object]]] = {"--time-budget": _seconds}
+_READERS: Final[dict[str, Callable[[str], object]]] = {"--time-budget": seconds}
 
 
 def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
@@ -302,18 +277,18 @@ def _check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     add_models(parser, flag="--model", meaning=meaning, required=True)
     group = parser.add_argument_group("measuring")
     group.add_argument(
-        "--filament", metavar="MM", type=_length, help="diameter; default: as the file says, else 1.75"
+        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
     )
     group.add_argument(
         "--shell",
         metavar="MM",
-        type=_length,
+        type=length,
         help="depth of the shell; default: of the file's own perimeters",
     )
     group.add_argument(
         "--skin",
         metavar="MM",
-        type=_factor,
+        type=factor,
         default=0.0,
         help="height under and over air that belongs to the shell; default: the layer next to it",
     )
@@ -331,12 +306,44 @@ def _check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.set_defaults(run=_later("checking", "check_command"), strict=False)
 
 
-def _length(text: str) -> float:
-    """A number of mm over 0."""
-    value = float(text)
-    if not 0 < value < 1000:
-        raise argparse.ArgumentTypeError(f"{text} is no length in mm")
-    return value
+def _draw(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = _command(
+        commands,
+        "draw",
+        "draw one layer of any slicer's G-code from above, every bead as wide as it is laid",
+        "  printer-slicer draw part.gcode --layer 12 -o layer.svg\n"
+        "  printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000\n"
+        "  printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg\n"
+        "  printer-slicer draw part.gcode --layer 12 --model part.stl -o layer.svg    with the section's outline",
+    )
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="SVG or PNG by the name; - for stdout",
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--layer", metavar="N", type=int, help="which layer of the file, from 1; default: 1")
+    which.add_argument("--z", metavar="MM", type=height, help="the layer that holds this height over the bed")
+    parser.add_argument(
+        "--box",
+        metavar="X0,Y0,X1,Y1",
+        type=box_of,
+        help="only this part of the bed, in mm; default: all beads",
+    )
+    parser.add_argument("--travel", action="store_true", help="show where the nozzle goes and lays nothing")
+    parser.add_argument(
+        "--pixels", metavar="N", type=pixels, default=1000, help="longer side of the drawing; default: 1000"
+    )
+    parser.add_argument(
+        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
+    )
+    add_models(parser, flag="--model", meaning="draw the outline of its section too; it is found in the file")
+    _output(parser)
+    parser.set_defaults(run=_later("drawing", "draw_command"), strict=False)
 
 
 def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -364,7 +371,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.add_argument(
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
-    parser.add_argument("--baud", type=_positive, metavar="N", help="default: as the printer's profile says")
+    parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
 
@@ -383,7 +390,7 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         "--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it"
     )
     parser.add_argument(
-        "--speed", type=_factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
+        "--speed", type=factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
     )
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"

@@ -4,13 +4,16 @@ from printer_slicer.drawing.canvas import Picture, check_picture, picture_bytes
 from printer_slicer.drawing.layer import draw_layer, layer_picture
 from printer_slicer.drawing.material import material_picture
 from printer_slicer.drawing.plan import draw_plan
+from printer_slicer.drawing.sheet import View, sheet_picture
 
 __all__ = [
     "Picture",
+    "View",
     "check_picture",
     "draw_layer",
     "draw_plan",
     "layer_picture",
     "material_picture",
     "picture_bytes",
+    "sheet_picture",
 ]

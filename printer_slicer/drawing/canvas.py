@@ -28,7 +28,18 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
     from PIL.ImageFont import ImageFont as BitmapFont
 
-__all__ = ["Box", "Fill", "Line", "Picture", "Shape", "Text", "check_picture", "picture_bytes", "text_width"]
+__all__ = [
+    "Box",
+    "Fill",
+    "Line",
+    "Picture",
+    "Shape",
+    "Strokes",
+    "Text",
+    "check_picture",
+    "picture_bytes",
+    "text_width",
+]
 
 Anchor = Literal["start", "middle", "end"]
 
@@ -103,7 +114,24 @@ class Text:
     bold: bool = False
 
 
-Shape = Fill | Line | Box | Text
+@dataclass(frozen=True, slots=True, eq=False)
+class Strokes:
+    """Lines with round ends and corners in one colour, as many and as wide as need be.
+
+    Attributes:
+        lines: (n, 2) px each, at least two points.
+        widths: of each, px.
+        colour: "#rrggbb".
+        name: as with `Fill`.
+    """
+
+    lines: tuple[Float, ...]
+    widths: tuple[float, ...]
+    colour: str
+    name: str = ""
+
+
+Shape = Fill | Line | Strokes | Box | Text
 _EDGE_WIDTH: Final = 0.5
 
 
@@ -147,6 +175,9 @@ class Picture:
                     _paint_fill(image, pen, shape)
                 case Line():
                     _paint_line(pen, shape)
+                case Strokes():
+                    for points, width in zip(shape.lines, shape.widths, strict=True):
+                        _paint_line(pen, Line(points, shape.colour, width, round=True))
                 case Box():
                     _paint_box(pen, shape)
                 case Text():
@@ -195,14 +226,20 @@ def _visible(text: str) -> str:
 
 # SVG
 
+_SVG_GROUPS: Final = {
+    Fill: "",
+    Strokes: ' fill="none" stroke-linecap="round" stroke-linejoin="round"',
+}
+
 
 def _svg_parts(shapes: Sequence[Shape]) -> Iterator[str]:
-    """One element a line; areas in whole tenths of a px, in a group that says so."""
-    for areas, several in groupby(shapes, lambda shape: isinstance(shape, Fill)):
-        if areas:
-            yield f'<g transform="scale({1 / _FINE:g})">'
+    """One element a line; areas and strokes in whole tenths of a px, in groups that say so."""
+    for kind, several in groupby(shapes, type):
+        style = _SVG_GROUPS.get(kind)
+        if style is not None:
+            yield f'<g transform="scale({1 / _FINE:g})"{style}>'
         yield from map(_svg_part, several)
-        if areas:
+        if style is not None:
             yield "</g>"
 
 
@@ -213,6 +250,8 @@ def _svg_part(shape: Shape) -> str:
             return f'<path{_svg_name(shape.name)} fill="{shape.colour}" d="{outline}"/>'
         case Line():
             return _svg_line(shape)
+        case Strokes():
+            return _svg_strokes(shape)
         case Box():
             edge = f' stroke="{shape.edge}" stroke-width="{_EDGE_WIDTH}"' if shape.edge else ""
             size = f'width="{shape.width:.2f}" height="{shape.height:.2f}"'
@@ -237,6 +276,23 @@ def _svg_ring(ring: Float) -> str:
     steps = steps[steps.any(axis=1)]
     x, y = place[0].tolist()
     return f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist()))}z" if len(steps) > 1 else ""
+
+
+def _svg_strokes(strokes: Strokes) -> str:
+    """A path for each width that occurs; lengths in tenths of a px."""
+    ways: dict[str, list[str]] = {}
+    for points, width in zip(strokes.lines, strokes.widths, strict=True):
+        place = np.rint(points * _FINE).astype(np.int64)
+        steps = np.diff(place, axis=0)
+        steps = steps[steps.any(axis=1)] if len(steps) > 1 else steps
+        x, y = place[0].tolist()
+        way = f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist() or [0, 0]))}"
+        ways.setdefault(f"{width * _FINE:.1f}".removesuffix(".0"), []).append(way)
+    name = _svg_name(strokes.name)
+    return "".join(
+        f'<path{name} stroke="{strokes.colour}" stroke-width="{width}" d="{"".join(way)}"/>'
+        for width, way in ways.items()
+    )
 
 
 def _svg_line(line: Line) -> str:

@@ -9,6 +9,7 @@ from printer_slicer.ledger.account import Ledger, Rules, ledger_of, overlapping
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of, beads_of_moves
 from printer_slicer.ledger.limits import Finding, Limits, findings
 from printer_slicer.ledger.matching import Match, apart, first_guess, fitted, moved
+from printer_slicer.ledger.sheet import Levels, Sheet, levels_of, sheet_of
 from printer_slicer.ledger.stack import Stack, stack_of, stacked
 from printer_slicer.ledger.text import Deposit, beads_of_gcode
 
@@ -17,10 +18,12 @@ __all__ = [
     "Deposit",
     "Finding",
     "Ledger",
+    "Levels",
     "Limits",
     "Match",
     "Purpose",
     "Rules",
+    "Sheet",
     "Stack",
     "apart",
     "beads_of",
@@ -30,8 +33,10 @@ __all__ = [
     "first_guess",
     "fitted",
     "ledger_of",
+    "levels_of",
     "moved",
     "overlapping",
+    "sheet_of",
     "stack_of",
     "stacked",
 ]

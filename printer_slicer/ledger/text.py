@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
-from printer_slicer.gcode import read_moves
+from printer_slicer.gcode import Moves, read_moves
 from printer_slicer.geometry import Float, Int, frozen_array
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of_moves
 from printer_slicer.stream.framing import strip
@@ -68,6 +68,10 @@ class Deposit:
     Attributes:
         beads: heights are those of comments, nan where there are none.
         turn: (B,) how many layer comments stand before each bead; all 0 where there are none.
+        name: (B,) index into `names`.
+        names: what comments call beads, as they are written; the first is empty, for beads that none speaks of.
+        travel: (T, 2, 2) mm, from where to where the nozzle goes along x or y and lays nothing.
+        before: (T,) the bead that follows each of these; the number of beads after the last one.
         standing: mm³ laid while x and y stand still.
         diameter: of the filament, mm; one for each tool.
         diameter_known: whether the text says so, or the caller did.
@@ -76,13 +80,20 @@ class Deposit:
 
     beads: Beads
     turn: Int
+    name: Int
+    names: tuple[str, ...]
+    travel: Float
+    before: Int
     standing: float
     diameter: Float
     diameter_known: bool
     settings: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "turn", frozen_array(self.turn, np.int64, (self.beads.n_beads,)))
+        for name in ("turn", "name"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64, (self.beads.n_beads,)))
+        object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
+        object.__setattr__(self, "before", frozen_array(self.before, np.int64, (len(self.travel),)))
         object.__setattr__(self, "diameter", frozen_array(self.diameter, np.float64, (-1,)))
 
 
@@ -107,12 +118,32 @@ def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> De
     if settings.get("use_volumetric_e", "0") == "1" and not any(one.startswith(b"M200") for one in commands):
         # The printer was told before, or is, by a start macro.
         commands, numbers = [b"M200 D%f" % diameter[0], *commands], [0, *numbers]
-    beads, _, standing = beads_of_moves(read_moves(commands), diameter)
+    moves = read_moves(commands)
+    beads, kept, standing = beads_of_moves(moves, diameter)
     line = np.array(numbers, np.int64)[beads.line]
-    purpose, height, turn = _noted(text, line)
+    notes = _noted(text, line)
+    travel, before = _travels(moves, kept)
     return Deposit(
-        replace(beads, line=line, purpose=purpose, height=height), turn, standing, diameter, known, settings
+        beads=replace(beads, line=line, purpose=notes.purpose, height=notes.height),
+        turn=notes.turn,
+        name=notes.name,
+        names=notes.names,
+        travel=travel,
+        before=before,
+        standing=standing,
+        diameter=diameter,
+        diameter_known=known,
+        settings=settings,
     )
+
+
+def _travels(moves: Moves, laying: Int) -> tuple[Float, Int]:
+    """Moves along x or y that lay nothing, and how many of those that do come before each."""
+    goes = (moves.delta[:, :2] != 0).any(axis=1)
+    goes[laying] = False
+    index = np.flatnonzero(goes)
+    end = moves.end[index, :2]
+    return np.stack([end - moves.delta[index, :2], end], axis=1), np.searchsorted(laying, index)
 
 
 def _diameter(settings: Mapping[str, str], given: float | None) -> tuple[Float, bool]:
@@ -126,29 +157,45 @@ def _diameter(settings: Mapping[str, str], given: float | None) -> tuple[Float, 
     return np.array([USUAL_DIAMETER]), False
 
 
-def _noted(text: bytes, line: Int) -> tuple[Int, Float, Int]:
-    """Purpose, height (mm or nan) and number of layer comments before each bead, from the comments before its line."""
+@dataclass(frozen=True, slots=True)
+class _Notes:
+    """What comments before each bead say: purpose, name, height (mm or nan), and how many begin a layer."""
+
+    purpose: Int
+    name: Int
+    names: tuple[str, ...]
+    height: Float
+    turn: Int
+
+
+def _noted(text: bytes, line: Int) -> _Notes:
+    """The comments before the lines (B,) of beads."""
     breaks = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     notes = list(_NOTE.finditer(text))
     place = np.searchsorted(breaks, np.array([note.start() for note in notes], np.int64)) + 1
     kinds = [note[1] for note in notes]
 
-    def latest(wanted: tuple[bytes, ...], read: Callable[[str], float], before: float) -> Float:
-        """What the last comment of the `wanted` kinds says before each bead; `before` where there is none yet."""
+    def latest(wanted: tuple[bytes, ...]) -> tuple[Int, list[str]]:
+        """Which of the notes of some kinds is the last before each line, from 1, and what they say."""
         of_kind = [i for i, kind in enumerate(kinds) if kind in wanted]
-        values = [before, *(read(notes[i][2].decode("utf-8", "replace")) for i in of_kind)]
-        return np.array(values, np.float64)[np.searchsorted(place[of_kind], line)]
+        said = [notes[i][2].decode("utf-8", "replace").strip() for i in of_kind]
+        return np.searchsorted(place[of_kind], line), said
 
-    turn = np.searchsorted(place[[i for i, kind in enumerate(kinds) if kind in _LAYERS]], line)
-    purpose = latest(_TYPES, _purpose, Purpose.UNKNOWN).astype(np.int64)
-    height = latest(_HEIGHTS, _height, np.nan)
+    which, said = latest(_TYPES)
+    names = ("", *dict.fromkeys(said))
+    number = {name: i for i, name in enumerate(names)}
+    name = np.array([0, *map(number.__getitem__, said)], np.int64)[which]
+    purpose = np.array([Purpose.UNKNOWN, *map(_purpose, names[1:])], np.int64)[name]
+    which, said = latest(_HEIGHTS)
+    height = np.array([np.nan, *map(_height, said)])[which]
+    turn = latest(_LAYERS)[0]
     # What is laid before the first layer primes the nozzle.
     if turn.max(initial=0):
         purpose[turn == 0] = Purpose.BESIDE
-    return purpose, height, turn
+    return _Notes(purpose, name, names, height, turn)
 
 
-def _purpose(name: str) -> float:
+def _purpose(name: str) -> int:
     """What a slicer's name for a bead means."""
     plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
     return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
@@ -156,5 +203,5 @@ def _purpose(name: str) -> float:
 
 def _height(text: str) -> float:
     """Mm, or nan."""
-    found = _NUMBER.match(text.strip())
+    found = _NUMBER.match(text)
     return float(found[0]) if found else np.nan

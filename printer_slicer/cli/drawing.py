@@ -1,0 +1,167 @@
+"""`draw`: one layer of any slicer's G-code as a picture."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from printer_slicer.checking import placed_sections, read_deposit
+from printer_slicer.cli.common import Stages, check_writable, refuse_same, say, stages, visible, write_file
+from printer_slicer.cli.models import repaired_plate
+from printer_slicer.drawing import View, check_picture, picture_bytes, sheet_picture
+from printer_slicer.errors import UsageError
+from printer_slicer.geometry import Areas
+from printer_slicer.jobs import read_text
+from printer_slicer.ledger import Deposit, Levels, Match, Purpose, Sheet, Stack, levels_of, sheet_of
+from printer_slicer.profile import load_profile
+
+__all__ = ["draw_command"]
+
+_FITS = 0.5  # of the length of the outer perimeters: with less the file is of another part
+_DIGITS = 4  # of numbers in the result
+
+
+def draw_command(arguments: argparse.Namespace) -> int:
+    """Draw one layer, and say what it holds."""
+    _refuse(arguments)
+    with stages(arguments) as report:
+        report("reading")
+        deposit, stack = read_deposit(read_text(arguments.gcode), arguments.filament, arguments.gcode.name)
+        stack, sections, match = _located(arguments, deposit, stack, report)
+        levels = levels_of(deposit, stack)
+        sheet = sheet_of(deposit, levels, _number(arguments, levels))
+        own = int(levels.of_stack[sheet.number])
+        rings = list(sections.rings(own)) if sections is not None and own >= 0 else []
+        view = View(arguments.box, arguments.pixels, arguments.travel, rings)
+        _refuse_empty(arguments, sheet)
+        report("drawing")
+        picture = sheet_picture(sheet, visible(arguments.gcode.name), view)
+        write_file(arguments.output, picture_bytes(picture, arguments.output))
+    facts = _facts(arguments, sheet, match)
+    if arguments.json:
+        print(json.dumps(facts))
+    elif str(arguments.output) != "-":
+        say(arguments, "\n  ".join(_sentences(facts)))
+    return 0
+
+
+def _refuse(arguments: argparse.Namespace) -> None:
+    """What cannot be done, before work begins.
+
+    Raises:
+        UsageError: no kind of picture, two things for stdout, or a picture over a file that is read.
+        OutputError: there is no place for the picture.
+    """
+    check_picture(arguments.output)
+    if str(arguments.output) == "-":
+        if arguments.json:
+            raise UsageError("-o - and --json both want stdout", remedy="write the picture to a file")
+    else:
+        check_writable(arguments.output)
+    for path in (arguments.gcode, *arguments.models):
+        refuse_same(arguments.output, path)
+
+
+def _located(
+    arguments: argparse.Namespace, deposit: Deposit, stack: Stack, report: Stages
+) -> tuple[Stack, Areas | None, Match | None]:
+    """The layers of the part, its sections in them and how well these fit, where there is a model."""
+    if not arguments.models:
+        return stack, None, None
+    mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
+    told = arguments.center or arguments.as_placed or not arguments.drop
+    report("matching")
+    return placed_sections(mesh, deposit, stack, plate.placement if told else None)
+
+
+def _number(arguments: argparse.Namespace, levels: Levels) -> int:
+    """The layer that is asked for, from 0.
+
+    Raises:
+        UsageError: there is none.
+    """
+    top = float(levels.top[-1])
+    if arguments.z is not None:
+        number = levels.at(arguments.z)
+        if number < 0:
+            raise UsageError(
+                f"--z {arguments.z:g}: {arguments.gcode.name} has layers from the bed to z {top:.4g} mm",
+                remedy="choose a height over the bed between these",
+            )
+        return number
+    number = 1 if arguments.layer is None else arguments.layer
+    if not 1 <= number <= levels.n_levels:
+        raise UsageError(
+            f"--layer {number}: {arguments.gcode.name} has layers 1 to {levels.n_levels}",
+            remedy="choose one of these, or a height with --z",
+        )
+    return number - 1
+
+
+def _refuse_empty(arguments: argparse.Namespace, sheet: Sheet) -> None:
+    """A box beside all beads is a mistake.
+
+    Raises:
+        UsageError: it is.
+    """
+    if arguments.box is None:
+        return
+    corners = np.array(arguments.box)
+    places = np.concatenate([sheet.beads.begin, sheet.beads.end])
+    low, high = places.min(axis=0), places.max(axis=0)
+    if (corners.max(axis=0) < low).any() or (corners.min(axis=0) > high).any():
+        lies = f"from {low[0]:.1f},{low[1]:.1f} to {high[0]:.1f},{high[1]:.1f}"
+        raise UsageError(
+            f"--box {','.join(f'{number:g}' for number in corners.ravel())}: "
+            f"the beads of layer {sheet.number + 1} lie {lies}",
+            remedy="give two corners as X0,Y0,X1,Y1 in mm on the bed",
+        )
+
+
+def _facts(arguments: argparse.Namespace, sheet: Sheet, match: Match | None) -> dict[str, Any]:
+    """What the layer holds, ready for JSON: lengths in mm, volumes in mm³, layers from 1."""
+    return {
+        "output": str(arguments.output),
+        "file": str(arguments.gcode),
+        "layer": sheet.number + 1,
+        "layers": sheet.count,
+        "z": round(sheet.top, _DIGITS),
+        "height": round(sheet.height, _DIGITS),
+        "beads": list(_beads(sheet)),
+        "travel": round(float(np.hypot(*(sheet.travel[:, 1] - sheet.travel[:, 0]).T).sum()), _DIGITS),
+        "fit": None if match is None else round(match.share, _DIGITS),
+    }
+
+
+def _beads(sheet: Sheet) -> Iterator[dict[str, Any]]:
+    """Of each kind of bead how much there is, and how wide it is."""
+    beads = sheet.beads
+    pairs = np.stack([sheet.name, beads.purpose], axis=1)
+    for name, purpose in np.unique(pairs, axis=0).tolist():
+        own = beads.take((sheet.name == name) & (beads.purpose == purpose))
+        yield {
+            "name": sheet.names[name] or Purpose(purpose).spoken,
+            "purpose": Purpose(purpose).spoken,
+            "length": round(float(own.length.sum()), _DIGITS),
+            "volume": round(float(own.volume.sum()), _DIGITS),
+            "width": [round(float(width), _DIGITS) for width in (own.width.min(), own.width.max())],
+        }
+
+
+def _sentences(facts: dict[str, Any]) -> Iterator[str]:
+    """The facts for people."""
+    where = f"layer {facts['layer']} of {facts['layers']}, z {facts['z']:g} mm, {facts['height']:g} mm high"
+    yield f"{facts['output']}: {where}"
+    for one in facts["beads"]:
+        low, high = (f"{width:.2f}" for width in one["width"])
+        wide = low if low == high else f"{low} to {high}"
+        yield visible(f"{one['name']}: {one['length']:.1f} mm, {wide} mm wide, {one['volume']:.2f} mm3")
+    if facts["fit"] is not None and facts["fit"] < _FITS:
+        yield (
+            f"only {facts['fit']:.0%} of the outer perimeters lie where those of this model would: "
+            "is it the model that was sliced, as large and turned as it was?"
+        )
