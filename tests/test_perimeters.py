@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from printer_slicer import bead
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.model import Float, LayerPlan, Mesh, Role, Sections, Walls
 from printer_slicer.perimeters import lay_walls
@@ -43,6 +44,23 @@ def test_there_are_as_many_loops_as_asked_for(engine: str, count: int) -> None:
         walls = lay_walls(sections_of(box()), plain(perimeters=count))
 
     assert np.bincount(walls.paths.layer, minlength=6).tolist() == [count] * 6
+
+
+@engines
+@pytest.mark.parametrize("angle", [30, 45, 58])
+def test_loops_keep_the_points_of_corners_of_30_to_60_degrees(engine: str, angle: float) -> None:
+    half = np.deg2rad(angle / 2)
+    length = 30.0
+    ring = np.array([[0, 0], [length, -length * np.tan(half)], [length, length * np.tan(half)]])
+    sections = Sections(LayerPlan.from_tops(np.array([0.2])), Areas.from_rings([[ring]]))
+    with using_engine(engine):
+        walls = lay_walls(sections, plain(perimeters=2, varying_walls=False))
+
+    gap = float(bead.spacing(0.45, 0.2))
+    for depth, loop in enumerate(loops_of(walls, 0)):
+        inset = 0.45 / 2 + depth * gap
+        assert len(loop) == 3
+        assert loop[:, 0].min() == pytest.approx(inset / np.sin(half), abs=1e-4)
 
 
 @engines

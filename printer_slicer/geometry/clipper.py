@@ -178,7 +178,7 @@ def _rejoined(lines: Rings) -> Rings:
 def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
     """Each layer with its outlines moved outward by its distance, mm."""
     if join == "miter":
-        return _combined("union", _mitered(layers, distance), [[] for _ in layers])
+        return _combined("union", _mitered(layers, distance, MITER_LIMIT), [[] for _ in layers])
     inflater = clipper2.ClipperOffset(MITER_LIMIT, ROUND_TOLERANCE * STEPS_PER_MM)
     result = []
     for rings, by in zip(layers, (distance * STEPS_PER_MM).tolist(), strict=True):
@@ -189,14 +189,14 @@ def offset(layers: list[Rings], distance: Float, join: Join) -> list[Rings]:
     return result
 
 
-def opened(layers: list[Rings], distance: Float) -> list[Rings]:
+def opened(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
     """Each layer without what is narrower than twice its distance, mm."""
     # What the grown outlines cross of themselves and each other, the intersection takes as it takes overlapping areas.
-    grown = _mitered(offset(layers, -distance, "miter"), distance + CLEARANCE)
+    grown = _mitered(offset(layers, -distance, "miter"), distance + CLEARANCE, limit)
     return combine("intersection", layers, grown)
 
 
-def _mitered(layers: list[Rings], distance: Float) -> list[Rings]:
+def _mitered(layers: list[Rings], distance: Float, limit: float) -> list[Rings]:
     """Rings with their outlines moved outward; what is too much of them still runs around the wrong way."""
     moving = np.abs(distance) * STEPS_PER_MM >= _LEAST
     rings = [ring for rings, moves in zip(layers, moving, strict=True) if moves for ring in rings]
@@ -204,7 +204,7 @@ def _mitered(layers: list[Rings], distance: Float) -> list[Rings]:
         return layers
     count = np.where(moving, [len(rings) for rings in layers], 0)
     start = np.cumsum([0, *map(len, rings)])
-    xy, start = mitered(np.concatenate(rings), start, np.repeat(distance * STEPS_PER_MM, count))
+    xy, start = mitered(np.concatenate(rings), start, np.repeat(distance * STEPS_PER_MM, count), limit)
     ends = zip(start.tolist(), start[1:].tolist(), strict=False)
     moved = [xy[begin:end] for begin, end in ends]
     last = np.cumsum(count)

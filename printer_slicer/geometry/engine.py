@@ -18,7 +18,7 @@ import numpy as np
 
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, per_layer
-from printer_slicer.geometry.polygons import Join, Operation, Polygons
+from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows
 
 __all__ = [
@@ -150,7 +150,7 @@ def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Ar
     return engine.store(engine.offset(engine.load(areas), _distances(distance, areas.n_layers), join))
 
 
-def offset_open(areas: Areas, distance: float | Float) -> Areas:
+def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMIT) -> Areas:
     """The areas without what is narrower than twice `distance`: shrunk, then grown again.
 
     The result lies within the original: what the pointed joins add beyond it is cut away. Corners of 60° and
@@ -159,6 +159,7 @@ def offset_open(areas: Areas, distance: float | Float) -> Areas:
     Args:
         areas: clean areas.
         distance: mm, not negative; one for all layers or one per layer.
+        limit: corners with a point farther away than this many distances are cut off; a larger one spares sharper ones.
 
     Raises:
         ValueError: `distance` has another length, is negative or not finite.
@@ -167,7 +168,7 @@ def offset_open(areas: Areas, distance: float | Float) -> Areas:
     if (by < 0).any():
         raise ValueError("an opening needs distances of 0 or more")
     engine = _engine()
-    return engine.store(engine.opened(engine.load(areas), by))
+    return engine.store(engine.opened(engine.load(areas), by, limit))
 
 
 def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:

@@ -18,7 +18,6 @@ from printer_slicer.geometry.polygons import MITER_LIMIT
 
 __all__ = ["mitered"]
 
-_SHARP: Final = 2 / MITER_LIMIT**2 - 1  # cosine of the turn beyond which a corner is cut off square
 _ROUND: Final = (
     0.5  # cosine of the turn up to which inner corners are joined where their edges are long enough
 )
@@ -37,13 +36,14 @@ class _Corners(NamedTuple):
     length: Float
 
 
-def mitered(xy: Int, start: Int, distance: Float) -> tuple[Int, Int]:
+def mitered(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) -> tuple[Int, Int]:
     """Rings moved outward, which is to the right, with their corners prolonged to points.
 
     Args:
         xy: (N, 2) steps of the grid.
         start: (R + 1,) where each ring begins, and the end of the last.
         distance: (R,) steps, not 0; inward if negative.
+        limit: corners with a point farther away than this many distances are cut off square.
 
     Returns:
         (n, 2) steps, and (R + 1,) where each ring begins: rings that may cross themselves and each other. Rings without
@@ -58,7 +58,7 @@ def mitered(xy: Int, start: Int, distance: Float) -> tuple[Int, Int]:
     by = np.repeat(distance, np.diff(start))
     corners = _corners((x, y), following)
     outer = (corners.sine * by >= 0) | (corners.cosine <= _BACK)
-    cut = outer & (corners.cosine <= _SHARP)
+    cut = outer & (limit**2 * (1 + corners.cosine) <= 2)
     led = ~outer & ((corners.cosine < _ROUND) | _swallowed(corners, by, cut, following))
     count = 1 + cut + 2 * led
     end = np.cumsum(count)

@@ -106,13 +106,13 @@ def _lines_of(shapes: Shapes) -> Shapes:
     return shapes[np.isin(shapely.get_type_id(shapes), (1, 2))]
 
 
-def offset(layers: list[Any], distance: Float, join: Join) -> list[Any]:
+def offset(layers: list[Any], distance: Float, join: Join, limit: float = MITER_LIMIT) -> list[Any]:
     """Each layer with its outlines moved outward by its distance, mm."""
     shapes = _array(layers)
     if join == "round":
         return list(shapely.buffer(shapes, distance, quad_segs=_quarter_steps(distance)))
-    result = _mitered(shapes, distance, MITER_LIMIT)
-    kites, sharp = _corner_kites(store(layers), distance)
+    result = _mitered(shapes, distance, limit)
+    kites, sharp = _corner_kites(store(layers), distance, limit)
     # GEOS cuts sharp corners off at the limit. Where there are any, all are cut at the distance first, and
     # the points of the others put back.
     square = _mitered(shapes[sharp], distance[sharp], 1.0)
@@ -135,9 +135,9 @@ def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> l
     return list(shapely.union_all(_grouped(drawn, layer[first], n_layers)[:, None], axis=1))
 
 
-def opened(layers: list[Any], distance: Float) -> list[Any]:
+def opened(layers: list[Any], distance: Float, limit: float) -> list[Any]:
     """Each layer without what is narrower than twice its distance, mm."""
-    grown = offset(offset(layers, -distance, "miter"), distance + CLEARANCE, "miter")
+    grown = offset(offset(layers, -distance, "miter"), distance + CLEARANCE, "miter", limit)
     return combine("intersection", layers, grown)
 
 
@@ -242,7 +242,7 @@ def _quarter_steps(distance: Float) -> int:
     return max(2, int(np.ceil(np.pi / 4 / np.arccos(1 - ROUND_TOLERANCE / radius))))
 
 
-def _corner_kites(areas: Areas, distance: Float) -> tuple[Shapes, Bool]:
+def _corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Shapes, Bool]:
     """(n_layers,) kites that prolonged sides add to corners within the limit; who has corners beyond it.
 
     Growing opens a gap at corners that stick out, shrinking at those that stick in.
@@ -255,7 +255,7 @@ def _corner_kites(areas: Areas, distance: Float) -> tuple[Shapes, Bool]:
     turn, cosine = cross(before, after), dot(before, after)
     gap = turn * distance[layer] > 0
     # The point is 1 / cos(turn / 2) distances away.
-    within = MITER_LIMIT**2 * (1 + cosine) >= 2
+    within = limit**2 * (1 + cosine) >= 2
     sharp = np.bincount(layer[gap & ~within], minlength=areas.n_layers) > 0
     chosen = gap & within & sharp[layer]
     corner, by, before, after = areas.xy[chosen], distance[layer[chosen], None], before[chosen], after[chosen]

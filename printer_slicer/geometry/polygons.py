@@ -69,8 +69,11 @@ class Polygons(Protocol):
     def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
         """Each entry with its outlines moved outward by its distance, mm."""
 
-    def opened(self, layers: list[Layer], distance: Float) -> list[Layer]:
-        """Each entry shrunk and grown again by its distance, mm, and what lies within the entry of that."""
+    def opened(self, layers: list[Layer], distance: Float, limit: float) -> list[Layer]:
+        """Each entry shrunk and grown again by its distance, mm, and what lies within the entry of that.
+
+        Corners with a point farther away than `limit` distances are cut off.
+        """
 
     def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Layer]:
         """One value per layer: what is within its radius of any of its open polylines."""

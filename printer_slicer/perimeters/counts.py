@@ -245,7 +245,8 @@ class _Runs:
             beading.strain(self.thinnest[own], wanted, layer),
             beading.strain(self.thickest[own], wanted, layer),
         )
-        gives = strain <= np.where(self.length[own] < _SHORTEST_RUN, _GIVE, _GIVE_LONGER)
+        longer = np.where(self.count[own] > 0, _GIVE_LONGER, -1.0)  # what is too thin for any bead stays so
+        gives = strain <= np.where(self.length[own] < _SHORTEST_RUN, _GIVE, longer)
         result = self.count.copy()
         best = np.lexsort((self.length[other], -strain))  # the least strain is written last
         best = best[gives[best]]

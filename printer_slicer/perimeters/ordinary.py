@@ -10,6 +10,7 @@ __all__ = ["ordinary_loops"]
 
 # Loops whose two sides would come closer than this share of the spacing would lay plastic twice in one place.
 _CLOSEST = 0.6
+_SHARPEST = 4.65  # corners down to 25° keep their points
 
 
 def ordinary_loops(solid: Areas, width: Float, gap: Float, count: int) -> tuple[list[Areas], Areas, Float]:
@@ -27,7 +28,7 @@ def ordinary_loops(solid: Areas, width: Float, gap: Float, count: int) -> tuple[
     lost = np.zeros(solid.n_layers)
     inside, step = solid, width / 2
     for _ in range(count):
-        loop = offset_open(offset(inside, -step), gap * _CLOSEST / 2)
+        loop = offset_open(offset(inside, -step), gap * _CLOSEST / 2, _SHARPEST)
         # What lies within the last bead's inner side but is not reached by this bead's outer side stays empty. Pointed
         # joins put back a little more than round tools would take away; that is no loss.
         room = offset(inside, -gap / 2) if loops else inside
