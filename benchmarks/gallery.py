@@ -153,13 +153,12 @@ def ears() -> Mesh:
     return _standing([(shapely.difference(rounded, _disc(18.0, 13.0, 14.0, sides=96)), 0.0, 3.0)])
 
 
-_VARYING: Final = "--set varying_walls=true"
 ENTRIES: Final[Mapping[str, Entry]] = {
-    "wedge": Entry(wedge, 5, f"{_VARYING} --set perimeters=8"),
-    "text": Entry(text, 8, _VARYING),
-    "holes": Entry(holes, 5, _VARYING),
-    "star": Entry(star, 10, _VARYING),
-    "ribs": Entry(ribs, 5, _VARYING),
+    "wedge": Entry(wedge, 5, "--set perimeters=8"),
+    "text": Entry(text, 8),
+    "holes": Entry(holes, 5),
+    "star": Entry(star, 10),
+    "ribs": Entry(ribs, 5),
     "bridge": Entry(bridge, 21),
     "dome": Entry(dome, 28),
     "gyroid": Entry(gyroid, 32, "--set infill=gyroid"),

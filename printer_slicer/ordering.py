@@ -116,23 +116,30 @@ class _Route:
     def _visit_loops(self, group: Int) -> None:
         left = group.tolist()
         while left:
-            gap = self.begin[left] - self.position
-            self._take_loop(left.pop(int(np.argmin((gap * gap).sum(axis=1)))))
+            gap = self.begin.take(left, axis=0) - self.position
+            gap *= gap
+            self._take_loop(left.pop(int((gap[:, 0] + gap[:, 1]).argmin())))
 
     def _visit_lines(self, group: Int) -> None:
         group, start = self._sweeps(group)
         first, last = group[start[:-1]], group[start[1:] - 1]
-        ends = np.concatenate([self.begin[first], self._end[last]])
-        n = len(first)
+        x, y = np.ascontiguousarray(np.concatenate([self.begin[first], self._end[last]]).T)
+        paths, starts, n = group.tolist(), start.tolist(), len(first)
+        here_x, here_y = self.position.tolist()
         for _ in range(n):
-            gap = ends - self.position
-            nearest = int(np.argmin(gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1]))
+            gap, gap_y = x - here_x, y - here_y
+            gap *= gap
+            gap_y *= gap_y
+            gap += gap_y
+            nearest = int(gap.argmin())
             chosen, turned = nearest % n, nearest >= n
-            sweep = group[start[chosen] : start[chosen + 1]].tolist()
+            sweep = paths[starts[chosen] : starts[chosen + 1]]
             self._taken += sweep[::-1] if turned else sweep
             self._turn += [int(turned)] * len(sweep)
-            self.position = ends[chosen if turned else chosen + n].copy()
-            ends[chosen] = ends[chosen + n] = np.inf
+            end = chosen if turned else chosen + n
+            here_x, here_y = x.item(end), y.item(end)
+            x[chosen] = x[chosen + n] = np.inf
+        self.position = np.array([here_x, here_y])
 
     def _sweeps(self, group: Int) -> tuple[Int, Int]:
         """The paths of a group (n,) with those of one sweep behind each other, and where each sweep begins and ends."""
@@ -148,7 +155,8 @@ class _Route:
         seam = int(self._seam[path])
         if seam < 0:  # free to begin anywhere: at the point nearest to the nozzle
             gap = self.paths.path(path) - self.position
-            seam = int(np.argmin((gap * gap).sum(axis=1)))
+            gap *= gap
+            seam = int((gap[:, 0] + gap[:, 1]).argmin())
         self._taken.append(path)
         self._turn.append(seam)
         self.position = self.paths.xy[self.paths.start[path] + seam]

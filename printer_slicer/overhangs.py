@@ -22,6 +22,7 @@ from printer_slicer.geometry import (
     window_intersection,
 )
 from printer_slicer.geometry.areas import boxes, distinct, following_around
+from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
 
@@ -77,8 +78,8 @@ class _Pieces:
     path: Int
     open: Bool
 
-    def at(self, paths: Toolpaths, ahead: int = 0) -> Float:
-        """(K, 2) where each piece begins, or ends with `ahead` = 1."""
+    def at(self, paths: Toolpaths, ahead: float = 0) -> Float:
+        """(K, 2) where each piece begins, or ends with `ahead` = 1, or in between."""
         share = ((self.step + ahead) / self.count)[:, None]
         begin = paths.xy.take(self.point, axis=0)
         return begin + share * (paths.xy.take(self.following, axis=0) - begin)
@@ -126,10 +127,16 @@ def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], widt
     """(K,) share of each piece that is carried, from that at both of its ends; no bead is wider than `width`."""
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
+    looked_at = pieces.take(chosen)
+    layer, middle = paths.layer.take(looked_at.path), looked_at.at(paths, 0.5)
+    near = near_outlines(under[1], middle, layer, (1 + _STEP / 2) * width)
+    result[chosen[~near]] = _one_sided(
+        pieces, chosen[~near], middle.compress(~near, axis=0), layer[~near], under[1]
+    )
+    chosen = chosen.compress(near)
     if not len(chosen):
         return result
-    looked_at = pieces.take(chosen)
-    layer = paths.layer.take(looked_at.path)
+    looked_at, layer = pieces.take(chosen), layer.compress(near)
     begin, end = looked_at.at(paths), looked_at.at(paths, 1)
     # A piece mostly begins where the one before it ends: only the other ends are looked at too.
     apart = np.append(
@@ -144,6 +151,24 @@ def _carried(paths: Toolpaths, pieces: _Pieces, under: tuple[Areas, Areas], widt
     shares = np.clip(0.5 + np.stack([depth.take(place), depth.take(place + 1)]) / wide, 0, 1)
     result[chosen] = shares.mean(axis=0)
     return result
+
+
+def _one_sided(pieces: _Pieces, some: Int, middle: Float, layer: Int, air: Areas) -> Float:
+    """(n,) 1 for pieces far from everything that hangs, 0 for those far inside it: one tells it of all beside it.
+
+    Args:
+        pieces: all.
+        some: (n,) numbers of these, ascending.
+        middle: (n, 2) mm.
+        layer: (n,) of each.
+        air: what hangs.
+    """
+    begins = np.flatnonzero(
+        (np.diff(some, prepend=-2) != 1) | (np.diff(pieces.path.take(some), prepend=-1) != 0)
+    )
+    found = rings_around(air, middle.take(begins, axis=0), layer.take(begins))
+    hangs = (found >= 0) & (np.append(air.ring_area(), 0)[found] > 0)
+    return np.repeat(np.where(hangs, 0.0, 1.0), np.diff(begins, append=len(some)))
 
 
 def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:

@@ -222,10 +222,9 @@ def profile(
 ) -> Profile:
     """A shipped profile with changes; `__` in a keyword stands for the dot: `planner__kind="area"`.
 
-    Its z step is 0.01 mm unless asked for, so that heights in tests are short numbers; narrow places are filled.
+    Its z step is 0.01 mm unless asked for, so that heights in tests are short numbers.
     """
     usual: dict[str, object] = {} if "z_step" in changes else {"z_step": 0.01}
-    usual["varying_walls"] = True
     named = tuple((key.replace("__", "."), value) for key, value in (usual | changes).items())
     return _profile((printer, material, quality), named)
 
@@ -237,7 +236,6 @@ def plain(**changes: object) -> Profile:
         "start_gcode": "",
         "end_gcode": "",
         "min_layer_time": 0,
-        "varying_walls": True,
         "printer.origin": "centre",
         "printer.z_step": 0.01,
     }

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Float, Int, consecutive
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import cross, dot, nearest_share
 
-__all__ = ["depths"]
+__all__ = ["depths", "near_outlines"]
 
+_Edges = tuple[Float, Float, Int]
 _CELL = 2.0  # reaches: large enough that few outlines lie in many cells, small enough that few lie in one
+_TABLE, _ROW = 1 << 20, 521  # places of cells, a power of two; and how far a row is from the next
 _SIDEWAYS = (
     1e-9  # of two edges that meet in the nearest point, the one that is seen less from its end tells the side
 )
@@ -31,7 +33,9 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
     areas = areas.select(np.isin(areas.ring_layer, layer))
     if not areas.n_rings:
         return result
-    begin, end, of_layer = _short_edges(areas, _CELL * reach)
+    begin, end, of_layer = _asked_for(_short_edges(areas, _CELL * reach), points, layer, _CELL * reach)
+    if not len(begin):
+        return result
     owner, edge = _pairs(points, layer, (begin, end, of_layer), reach)
     if not len(owner):
         return result
@@ -50,7 +54,17 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
     return result
 
 
-def _short_edges(areas: Areas, longest: float) -> tuple[Float, Float, Int]:
+def near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
+    """(P,) whether points (P, 2) lie in cells beside outlines of their layer; others are not within `reach` of any."""
+    areas = areas.select(np.isin(areas.ring_layer, layer))
+    if not areas.n_rings or not len(points):
+        return np.zeros(len(points), np.bool_)
+    _, key, own = _cells(points, layer, _short_edges(areas, _CELL * reach), reach)
+    key = distinct(key)
+    return np.asarray(key.take(np.minimum(np.searchsorted(key, own), len(key) - 1)) == own)
+
+
+def _short_edges(areas: Areas, longest: float) -> _Edges:
     """Both ends (E, 2) and the layer (E,) of the edges, cut into pieces that are not longer."""
     along = areas.xy.take(areas.following, axis=0) - areas.xy
     count = np.maximum(np.ceil(np.hypot(*along.T) / longest), 1).astype(np.int64)
@@ -62,8 +76,28 @@ def _short_edges(areas: Areas, longest: float) -> tuple[Float, Float, Int]:
     return begin.take(long, axis=0), (begin + piece).take(long, axis=0), layer.take(long)
 
 
-def _pairs(points: Float, layer: Int, edges: tuple[Float, Float, Int], reach: float) -> tuple[Int, Int]:
-    """Point and edge of all pairs that may be within reach of each other, by ascending point."""
+def _asked_for(edges: _Edges, points: Float, layer: Int, size: float) -> _Edges:
+    """The edges that may lie within half of `size` of a point: most outlines have none beside them.
+
+    An edge is no longer than `size`, so its middle lies in the cell of such a point or in one beside it. Cells share
+    the places of a table, so that some edges are kept for nothing.
+    """
+    begin, end, of_layer = edges
+    cell = np.floor(points / size).astype(np.int64)
+    key = (layer * _ROW + cell[:, 0]) * _ROW + cell[:, 1]
+    key = key.compress(np.diff(key, prepend=key[0] - 1) != 0)
+    asked = np.zeros(_TABLE, np.bool_)
+    for x in (-_ROW, 0, _ROW):
+        for y in (-1, 0, 1):
+            asked[(key + (x + y)) & (_TABLE - 1)] = True
+    cell = np.floor((begin + end) / (2 * size)).astype(np.int64)
+    key = (of_layer * _ROW + cell[:, 0]) * _ROW + cell[:, 1]
+    some = np.flatnonzero(asked.take(key & (_TABLE - 1)))
+    return begin.take(some, axis=0), end.take(some, axis=0), of_layer.take(some)
+
+
+def _cells(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int, Int]:
+    """Edges (n,) with the cell (n,) of everything within reach of them, and the cell of each point (P,)."""
     begin, end, of_layer = edges
     size = _CELL * reach
     low = np.floor((np.minimum(begin, end) - reach) / size).astype(np.int64)
@@ -77,14 +111,18 @@ def _pairs(points: Float, layer: Int, edges: tuple[Float, Float, Int], reach: fl
     x, y = np.repeat(x, rows), consecutive(low[:, 1].take(edge), rows)
     edge = np.repeat(edge, rows)
     key = (of_layer.take(edge) * wide[0] + x - origin[0]) * wide[1] + y - origin[1]
-    own = (layer * wide[0] + cell[:, 0] - origin[0]) * wide[1] + cell[:, 1] - origin[1]
+    return edge, key, (layer * wide[0] + cell[:, 0] - origin[0]) * wide[1] + cell[:, 1] - origin[1]
+
+
+def _pairs(points: Float, layer: Int, edges: _Edges, reach: float) -> tuple[Int, Int]:
+    """Point and edge of all pairs that may be within reach of each other, by ascending point."""
+    edge, key, own = _cells(points, layer, edges, reach)
     order = np.argsort(key, kind="stable")
-    key = key.take(order)
+    key, edge = key.take(order), edge.take(order)
     # Points come along lines: neighbours mostly share their cell.
     new = np.flatnonzero(np.diff(own, prepend=own[0] - 1))
     again, sought = np.diff(new, append=len(own)), own.take(new)
     first = np.searchsorted(key, sought)
     count = np.repeat(np.searchsorted(key, sought, side="right") - first, again)
-    return np.repeat(np.arange(len(points)), count), edge.take(
-        order.take(consecutive(np.repeat(first, again), count))
-    )
+    owner = np.repeat(np.arange(len(points)), count)
+    return owner, edge.take(consecutive(np.repeat(first, again), count))

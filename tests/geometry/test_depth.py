@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, depths
+from printer_slicer.geometry.depth import near_outlines
 from tests.parts import shape, shapely
 from tests.strategies import clean_areas
 
@@ -42,3 +43,19 @@ def test_no_points_and_no_areas_have_no_depths() -> None:
 
     assert len(depths(none, np.zeros((0, 2)), np.zeros(0, np.int64), 1.0)) == 0
     assert np.isnan(depths(none, np.zeros((3, 2)), np.zeros(3, np.int64), 1.0)).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(areas=clean_areas(3), reach=st.sampled_from([0.1, 0.5, 3.0]), seed=st.integers(0, 999))
+def test_no_point_beside_an_outline_is_taken_for_far_from_it(areas: Areas, reach: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    low, high = (areas.xy.min(axis=0), areas.xy.max(axis=0)) if len(areas.xy) else (np.zeros(2), np.ones(2))
+    span = high - low
+    points, layer = rng.uniform(low - span - 9, high + span + 9, (200, 2)), rng.integers(0, 3, 200)
+
+    near = near_outlines(areas, points, layer, reach)
+
+    known = ~np.isnan(depths(areas, points, layer, reach))
+    assert near[known].all()
+    far = np.maximum(low - points, points - high).max(axis=1) > 6 * reach
+    assert not near[far].any()

@@ -346,7 +346,7 @@ M104 S0
 ; quality.extrusion_width = 0
 ; quality.first_layer_width = 0
 ; quality.perimeters = 2
-; quality.varying_walls = False
+; quality.varying_walls = True
 ; quality.min_bead_width = 0
 ; quality.max_bead_width = 0
 ; quality.min_feature = 0
