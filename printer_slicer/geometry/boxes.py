@@ -32,8 +32,7 @@ class Boxes:
     def of_sides(cls, areas: Areas) -> Boxes:
         """Around each side of areas, in the order of the points at which they begin."""
         begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
-        layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
-        return cls(np.minimum(begin, end), np.maximum(begin, end), layer)
+        return cls(np.minimum(begin, end), np.maximum(begin, end), areas.point_layer)
 
     def grown(self, reach: float | Float) -> Boxes:
         """Larger by `reach` mm, of all or of each (B,), to all four sides."""

@@ -103,7 +103,7 @@ class _Sides:
 
 def _sides(areas: Areas, sides: Bool | None) -> _Sides:
     """Those that take part."""
-    layer = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    layer = areas.point_layer
     after = areas.following
     index = np.stack([areas.previous, np.arange(len(after)), after, after[after]], axis=1)
     if sides is not None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Bool, difference, intersection, offset, offset_open, union
+from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
 from printer_slicer.model import Sections, Toolpaths, Walls
 from printer_slicer.perimeters.shells import Filled, fill_narrow, shell
 from printer_slicer.profile import Profile
@@ -33,10 +33,10 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     # Outermost loops by themselves, and the others then in what they leave: borders that nobody sees may be simpler.
     apart = np.full(plan.n_layers, quality.varying_walls and quality.perimeters > 0)
     apart[top.ring_layer] = True
-    usual = shell(_on(solid, ~apart), plan, profile, quality.perimeters)
+    usual = shell(solid.of_layers(~apart), plan, profile, quality.perimeters)
     parts, inside, lost = [usual.paths], usual.rest, usual.lost
     if apart.any():
-        outer = shell(_on(solid, apart), plan, profile, 1)
+        outer = shell(solid.of_layers(apart), plan, profile, 1)
         under = difference(outer.rest, top) if top.n_rings else outer.rest
         inner = shell(under, plan, profile, quality.perimeters - 1, outermost=False)
         rest = union(difference(outer.rest, under), inner.rest) if top.n_rings else inner.rest
@@ -52,20 +52,9 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     return Walls(plan, width, Toolpaths.joined(plan, parts), inside, lost)
 
 
-def _on(areas: Areas, layers: Bool) -> Areas:
-    return areas.select(layers[areas.ring_layer])
-
-
-def _moved(areas: Areas, by: int) -> Areas:
-    """Areas that many layers higher."""
-    layer = areas.ring_layer + by
-    kept = areas.select((layer >= 0) & (layer < areas.n_layers))
-    return Areas(kept.xy, kept.ring_start, kept.ring_layer + by, kept.n_layers)
-
-
 def _open_top(solid: Areas, width: float) -> Areas:
     """What no layer lies on, where it is wide enough to be seen as a surface and not as the edge of a layer."""
-    return offset_open(difference(solid, _moved(solid, -1)), 1.5 * width)
+    return offset_open(difference(solid, solid.raised(-1)), 1.5 * width)
 
 
 def _hanging(solid: Areas, inside: Areas, width: float) -> Areas:
@@ -73,9 +62,9 @@ def _hanging(solid: Areas, inside: Areas, width: float) -> Areas:
     above_bed = np.arange(solid.n_layers) > 0
     reach = _OVERHANG_BEADS * width
     # What spans a gap of few beads is held at both ends.
-    below = offset(offset(_moved(solid, 1), (width + reach) / 2), -reach / 2)
-    walls = _on(difference(difference(solid, inside), below), above_bed)
-    air = _on(difference(inside, below), above_bed)
+    below = offset(offset(solid.raised(1), (width + reach) / 2), -reach / 2)
+    walls = difference(difference(solid, inside), below).of_layers(above_bed)
+    air = difference(inside, below).of_layers(above_bed)
     strips = difference(air, offset_open(air, reach / 2))
     beside = intersection(strips, offset(offset_open(walls, width / 4), reach + width))
     return offset_open(beside, width / 4)

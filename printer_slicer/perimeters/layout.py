@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted
 from printer_slicer.perimeters.graph import Graph, crossings
@@ -230,8 +231,7 @@ def _leaders(given: Counted, beading: Beading) -> tuple[Int, Int]:
     rises = (radius[high] > radius[low]) & (top[low] < 0)
     order = np.argsort(radius[high[rises]])
     above[low[rises][order]] = high[rises][order]
-    while not np.array_equal(above, above[above]):
-        above = above[above]
+    above = chain_ends(above)
     alone = top < 0  # a place of its own that is hardly wider than long
     for limit in beading.thresholds():
         top[alone] = np.maximum(top[alone], 0) + (radius[alone] > limit[graph.layer[alone]])

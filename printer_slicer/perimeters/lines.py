@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.areas import lengths
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
 from printer_slicer.perimeters.beading import Beading
@@ -41,10 +42,7 @@ class Lines:
 
     def length(self) -> Float:
         """(M,) mm, of closed ones without their last side."""
-        step: Float = np.hypot(*np.diff(self.xy, axis=0, prepend=self.xy[:1]).T)
-        step[np.cumsum(self.size) - self.size] = 0.0
-        owner = np.repeat(np.arange(len(self.size)), self.size)
-        return np.asarray(np.bincount(owner, step, len(self.size)), np.float64)
+        return lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
 
     def take(self, keep: Bool) -> Lines:
         """Those for which `keep` is true."""

@@ -78,24 +78,20 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
     if tolerance:
         simple = simplify(solid, tolerance)
         near = facing(simple, 2 * widest, _LEAN)
-        solid = normalize(_on(simple, _layers_of(near, solid.n_layers)))
+        solid = normalize(simple.of_layers(_layers_of(near, solid.n_layers)))
     else:
         near = facing(solid, 2 * widest, _LEAN)
-        solid = _on(solid, _layers_of(near, solid.n_layers))
+        solid = solid.of_layers(_layers_of(near, solid.n_layers))
     narrow, broken = _filled(solid, near, beading, widest)
     if broken.any():
         # Where the places cannot be joined to the ordinary loops everything is traced, wide or not.
-        rest, _ = _filled(_on(solid, broken), None, beading, np.full_like(widest, np.inf))
+        rest, _ = _filled(solid.of_layers(broken), None, beading, np.full_like(widest, np.inf))
         narrow = narrow.merge(rest)
     return narrow
 
 
 def _layers_of(boxes: Boxes, n_layers: int) -> Bool:
     return np.bincount(boxes.layer, minlength=n_layers) > 0
-
-
-def _on(areas: Areas, layers: Bool) -> Areas:
-    return areas.select(layers[areas.ring_layer])
 
 
 def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -> tuple[Narrow, Bool]:
@@ -120,7 +116,7 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
     )
     inset = np.arange(beading.loops + 1)[:, None] * beading.spacing + beading.margin
     inset[:-1] += beading.spacing / 2
-    ordinary = [offset(_on(solid, layers), -one, join="round") for one in inset]
+    ordinary = [offset(solid.of_layers(layers), -one, join="round") for one in inset]
     rings, failed = closed_rings(walk, ordinary, _areas(places, solid.n_layers), width)
     broken[failed] = True
     layers &= ~broken
@@ -131,7 +127,7 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
             layers,
             rings.take((rings.level < beading.loops) & layers[rings.layer]),
             lines.take(layers[lines.layer]),
-            _on(_areas(within, solid.n_layers), layers),
+            _areas(within, solid.n_layers).of_layers(layers),
             _lost(layout, solid.n_layers) * layers,
         ),
         broken,

@@ -57,7 +57,7 @@ def shell(areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outerm
     count = _beading(plan, profile, loops=loops, amid=amid, margin=margin, thinnest=least)
     given = areas if varying and (loops or amid) else Areas.empty(plan.n_layers)
     narrow = fill_narrow_places(given, count, 0.0 if outermost else _SIMPLER)
-    wide = areas.select(~narrow.layers[areas.ring_layer])
+    wide = areas.of_layers(~narrow.layers)
     ordinary, inside, lost = ordinary_loops(wide, width if outermost else gap, gap, loops)
     role = Role.OUTER_PERIMETER if outermost else Role.INNER_PERIMETER
     paths = [_loops(plan, ordinary, width, role), _varying(plan, narrow, role)]
@@ -79,7 +79,7 @@ def fill_narrow(
     hair, least = np.full(plan.n_layers, _HAIR), _least(plan, profile)
     count = _beading(plan, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
     narrow = fill_narrow_places(areas, count, _SIMPLER)
-    rest = areas.select(~narrow.layers[areas.ring_layer]).merge(narrow.inside)
+    rest = areas.of_layers(~narrow.layers).merge(narrow.inside)
     return Filled(_varying(plan, narrow, role, role), rest, narrow.lost)
 
 

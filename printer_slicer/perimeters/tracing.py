@@ -224,7 +224,7 @@ class _Ordinary:
         layer = walk.layer[np.concatenate([leaves, joins])]
         side, share, gap = _on_rings(areas, mouth, layer)
         lost = layer[gap > _ON]
-        ring_of_point = np.repeat(np.arange(areas.n_rings), np.diff(areas.ring_start))
+        ring_of_point = areas.point_ring
         touched = np.zeros(areas.n_rings, np.bool_)
         touched[ring_of_point[side[gap <= _ON]]] = True
         touched[~touched] = ~_begin_in(areas.select(~touched), places)
