@@ -49,19 +49,34 @@ class Pieces:
         return np.asarray(2 * self.areas.area() / around)
 
     def beside(self, areas: Areas) -> Areas:
-        """For each piece all rings of a stack that lie on its layer."""
-        bounds = areas.layer_start
-        count = np.diff(bounds)[self.layer]
-        rings = consecutive(bounds[self.layer], count)
+        """For each piece the rings of a stack, on its layer, whose boxes meet the box around it."""
+        from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
+
+        if not (self.count and areas.n_rings):
+            return Areas.empty(self.count)
+        first = self.areas.ring_start[np.searchsorted(self.areas.ring_layer, np.arange(self.count + 1))]
+        boxes = _boxes(self.areas.xy, first), _boxes(areas.xy, areas.ring_start)
+        # Layers side by side, so that one tree serves all of them.
+        every = np.concatenate(boxes)[:, :, 0]
+        pitch = float(every.max() - every.min()) + 1.0
+        for box, layer in zip(boxes, (self.layer, areas.ring_layer), strict=True):
+            box[:, :, 0] += pitch * layer[:, None]
+        piece, rings = SegmentTree(boxes[1]).meeting(boxes[0][:, 0], boxes[0][:, 1])
+        order = np.lexsort((rings, piece))
+        piece, rings = piece[order], rings[order]
         size = np.diff(areas.ring_start)[rings]
-        points = consecutive(areas.ring_start[rings], size)
-        start = np.append(0, np.cumsum(size))
-        return Areas(areas.xy[points], start, np.repeat(np.arange(self.count), count), self.count)
+        points = areas.xy.take(consecutive(areas.ring_start[rings], size), axis=0)
+        return Areas(points, np.append(0, np.cumsum(size)), piece, self.count)
 
     def on_layers(self, n_layers: int, which: Int) -> Areas:
         """Some of the pieces (n,), ascending, put back on the layers of the stack."""
         kept = self.areas.take(np.flatnonzero(np.isin(self.areas.ring_layer, which)))
         return Areas(kept.xy, kept.ring_start, self.layer[kept.ring_layer], n_layers)
+
+
+def _boxes(xy: Float, start: Int) -> Float:
+    """(R, 2, 2) lowest and highest corner of each ring."""
+    return np.stack([extreme.reduceat(xy, start[:-1]) for extreme in (np.minimum, np.maximum)], axis=1)
 
 
 def pieces_of(areas: Areas) -> Pieces:
