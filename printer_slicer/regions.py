@@ -25,6 +25,7 @@ from printer_slicer.geometry import (
     pieces_of,
     union,
     window_intersection,
+    window_intersections,
 )
 from printer_slicer.model import Areas, Float, Int, LayerPlan, Regions, Sections, Walls
 from printer_slicer.profile import Profile, Quality
@@ -44,9 +45,8 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
     quality, width = profile.quality, walls.width
-    open_above = _missing(inside, solid, *_window_above(plan, min(quality.top_thickness, _SMALLEST)))
-    open_below = _missing(inside, solid, *_window_below(plan, min(quality.bottom_thickness, _SMALLEST)))
-    shell = inside if quality.infill_density >= 1 else _shell(sections, walls, quality)
+    near, (open_above, open_below) = _exposed(sections, inside, quality)
+    shell = inside if quality.infill_density >= 1 else _shell(walls, near, quality)
     carrying, sparse = _below(solid), difference(inside, shell)
     if quality.infill_density == 0:
         hollow = _below(sparse)
@@ -70,12 +70,44 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     )
 
 
-def _shell(sections: Sections, walls: Walls, quality: Quality) -> Areas:
+def _exposed(
+    sections: Sections, inside: Areas, quality: Quality
+) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
+    """What of the inside has air within the skins above and below it; and what has it right over and under it.
+
+    Where everything is solid, what is near air is not asked for: the second pair stands for it.
+    """
+    plan = sections.plan
+    top, bottom = quality.top_thickness, quality.bottom_thickness
+    windows = [_window_above(plan, min(top, _SMALLEST)), _window_below(plan, min(bottom, _SMALLEST))]
+    if quality.infill_density < 1:
+        windows += [_window_above(plan, top), _window_below(plan, bottom)]
+    own = np.arange(plan.n_layers)
+    idle = [last <= first for first, last in windows]
+    covers = window_intersections(
+        sections.solid,
+        [
+            (np.where(none, own, first), np.where(none, own + 1, last))
+            for none, (first, last) in zip(idle, windows, strict=True)
+        ],
+    )
+    missing: list[Areas] = []
+    for none, cover in reversed(list(zip(idle, covers, strict=True))):
+        # Where there is no air within the skin, there is none right beside it.
+        some = ~none if len(missing) < 2 else np.bincount(missing[-2].ring_layer, minlength=plan.n_layers) > 0
+        missing.append(
+            difference(inside.select(some[inside.ring_layer]), cover.select(some[cover.ring_layer]))
+        )
+    above, below = missing[-1], missing[-2]
+    return (missing[1], missing[0]), (above, below)
+
+
+def _shell(walls: Walls, near: tuple[Areas, Areas], quality: Quality) -> Areas:
     """What of the inside has to be solid to keep surfaces and slopes closed."""
-    plan, inside, solid = walls.plan, walls.inside, sections.solid
+    plan, inside = walls.plan, walls.inside
     above = _window_above(plan, quality.top_thickness)
     below = _window_below(plan, quality.bottom_thickness)
-    near_air = union(_missing(inside, solid, *above), _missing(inside, solid, *below))
+    near_air = union(*near)
     own = np.arange(plan.n_layers)
     highest = np.maximum(np.minimum(above[1], plan.n_layers) - 1, own)
     lowest = np.minimum(np.maximum(below[0], 0), own)
@@ -156,14 +188,6 @@ def _window_below(plan: LayerPlan, thickness: float) -> tuple[Int, Int]:
     first = np.searchsorted(plan.top, plan.bottom - thickness + _SMALLEST / 2, side="right")
     near_bed = plan.bottom - thickness + _SMALLEST / 2 < 0
     return np.where(near_bed & (thickness > 0), -1, first).astype(np.int64), last
-
-
-def _missing(inside: Areas, solid: Areas, first: Int, last: Int) -> Areas:
-    """What of `inside` is not covered by all layers of its window; nothing where the window is empty."""
-    idle = last <= first
-    own = np.arange(inside.n_layers)
-    cover = window_intersection(solid, np.where(idle, own, first), np.where(idle, own + 1, last))
-    return difference(inside.of_layers(~idle), cover.of_layers(~idle))
 
 
 def _grown(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:

@@ -21,6 +21,7 @@ from printer_slicer.geometry.engine import (
     stroked,
     union,
     window_intersection,
+    window_intersections,
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch
 from printer_slicer.geometry.hull import convex_hull
@@ -60,4 +61,5 @@ __all__ = [
     "stroked",
     "union",
     "window_intersection",
+    "window_intersections",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, boxes, consecutive
 
 __all__ = ["Boxes"]
 
@@ -33,6 +33,12 @@ class Boxes:
         """Around each side of areas, in the order of the points at which they begin."""
         begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
         return cls(np.minimum(begin, end), np.maximum(begin, end), areas.point_layer)
+
+    @classmethod
+    def of_rings(cls, areas: Areas) -> Boxes:
+        """Around each ring."""
+        low, high = boxes(areas.xy, areas.ring_start, np.arange(areas.n_rings), areas.n_rings)
+        return cls(low, high, areas.ring_layer)
 
     def grown(self, reach: float | Float) -> Boxes:
         """Larger by `reach` mm, of all or of each (B,), to all four sides."""

@@ -10,6 +10,7 @@ from printer_slicer.geometry.vectors import cross, dot, nearest_share
 
 __all__ = ["depths", "near_outlines"]
 
+_AT_ONCE = 1 << 16  # points: what is compared stays near the processor's caches
 _Edges = tuple[Float, Float, Int]
 _CELL = 2.0  # reaches: large enough that few outlines lie in many cells, small enough that few lie in one
 _TABLE, _ROW = 1 << 20, 521  # places of cells, a power of two; and how far a row is from the next
@@ -30,15 +31,23 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
         reach: mm; points farther from all outlines of their layer get nan.
     """
     result = np.full(len(points), np.nan)
+    for at in range(0, len(points), _AT_ONCE):
+        some = slice(at, at + _AT_ONCE)
+        _note_depths(result[some], areas, points[some], layer[some], reach)
+    return result
+
+
+def _note_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: float) -> None:
+    """Depths of some of the points, filled into `result` (P,)."""
     areas = areas.select(np.isin(areas.ring_layer, layer))
     if not areas.n_rings:
-        return result
+        return
     begin, end, of_layer = _asked_for(_short_edges(areas, _CELL * reach), points, layer, _CELL * reach)
     if not len(begin):
-        return result
+        return
     owner, edge = _pairs(points, layer, (begin, end, of_layer), reach)
     if not len(owner):
-        return result
+        return
     # Column by column: pairs of numbers are fetched much more slowly than single ones.
     way = (end - begin).take(edge, axis=0)
     gap = points.take(owner, axis=0) - begin.take(edge, axis=0)
@@ -51,13 +60,21 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
     )
     near = nearest[away[nearest] <= reach**2]
     result[owner[near]] = np.sqrt(away[near]) * np.where(side[near] >= 0, 1.0, -1.0)
-    return result
 
 
 def near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
     """(P,) whether points (P, 2) lie in cells beside outlines of their layer; others are not within `reach` of any."""
+    parts = [np.zeros(0, np.bool_)]
+    for at in range(0, len(points), _AT_ONCE):
+        some = slice(at, at + _AT_ONCE)
+        parts.append(_beside(areas, points[some], layer[some], reach))
+    return np.concatenate(parts)
+
+
+def _beside(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
+    """The same for some of the points."""
     areas = areas.select(np.isin(areas.ring_layer, layer))
-    if not areas.n_rings or not len(points):
+    if not areas.n_rings:
         return np.zeros(len(points), np.bool_)
     _, key, own = _cells(points, layer, _short_edges(areas, _CELL * reach), reach)
     key = distinct(key)

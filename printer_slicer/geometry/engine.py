@@ -8,7 +8,7 @@ The engine is chosen when it is first needed.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.errors import UsageError
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, per_layer
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, per_layer
 from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows
 
@@ -34,6 +34,7 @@ __all__ = [
     "union",
     "using_engine",
     "window_intersection",
+    "window_intersections",
 ]
 
 VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
@@ -262,21 +263,65 @@ def window_intersection(areas: Areas, first: Int, last: Int) -> Areas:
     Raises:
         ValueError: other shapes, or an empty window: nothing bounds the intersection of no layers.
     """
+    return window_intersections(areas, [(first, last)])[0]
+
+
+def window_intersections(areas: Areas, windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
+    """The same for several windows (first, last) of each layer: what they have in common is worked out once.
+
+    Raises:
+        ValueError: as `window_intersection`.
+    """
     n = areas.n_layers
-    if first.shape != (n,) or last.shape != (n,):
-        raise ValueError(f"expected one window per layer ({n}), got {first.shape} and {last.shape}")
-    if (last <= first).any():
-        layer = int(np.flatnonzero(last <= first)[0])
-        raise ValueError(f"the window of layer {layer} is empty: {first[layer]} to {last[layer]}")
+    for first, last in windows:
+        if first.shape != (n,) or last.shape != (n,):
+            raise ValueError(f"expected one window per layer ({n}), got {first.shape} and {last.shape}")
+        if (last <= first).any():
+            layer = int(np.flatnonzero(last <= first)[0])
+            raise ValueError(f"the window of layer {layer} is empty: {first[layer]} to {last[layer]}")
+    inside = [np.flatnonzero((first >= 0) & (last <= n)) for first, last in windows]
+    wide = [some[last[some] > first[some] + 1] for some, (first, last) in zip(inside, windows, strict=True)]
+    made = iter(_wide_windows(areas, wide, windows))
+    result = []
+    for some, several, (first, _) in zip(inside, wide, windows, strict=True):
+        single = np.full(n, -1)
+        single[some] = first[some]
+        single[several] = -1
+        result.append(
+            _layers_from(areas, single).merge(next(made)) if len(several) else _layers_from(areas, single)
+        )
+    return result
+
+
+def _wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tuple[Int, Int]]) -> list[Areas]:
+    """What the windows of several layers have in common, for those of `windows` that have any of them."""
+    ends = [(first[some], last[some]) for some, (first, last) in zip(wide, windows, strict=True) if len(some)]
+    if not ends:
+        return []
     engine = _engine()
-    inside = np.flatnonzero((first >= 0) & (last <= n))
-    made = intersect_windows(
-        engine.load(areas), first[inside], last[inside], lambda a, b: engine.combine("intersection", a, b)
+    first, last = (np.concatenate(column) for column in zip(*ends, strict=True))
+    made = iter(
+        intersect_windows(engine.load(areas), first, last, lambda a, b: engine.combine("intersection", a, b))
     )
-    layers = engine.load(Areas.empty(n))
-    for k, value in zip(inside.tolist(), made, strict=True):
-        layers[k] = value
-    return engine.store(layers)
+    result = []
+    for some in wide:
+        if len(some):
+            layers = engine.load(Areas.empty(areas.n_layers))
+            for k in some.tolist():
+                layers[k] = next(made)
+            result.append(engine.store(layers))
+    return result
+
+
+def _layers_from(areas: Areas, source: Int) -> Areas:
+    """(n_layers,) as many layers, each with the rings of its `source`, nothing where that is -1."""
+    filled = np.flatnonzero(source >= 0)
+    bounds, source = areas.layer_start, source[filled]
+    count = bounds[source + 1] - bounds[source]
+    rings = consecutive(bounds[source], count)
+    sizes = np.diff(areas.ring_start)[rings]
+    points = areas.xy.take(consecutive(areas.ring_start[rings], sizes), axis=0)
+    return Areas(points, np.append(0, np.cumsum(sizes)), np.repeat(filled, count), areas.n_layers)
 
 
 def _distances(distance: float | Float, n_layers: int) -> Float:

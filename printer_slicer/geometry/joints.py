@@ -71,12 +71,14 @@ def _welded(key: NDArray[np.uint64]) -> tuple[Index, Index]:
     left, rest, attempt = np.arange(n, dtype=np.int32), key, 0
     while len(left):
         factor, shift = np.uint64((_SPREAD + 2 * attempt * _STEP) % 2**64), np.uint64(64 - bits)
-        pieces = [slice(at, at + _AT_ONCE) for at in range(0, len(left), _AT_ONCE)]
+        lost, pieces = [], [slice(at, at + _AT_ONCE) for at in range(0, len(left), _AT_ONCE)]
         for piece in pieces:
-            table[((rest[piece] * factor) >> shift).view(np.int64)] = left[piece]
-        lost = []
+            place = ((rest[piece] * factor) >> shift).view(np.int64)
+            table[place] = left[piece]
         for piece in pieces:
-            winner = table.take(((rest[piece] * factor) >> shift).view(np.int64))
+            if len(pieces) > 1:
+                place = ((rest[piece] * factor) >> shift).view(np.int64)
+            winner = table.take(place)
             owner[left[piece]] = winner
             lost.append(np.flatnonzero(key.take(winner) != rest[piece]) + piece.start)
         again = np.concatenate(lost)

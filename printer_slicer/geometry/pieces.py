@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Float, Int, frozen_array
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.inside import rings_around
 
 __all__ = ["Pieces", "pieces_of"]
@@ -47,8 +48,12 @@ class Pieces:
         return np.asarray(2 * self.areas.area() / around)
 
     def beside(self, areas: Areas) -> Areas:
-        """For each piece all rings of a stack that lie on its layer."""
-        return areas.for_each(self.layer)
+        """For each piece the rings of a stack, on its layer, whose boxes meet the box around it."""
+        low, high = self.areas.boxes()
+        own = Boxes(low, high, self.layer)
+        piece, ring = own.overlapping(Boxes.of_rings(areas))
+        order = np.lexsort((ring, piece))
+        return areas.restacked(ring[order], piece[order], self.count)
 
     def on_layers(self, n_layers: int, which: Int) -> Areas:
         """Some of the pieces (n,), ascending, put back on the layers of the stack."""

@@ -69,16 +69,16 @@ class Arcs:
         end = _joined((row.end for row in rows), np.int64)
         start = _joined((row.end - row.height for row in rows), np.int64)
         # By where they end, and as rows are at each end: from the lowest height up.
-        order = np.argsort(end, kind="stable")
+        order = _by_end(end, lattice.n)
         begin = np.append(0, np.cumsum(np.bincount(end, minlength=lattice.n + 1)))
         return cls(
             lattice,
-            Graph(begin, start[order]),
-            _joined((row.listed for row in rows), np.bool_)[order],
-            _joined((row.free for row in rows), np.bool_)[order],
-            _joined(_bounds(surface, lattice, containment, rows), np.float64)[order],
-            _joined(_volumes(surface, lattice, containment, rows), np.float64)[order],
-            _joined(seconds, np.float64)[order],
+            Graph(begin, start.take(order)),
+            _joined((row.listed for row in rows), np.bool_).take(order),
+            _joined((row.free for row in rows), np.bool_).take(order),
+            _joined(_bounds(surface, lattice, containment, rows), np.float64).take(order),
+            _joined(_volumes(surface, lattice, containment, rows), np.float64).take(order),
+            _joined(seconds, np.float64).take(order),
         )
 
     def rated(self, layers: Int, bounds: Float) -> Arcs:
@@ -86,6 +86,11 @@ class Arcs:
         bound = self.bound.copy()
         bound[layers] = bounds
         return replace(self, bound=bound)
+
+
+def _by_end(end: Int, n: int) -> Int:
+    """(A,) the order by end, of equal ones as they are: by counting where numbers are small enough for it."""
+    return np.argsort(end.astype(np.uint16) if n < 1 << 16 else end, kind="stable")
 
 
 def _joined(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
@@ -108,7 +113,7 @@ def _bounds(surface: Surface, lattice: Lattice, containment: str, rows: list[Row
         first = end - lattice.cells * row.height
         # Both runs begin where the section is taken, or at the far end where the layer is contained.
         start, turned = (first, n_cells - end) if contained else (first + cells, n_cells - first - cells)
-        yield np.maximum(up[start], down[turned]) + (2 * BESIDE if contained else 0.0)
+        yield np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
 
 
 def _volumes(surface: Surface, lattice: Lattice, containment: str, rows: list[Row]) -> Iterable[Float]:
@@ -123,7 +128,7 @@ def _volumes(surface: Surface, lattice: Lattice, containment: str, rows: list[Ro
         end = lattice.cells * row.end
         start = end - lattice.cells * row.height
         if containment == "mid":
-            volume = both[start] + both[end] - 2 * both[(start + end) // 2]
+            volume = both.take(start) + both.take(end) - 2 * both.take((start + end) // 2)
         else:
             thick = (end - start) * cell
             volume = over[end] - over[start] - thick * just_above[start]

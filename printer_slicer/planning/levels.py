@@ -79,9 +79,11 @@ def _excess(bound: Float, limit: Float, most: Float) -> Float:
 
     A layer that can be wrong by no more than the limit, by its height alone, is not, rounding or not.
     """
-    over = np.round(bound - limit, 6)
-    over[(most <= limit + _ROUNDING) | (over <= _ROUNDING)] = 0.0
-    return np.asarray(over)
+    over, gap = np.zeros(len(bound)), bound - limit
+    some = np.flatnonzero((gap > 0) & (most > limit + _ROUNDING))
+    excess = np.round(gap.take(some), 6)
+    over[some] = np.where(excess > _ROUNDING, excess, 0.0)
+    return over
 
 
 def underrated(arcs: Arcs, profile: Profile, layers: Int, bounds: Float) -> Bool:

@@ -78,31 +78,27 @@ class LayerTimes:
         gap = float(bead.spacing(width, height))
         fastest = material.max_flow / (gap * height * material.flow_ratio)
         length, loops, inside, solid = (
-            values[which] for values in (_WALLED * at.length, at.loops, at.inside, at.solid)
+            values.take(which) for values in (at.length, at.loops, at.inside, at.solid)
         )
-        n_walls = profile.quality.perimeters
-        lines = {
-            "outer": (length * min(n_walls, 1), min(speeds.outer_perimeter, fastest), np.inf),
-            "inner": (length * max(n_walls - 1, 0), min(speeds.inner_perimeter, fastest), np.inf),
-            "solid": (solid / gap, min(speeds.solid, fastest), _SOLID_LINE),
-            "sparse": (
-                (inside - solid) * profile.quality.infill_density / gap,
-                min(speeds.sparse, fastest),
-                _SPARSE_LINE,
-            ),
-        }
-        laid = sum(way for way, _, _ in lines.values())
-        laying = sum(
-            way / speed * (1 + speed**2 / (printer.acceleration * line))
-            for way, speed, line in lines.values()
-        )
+        outer, inner = min(profile.quality.perimeters, 1), max(profile.quality.perimeters - 1, 0)
+        share = profile.quality.infill_density / gap
+
+        def per_mm(speed: float, line: float = np.inf) -> float:
+            """Seconds for a mm of lines of so many mm, which are begun and ended at rest."""
+            speed = min(speed, fastest)
+            return (1 + speed**2 / (printer.acceleration * line)) / speed
+
+        laid = _WALLED * (outer + inner) * length + (1 / gap - share) * solid + share * inside
+        walled = outer * per_mm(speeds.outer_perimeter) + inner * per_mm(speeds.inner_perimeter)
+        sparse = share * per_mm(speeds.sparse, _SPARSE_LINE)
+        laying = _WALLED * walled * length + (per_mm(speeds.solid, _SOLID_LINE) / gap - sparse) * solid
+        laying += sparse * inside
         travel = _TRAVEL / speeds.travel + speeds.travel / printer.travel_acceleration
         travel += printer.retract_length * (1 / printer.retract_speed + 1 / printer.deretract_speed)
-        between = loops * _TRAVELS * travel
+        between = (_TRAVELS * travel) * loops
         slowest = laid / material.min_speed + between
-        return np.asarray(
-            np.clip(material.min_layer_time, laying + between, np.maximum(slowest, laying + between))
-        )
+        laying += between
+        return np.asarray(np.clip(material.min_layer_time, laying, np.maximum(slowest, laying)))
 
 
 def _measure(surface: Surface, profile: Profile) -> _Slices:
