@@ -125,7 +125,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     of_part, astray = _sorted_out(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
-    # A spiral is a wall without skins.
+    # A spiral is a wall without skins, and without an inside.
     open_to_air = open_to_air.of_layers(~stack.rising)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
@@ -135,6 +135,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     side = bead.side_loss(stack.height)
     inner = difference(offset(sections, side - depth), open_to_air)
     wanted = np.maximum(offset(sections, -side).area() - inner.area(), 0.0)
+    inner = inner.select(~stack.rising[inner.ring_layer])
     fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
     volume = beads.volume
     return Ledger(

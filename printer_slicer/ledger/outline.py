@@ -14,6 +14,8 @@ from printer_slicer.geometry.nearest import Outlines
 __all__ = ["OutlineError", "outline_error", "sampled"]
 
 _APART: Final = 0.5  # mm between samples along an outline, at most
+_ROUGH: Final = 0.005  # mm by which the distances of neighbouring samples may differ without a closer look
+_FINER: Final = 8  # as many samples there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +41,9 @@ class OutlineError:
 def outline_error(sections: Areas, printed: Areas) -> OutlineError:
     """The distances of samples on either outline from the other, layer by layer.
 
-    Samples are 0.5 mm apart at most, and at every corner; between two samples the distance differs from theirs by less
-    than half of that.
+    Samples are 0.5 mm apart at most, and at every corner. Where the distances of two neighbours differ, as they do at
+    corners, which no bead fills, seven more lie between them: corners are short, and it is a share of the length that
+    is told.
     """
     n = sections.n_layers
     nothing = OutlineError(np.full(n, np.nan), np.full(n, np.nan), np.full((n, 2), np.nan))
@@ -50,8 +53,7 @@ def outline_error(sections: Areas, printed: Areas) -> OutlineError:
     high = np.maximum(sections.xy.max(axis=0), printed.xy.max(axis=0))
     parts = []
     for own, other in ((sections, printed), (printed, sections)):
-        points, layer, weight = sampled(own)
-        distance = Outlines(other, low, high).distance(points, layer)
+        points, layer, weight, distance = _measured(own, Outlines(other, low, high))
         known = np.isfinite(distance)
         parts.append((points[known], layer[known], weight[known], distance[known]))
     points, layer, weight, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -68,13 +70,36 @@ def outline_error(sections: Areas, printed: Areas) -> OutlineError:
     return OutlineError(p95, largest, place)
 
 
-def sampled(areas: Areas) -> tuple[Float, Int, Float]:
-    """Points along all outlines (P, 2), their layers, and the length that each stands for, mm."""
+def _measured(own: Areas, other: Outlines) -> tuple[Float, Int, Float, Float]:
+    """Points along all outlines (P, 2), their layers, the length that each stands for, and its distance, mm."""
+    points, layer, weight, after = sampled(own)
+    distance = other.distance(points, layer)
+    # A layer has the other outline everywhere or nowhere.
+    rough = np.isfinite(distance)
+    rough[rough] = np.abs(distance[after[rough]] - distance[rough]) > _ROUGH
+    chosen = np.flatnonzero(rough)
+    share = np.arange(1, _FINER)[None, :, None] / _FINER
+    more = points[chosen, None] + share * (points[after[chosen]] - points[chosen])[:, None]
+    near = np.repeat(chosen, _FINER - 1)
+    weight[chosen] /= _FINER
+    return (
+        np.concatenate([points, more.reshape(-1, 2)]),
+        np.concatenate([layer, layer[near]]),
+        np.concatenate([weight, weight[near]]),
+        np.concatenate([distance, other.distance(more.reshape(-1, 2), layer[near])]),
+    )
+
+
+def sampled(areas: Areas) -> tuple[Float, Int, Float, Int]:
+    """Points along all outlines (P, 2), their layers, the length that each stands for, mm, and the next ones."""
     way = areas.xy[areas.following] - areas.xy
     length = np.hypot(*way.T)
     count = np.maximum(np.ceil(length / _APART), 1).astype(np.int64)
     side = np.repeat(np.arange(len(way)), count)
     share = consecutive(np.zeros(len(way), np.int64), count) / count[side]
     points = areas.xy[side] + share[:, None] * way[side]
-    layer = areas.point_layer
-    return points, layer[side], (length / count)[side]
+    after = np.arange(1, len(side) + 1)
+    # After the last sample of a side comes the first one of the side that follows.
+    first = np.cumsum(count) - count
+    after[first + count - 1] = first[areas.following]
+    return points, areas.point_layer[side], (length / count)[side], after

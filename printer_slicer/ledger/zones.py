@@ -31,6 +31,7 @@ _WIDEST: Final = 10.0  # mm
 _WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
 _POINTS: Final = 10_000  # enough to know a depth
 _FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
+_UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by less is upright
 
 
 def lines_of(beads: Beads, layer: Int) -> Int:
@@ -67,6 +68,8 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
     It goes by where their centre lines lie, not by what they hold: too little material does not make the shell thinner.
     """
     beads, layer = stack.beads, stack.layer
+    if stack.spiral:
+        return _thickness(stack, sections)
     walls = np.flatnonzero(np.isin(beads.purpose, _WALLS) & (layer >= 0))
     if not len(walls):
         known = layer >= 0
@@ -83,6 +86,29 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
         return 2 * half
     # Deeper ones stand in corners and narrow places only.
     return float(np.quantile(depth[near], 0.9)) + half
+
+
+def _thickness(stack: Stack, sections: Areas) -> float:
+    """How thick the wall of a spiral is, mm: twice the depth of its centre line where the outline is upright.
+
+    Where the outline moves from turn to turn, what lies at the height of a bead is not what its section shows. If it
+    does so everywhere, the width of the beads tells more, unless it is greater.
+    """
+    beads, layer = stack.beads, stack.layer
+    turns = np.flatnonzero((layer >= 0) & stack.rising[layer])
+    place, bead = spread_out(beads.take(turns), _POINTS)
+    bead = turns[bead]
+    outlines = Outlines(sections, place.min(axis=0) - 1, place.max(axis=0) + 1)
+    own = layer[bead]
+    low, high = np.maximum(own - 1, 0), np.minimum(own + 1, stack.n_layers - 1)
+    under, depth, over = (outlines.distance(place, one) for one in (low, own, high))
+    near = (under < _FARTHEST) & (depth < _FARTHEST) & (over < _FARTHEST)
+    width = float(np.median(beads.width[bead]))
+    moves = np.abs(over - under)[near] / np.maximum(high - low, 1)[near]
+    upright = moves < _UPRIGHT
+    if not upright.any():
+        return width if not near.any() else min(width, 2 * float(np.median(depth[near])))
+    return 2 * float(np.median(depth[near][upright]))
 
 
 def exposed(sections: Areas, top: Float, bottom: Float, skin: float) -> Areas:
