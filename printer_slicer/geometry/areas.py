@@ -161,6 +161,15 @@ class Areas:
         points = consecutive(self.ring_start[rings], sizes)
         return Areas(self.xy.take(points, axis=0), start, self.ring_layer[rings], self.n_layers)
 
+    def at(self, source: Int) -> Areas:
+        """For each layer k the rings of layer `source[k]`; `source` (n,) is the new stack."""
+        counts = np.diff(self.layer_start)[source]
+        chosen = consecutive(self.layer_start[source], counts)
+        sizes = np.diff(self.ring_start)[chosen]
+        points = consecutive(self.ring_start[chosen], sizes)
+        layer = np.repeat(np.arange(len(source)), counts)
+        return Areas(self.xy.take(points, axis=0), np.append(0, np.cumsum(sizes)), layer, len(source))
+
     @classmethod
     def following_on(cls, parts: Sequence[Areas], n_layers: int) -> Areas:
         """One stack of several of `n_layers` layers, each of which ends before the next one begins."""

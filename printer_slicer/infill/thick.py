@@ -19,12 +19,10 @@ from printer_slicer.geometry import (
     offset_open,
     window_intersection,
 )
+from printer_slicer.grouping import area_savings, divide, within
 from printer_slicer.model import LayerPlan
 
 __all__ = ["Fillings", "fillings"]
-
-_ROUNDING = 1e-6  # mm
-_CUT = 0.05  # of the lines in what is left to single layers: the price of filling a layer's area in two parts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +47,9 @@ class Fillings:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
 
-def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> Fillings:
+def fillings(
+    sparse: Areas, plan: LayerPlan, limit: float, narrowest: float, groups: Int | None = None
+) -> Fillings:
     """The sparse areas of all layers, those of several layers together where they agree.
 
     The layers are divided into groups no higher than `limit`, the same groups over the whole part, so that beads of
@@ -63,9 +63,16 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
         limit: mm, summed height of a group; 0 or less than two layers: no groups.
         narrowest: mm; common areas narrower than this are left to the layers, and what is left to layers of a group
             and narrower than this stays empty.
+        groups: (L,) the first layer of the group that each layer belongs to, if they are known already; those higher
+            than `limit` are filled layer by layer.
     """
     n, own = plan.n_layers, np.arange(plan.n_layers)
-    first = _groups(sparse, plan, limit)
+    lowest = within(plan, limit)
+    if groups is None:
+        first = divide(area_savings(sparse, lowest))
+    else:
+        last = np.searchsorted(groups, groups, side="right") - 1
+        first = np.where(groups >= lowest[last], groups, own)
     if (first == own).all():
         return Fillings(sparse, own, plan.height, own)
     last = np.append(np.flatnonzero(np.diff(first)), n - 1)  # of each group
@@ -75,7 +82,7 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
     window[grouped] = first[grouped]
     common = window_intersection(sparse, window, own + 1)
     common = offset_open(common.select(np.isin(common.ring_layer, grouped)), narrowest / 2)
-    rest = difference(sparse, _on(common, last[number]))
+    rest = difference(sparse, common.at(last[number]))
     strips = np.isin(rest.ring_layer, np.flatnonzero(first[last[number]] < last[number]))
     wide = offset_open(rest.select(strips), narrowest / 2)
     return Fillings(
@@ -84,51 +91,6 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
         np.concatenate([plan.height, plan.top - plan.bottom[first]]),
         np.concatenate([own, number]),
     )
-
-
-def _groups(sparse: Areas, plan: LayerPlan, limit: float) -> Int:
-    """(L,) the first layer of the group that each layer belongs to.
-
-    A group of n layers saves n - 1 times the length of lines in what they have in common, less a little for the lines
-    that it cuts in two.
-    """
-    n, own = plan.n_layers, np.arange(plan.n_layers)
-    lowest = np.searchsorted(
-        plan.bottom, plan.top - limit - _ROUNDING
-    )  # first layer of the highest group that ends here
-    lowest = np.clip(lowest, 1, np.maximum(own, 1))  # the first layer holds on to the bed by itself
-    most = int(np.max(own - np.minimum(lowest, own), initial=0)) + 1
-    saved, so_far = np.zeros((most, n)), np.append(0.0, np.cumsum(sparse.area()))
-    for extra in range(1, most):
-        fits = own - extra >= lowest
-        common = window_intersection(sparse, np.where(fits, own - extra, own), own + 1)
-        shared = common.area()
-        left = so_far[own + 1] - so_far[np.maximum(own - extra, 0)] - (extra + 1) * shared
-        saved[extra] = np.where(fits, extra * shared - _CUT * left, 0.0)
-    best, size = [0.0], list[int]()
-    for layer in range(n):
-        options = [best[layer - extra] + float(saved[extra, layer]) for extra in range(min(most, layer + 1))]
-        # Of equals the thinner one: ties are layers without sparse infill.
-        size.append(int(np.argmax(options)))
-        best.append(options[size[-1]])
-    first, layer = own.copy(), n - 1
-    while layer >= 0:
-        first[layer - size[layer] : layer + 1] = layer - size[layer]
-        layer -= size[layer] + 1
-    return first
-
-
-def _on(areas: Areas, source: Int) -> Areas:
-    """For each layer k the area of layer `source[k]`; `source` ascends."""
-    counts = np.diff(areas.layer_start)[source]
-    chosen = np.repeat(areas.layer_start[:-1][source], counts)
-    chosen += np.arange(len(chosen)) - np.repeat(np.cumsum(counts) - counts, counts)
-    size = np.diff(areas.ring_start)[chosen]
-    points = np.repeat(areas.ring_start[:-1][chosen] - (np.cumsum(size) - size), size) + np.arange(
-        int(size.sum())
-    )
-    layer = np.repeat(np.arange(len(source)), counts)
-    return Areas(areas.xy[points], np.append(0, np.cumsum(size)), layer, areas.n_layers)
 
 
 def _stacked(one: Areas, another: Areas) -> Areas:

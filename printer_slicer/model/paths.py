@@ -142,10 +142,34 @@ class Toolpaths:
         """The same paths on the last layers of a plan that has more of them below; beads stay as high as they are."""
         return replace(self, plan=plan, layer=self.layer + (plan.n_layers - self.plan.n_layers))
 
+    def take(self, chosen: Int) -> Toolpaths:
+        """Some of the paths, by their indices; their layers must ascend."""
+        size = np.diff(self.start)[chosen]
+        points = consecutive(self.start[chosen], size)
+        return replace(
+            self,
+            xy=self.xy.take(points, axis=0),
+            width=self.width.take(points),
+            carried=self.carried.take(points),
+            start=np.append(0, np.cumsum(size)),
+            **{
+                name: getattr(self, name).take(chosen)
+                for name in ("layer", "role", "height", "closed", "sweep")
+            },
+        )
+
     @property
     def n_paths(self) -> int:
         """Number of paths."""
         return len(self.layer)
+
+    @property
+    def following(self) -> Int:
+        """(N,) the point after each; itself at the end of an open path."""
+        following = np.arange(1, len(self.xy) + 1)
+        last = self.start[1:] - 1
+        following[last] = np.where(self.closed, self.start[:-1], last)
+        return following
 
     def path(self, index: int) -> Float:
         """(n, 2) the points of one path."""
