@@ -15,6 +15,7 @@ from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.solid import solid_paths
 from printer_slicer.infill.sparse import sparse_paths
 from printer_slicer.infill.task import Pattern
+from printer_slicer.infill.thick import groups_of, turns
 from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.model import Int, Regions, Toolpaths
 from printer_slicer.profile import Profile
@@ -39,7 +40,9 @@ def infill_paths(regions: Regions, profile: Profile, groups: Int | None = None) 
     `groups` (L,) is the first of those layers with which each one's sparse infill is printed, if that is known already.
     """
     quality = profile.quality
-    parts = solid_paths(regions, profile)
+    limit = min(quality.sparse_every, profile.highest_bead)
+    groups = groups_of(regions.sparse, regions.plan, limit, groups)
+    parts = solid_paths(regions, profile, turns(groups))
     if quality.infill_density > 0:
         # Trees have the density only where they hold something.
         measured = quality.infill != "lightning"

@@ -40,7 +40,7 @@ def sparse_paths(
         profile: density, anchors, and how high the beads may be.
         pattern: makes the lines.
         measured: whether the density is a share of the volume; else it is the pattern's affair.
-        groups: (L,) see `infill_paths`.
+        groups: (L,) the first of those layers with which each one's sparse infill is printed; None: to be found.
     """
     quality, plan = profile.quality, regions.plan
     width = profile.extrusion_width

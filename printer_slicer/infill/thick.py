@@ -22,7 +22,7 @@ from printer_slicer.geometry import (
 from printer_slicer.grouping import area_savings, divide, within
 from printer_slicer.model import LayerPlan
 
-__all__ = ["Fillings", "fillings"]
+__all__ = ["Fillings", "fillings", "groups_of", "turns"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,27 +52,19 @@ def fillings(
 ) -> Fillings:
     """The sparse areas of all layers, those of several layers together where they agree.
 
-    The layers are divided into groups no higher than `limit`, the same groups over the whole part, so that beads of
-    one place are all equally high. What all layers of a group have in common is filled on its last layer; what
-    only some of them have is filled layer by layer. Of all divisions the one that saves the most is taken: groups end
-    where skins begin and where the outline changes.
+    What all layers of a group have in common is filled on its last layer; what only some of them have is filled layer
+    by layer.
 
     Args:
         sparse: the sparse area of each layer.
         plan: the layers.
-        limit: mm, summed height of a group; 0 or less than two layers: no groups.
+        limit: see `groups_of`.
         narrowest: mm; common areas narrower than this are left to the layers, and what is left to layers of a group
             and narrower than this stays empty.
-        groups: (L,) the first layer of the group that each layer belongs to, if they are known already; those higher
-            than `limit` are filled layer by layer.
+        groups: see `groups_of`.
     """
     n, own = plan.n_layers, np.arange(plan.n_layers)
-    lowest = within(plan, limit)
-    if groups is None:
-        first = divide(area_savings(sparse, lowest))
-    else:
-        last = np.searchsorted(groups, groups, side="right") - 1
-        first = np.where(groups >= lowest[last], groups, own)
+    first = groups_of(sparse, plan, limit, groups)
     if (first == own).all():
         return Fillings(sparse, own, plan.height, own)
     last = np.append(np.flatnonzero(np.diff(first)), n - 1)  # of each group
@@ -89,8 +81,36 @@ def fillings(
         _stacked(rest.select(~strips).merge(wide), common),
         np.concatenate([own, own]),
         np.concatenate([plan.height, plan.top - plan.bottom[first]]),
-        np.concatenate([own, number]),
+        np.concatenate([turns(first), number]),
     )
+
+
+def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None = None) -> Int:
+    """(L,) the first layer of the group that each layer belongs to.
+
+    The layers are divided into groups no higher than `limit`, the same groups over the whole part, so that beads of
+    one place are all equally high. Of all divisions the one that saves the most is taken: groups end where skins begin
+    and where the outline changes.
+
+    Args:
+        sparse: the sparse area of each layer.
+        plan: the layers.
+        limit: mm, summed height of a group; 0 or less than two layers: no groups.
+        groups: (L,) if they are known already; those higher than `limit` are divided into single layers.
+    """
+    lowest = within(plan, limit)
+    if groups is None:
+        return divide(area_savings(sparse, lowest))
+    last = np.searchsorted(groups, groups, side="right") - 1
+    return np.where(groups >= lowest[last], groups, np.arange(plan.n_layers))
+
+
+def turns(groups: Int) -> Int:
+    """(L,) which turn it is on each layer: groups are counted, and the layers of one take turns up to its own."""
+    own = np.arange(len(groups))
+    last = np.searchsorted(groups, groups, side="right") - 1
+    number = np.cumsum(np.append(True, np.diff(groups) != 0)[: len(groups)]) - 1
+    return np.asarray(number + last - own, np.int64)
 
 
 def _stacked(one: Areas, another: Areas) -> Areas:
