@@ -21,6 +21,7 @@ from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.thick_walls import SAME_PLACE, thickened
+from printer_slicer.thick_walls.stretches import areas_of, cut, lengths_of, spans_between, spans_within
 from tests.parts import box, box_with_hole, layers, plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import box as rectangle
 from tests.strategies import rectilinear_areas
@@ -260,10 +261,44 @@ def test_perimeters_and_infill_share_their_groups() -> None:
         assert all(b < c or d < a for c, d in spans[Role.INNER_PERIMETER])
 
 
+@settings(deadline=None, max_examples=40)
+@given(
+    data=st.data(),
+    closed=st.booleans(),
+    points=st.lists(
+        st.tuples(st.integers(-9, 9), st.integers(-9, 9), st.integers(3, 6)), min_size=3, max_size=8
+    ),
+)
+def test_what_is_cut_out_of_a_path_and_what_is_left_make_up_the_path(
+    data: st.DataObject, closed: bool, points: list[tuple[int, int, int]]
+) -> None:
+    xy = np.array([(x, y) for x, y, _ in points], np.float64)
+    path = Toolpaths.gathered(
+        layers(2, 0.1),
+        xy=xy + 1e-3 * np.arange(len(xy))[:, None],
+        size=np.array([len(xy)]),
+        layer=np.array([1]),
+        role=np.array([Role.INNER_PERIMETER]),
+        width=np.array([width / 10 for _, _, width in points]),
+        closed=closed,
+    )
+    areas = data.draw(rectilinear_areas(2))
+    inside = spans_within(path, areas, 0.5)
+    taken, left = cut(path, inside), cut(path, spans_between(path, inside))
+
+    if not len(inside.path):
+        assert left.n_paths == 0
+        return
+    assert (lengths_of(taken) >= 0.5 - 1e-6).all()
+    for measure in (lengths_of, areas_of):
+        assert measure(taken).sum() + measure(left).sum() == pytest.approx(measure(path).sum())
+    assert not taken.closed.any() or left.n_paths == 0
+
+
 PARTS = {
-    "box": lambda: box((20, 20, 5)),
-    "hole": lambda: box_with_hole((24, 24, 4), (8, 6)),
-    "pyramid": lambda: step_pyramid([20, 14, 9], [2.0, 1.5, 2.0]),
+    "box": lambda: box((14, 14, 4)),
+    "hole": lambda: box_with_hole((16, 16, 3), (5, 4)),
+    "pyramid": lambda: step_pyramid([16, 10], [2.0, 2.0]),
     "sphere": lambda: sphere(4),
 }
 

@@ -70,7 +70,7 @@ def rasterised(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_ofte
     for k in range(n):
         some = beads.take(np.arange(bounds[k], bounds[k + 1]))
         ground.support_up_to(k)
-        whole = slabs.of_layer(k)
+        whole = slabs.of_layer(k) if slabs.deep[k] else some
         if not whole.n_beads:
             continue
         window = _window(cell, some, whole)
@@ -111,16 +111,18 @@ class _Slabs:
     def __init__(self, stack: Stack, of_part: Bool) -> None:
         """Take all beads, and which make up the part."""
         parts, source = through_layers(stack)
-        kept = np.flatnonzero(of_part[source] & (parts.beads.purpose != Purpose.IRONING) & (parts.layer >= 0))
-        kept = kept[np.argsort(parts.layer[kept], kind="stable")]
-        layer, n = parts.layer[kept], stack.n_layers
-        self._beads = parts.beads.take(kept)
-        self._bounds = np.searchsorted(layer, np.arange(n + 1))
-        moved = np.flatnonzero(np.bincount(source, minlength=stack.beads.n_beads)[source[kept]] > 1)
-        self.deep = np.bincount(layer[moved], minlength=n) > 0
+        n = stack.n_layers
+        cut = np.bincount(source, minlength=stack.beads.n_beads)[source] > 1
+        self.deep = np.bincount(parts.layer[cut & of_part[source]], minlength=n) > 0
+        kept = of_part[source] & (parts.beads.purpose != Purpose.IRONING) & (parts.layer >= 0)
+        kept &= self.deep[parts.layer]
+        own = np.flatnonzero(kept)
+        own = own[np.argsort(parts.layer[own], kind="stable")]
+        self._beads = parts.beads.take(own)
+        self._bounds = np.searchsorted(parts.layer[own], np.arange(n + 1))
 
     def of_layer(self, k: int) -> Beads:
-        """All that fills layer k."""
+        """All that fills layer k, one of the deep ones."""
         return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
