@@ -1,7 +1,7 @@
 """Toolpaths -> Toolpaths: what is printed when, from which end, and where loops begin.
 
 Skirt, brim and the loops of a raft first; then island by island, the nearest first; within an island perimeters before
-infill, role by role, always on to the nearest path.
+infill, role by role, always on to the nearest path. Inner perimeters that fill several layers come after all others.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from printer_slicer.profile import Profile
 __all__ = ["order"]
 
 _ALIGNED_WITHIN = 4.0  # mm; a seam farther from the one below starts a new line of seams
+_DEEPER = 1e-3  # mm
 _SMALL_CHOICE = 20_000  # paths; beyond, trying every path at every step takes minutes
 _INFILL = (
     Role.BRIDGE,
@@ -44,7 +45,10 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     rank = np.full(len(Role), len(roles))
     rank[list(roles)] = np.arange(len(roles))
     around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM) | (paths.role == Role.RAFT) & paths.closed
-    step = np.where(around, 0, 2 * rank[paths.role] + ~paths.closed)
+    # What reaches down through several layers is laid into the gap that they leave: between beads that hold it.
+    deep = (paths.role == Role.INNER_PERIMETER) & (paths.height > paths.plan.height[paths.layer] + _DEEPER)
+    turn = np.where(deep, rank[list(perimeters)].max() + 0.5, rank[paths.role])
+    step = np.where(around, 0, 4 * turn + ~paths.closed).astype(np.int64)
     # Sorted by layer, island and role, every group that is printed together is one stretch.
     sequence = np.lexsort((np.arange(paths.n_paths), step, np.where(around, -1, island), paths.layer))
     key = np.stack([paths.layer, np.where(around, -1, island), step])[:, sequence]

@@ -21,7 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
-from printer_slicer.geometry.areas import boxes, distinct, following_around
+from printer_slicer.geometry.areas import boxes, distinct
 from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
@@ -94,7 +94,7 @@ class _Pieces:
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     """(N,) whether the segment that begins at each point passes the box around something that hangs."""
-    ends = paths.xy.take(following_around(paths.start, paths.closed), axis=0)
+    ends = paths.xy.take(paths.following, axis=0)
     low = np.minimum(paths.xy, ends) - width
     high = np.maximum(paths.xy, ends) + width
     result = np.zeros(len(paths.xy), np.bool_)
@@ -115,7 +115,7 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
 
 
 def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
-    following = following_around(paths.start, paths.closed)
+    following = paths.following
     length = np.hypot(*(paths.xy.take(following, axis=0) - paths.xy).T)
     count = np.where(near, np.maximum(np.ceil(length / longest), 1), 1).astype(np.int64)
     point, step = spread(count)
@@ -205,7 +205,7 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
 
 def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float) -> Toolpaths:
     """Paths with the points at which a stretch of one grade begins."""
-    whole = np.hypot(*(paths.xy.take(following_around(paths.start, paths.closed), axis=0) - paths.xy).T)
+    whole = np.hypot(*(paths.xy.take(paths.following, axis=0) - paths.xy).T)
     length = whole.take(pieces.point) / pieces.count
     of_piece = np.digitize(carried, _GRADES)
     grade = _without_short(of_piece, pieces.path, length, _SHORTEST * float(paths.width.mean()))

@@ -25,6 +25,7 @@ from printer_slicer.profile import Profile, profile_with
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, read_surface
+from printer_slicer.thick_walls import thickened
 
 __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
 
@@ -143,7 +144,8 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     report("regions")
     regions = classify(sections, walls, profile)
     report("toolpaths")
-    paths = [graded(walls.paths, sections), infill_paths(regions, profile)]
+    perimeters, groups = thickened(graded(walls.paths, sections), sections, regions, profile)
+    paths = [perimeters, infill_paths(regions, profile, groups)]
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",

@@ -11,7 +11,7 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["clip_lines", "clipped"]
+__all__ = ["clip_lines", "clipped", "spans"]
 
 _PAD = 1e-4  # mm; more than the rounding of places within a cell
 _SMALLEST_CELL, _LARGEST_CELL = 0.2, 20.0  # mm
@@ -42,6 +42,27 @@ def clipped(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
     if not lines.n_lines or not areas.n_rings:
         nothing = np.zeros(0, np.int64)
         return lines.take(nothing), nothing
+    return _assembled(lines, *_cuts(areas, lines))
+
+
+def spans(areas: Areas, lines: Polylines) -> tuple[Int, Float, Float]:
+    """The same parts by where they lie along their lines.
+
+    Returns:
+        (P,) the line of each part, ascending, and how far along it the part begins and ends, mm.
+    """
+    if not lines.n_lines or not areas.n_rings:
+        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+    begin, end = _cuts(areas, lines)
+    reached = np.append(0.0, np.cumsum(np.hypot(*np.diff(lines.xy, axis=0).T)))
+    first = reached[lines.start[begin.line]]
+    low, high = (reached[cut.at] + np.hypot(*(cut.xy - lines.xy[cut.at]).T) - first for cut in (begin, end))
+    kept = np.flatnonzero(high - low > _NOTHING)
+    return begin.line[kept], low[kept], high[kept]
+
+
+def _cuts(areas: Areas, lines: Polylines) -> tuple[_Cuts, _Cuts]:
+    """Where the parts within the areas begin and end."""
     points, outline = (np.rint(xy * STEPS_PER_MM).astype(np.int64) for xy in (lines.xy, areas.xy))
     owner = np.repeat(np.arange(lines.n_lines), lines.size)
     segment = np.flatnonzero(np.append(np.diff(owner) == 0, False))
@@ -51,7 +72,7 @@ def clipped(areas: Areas, lines: Polylines) -> tuple[Polylines, Int]:
         _Segments(outline, outline[areas.following], areas.point_layer),
     )
     at, edge, share, enters = _crossings(points, segment[of_segment], outline, areas.following, of_edge)
-    return _pieces(areas, lines, owner, (at, edge, share, enters))
+    return _begins_and_ends(areas, lines, owner, (at, edge, share, enters))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,9 +168,9 @@ def _aside(way: Int) -> Bool:
     return np.asarray(np.where(way[:, 1] == 0, way[:, 0] > 0, way[:, 1] < 0))
 
 
-def _pieces(
+def _begins_and_ends(
     areas: Areas, lines: Polylines, owner: Int, crossings: tuple[Int, Int, Float, Bool]
-) -> tuple[Polylines, Int]:
+) -> tuple[_Cuts, _Cuts]:
     """The lines cut at their crossings (point before, edge, share, enters), sorted along the lines."""
     at, edge, share, enters = crossings
     line = owner[at]
@@ -172,7 +193,7 @@ def _pieces(
         # The last point is the end itself: only the points up to the one before it lie between.
         (inside_last, last[inside_last] - 1, lines.xy[last[inside_last]], None),
     )
-    return _assembled(lines, begin, end)
+    return begin, end
 
 
 @dataclass(frozen=True, slots=True, eq=False)

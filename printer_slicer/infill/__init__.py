@@ -15,8 +15,9 @@ from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.solid import solid_paths
 from printer_slicer.infill.sparse import sparse_paths
 from printer_slicer.infill.task import Pattern
+from printer_slicer.infill.thick import groups_of, turns
 from printer_slicer.infill.triangles import triangle_lines
-from printer_slicer.model import Regions, Toolpaths
+from printer_slicer.model import Int, Regions, Toolpaths
 from printer_slicer.profile import Profile
 
 __all__ = ["PATTERNS", "Pattern", "infill_paths"]
@@ -33,12 +34,19 @@ PATTERNS: Final[Mapping[str, Pattern]] = {
 }
 
 
-def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
-    """Lines that fill every region: solid ones bead by bead, sparse ones to `quality.infill_density`."""
+def infill_paths(regions: Regions, profile: Profile, groups: Int | None = None) -> Toolpaths:
+    """Lines that fill every region: solid ones bead by bead, sparse ones to `quality.infill_density`.
+
+    `groups` (L,) is the first of those layers with which each one's sparse infill is printed, if that is known already.
+    """
     quality = profile.quality
-    parts = solid_paths(regions, profile)
+    limit = min(quality.sparse_every, profile.highest_bead)
+    groups = groups_of(regions.sparse, regions.plan, limit, groups)
+    parts = solid_paths(regions, profile, turns(groups))
     if quality.infill_density > 0:
         # Trees have the density only where they hold something.
         measured = quality.infill != "lightning"
-        parts.append(sparse_paths(regions, profile, PATTERNS[quality.infill], measured=measured))
+        parts.append(
+            sparse_paths(regions, profile, PATTERNS[quality.infill], measured=measured, groups=groups)
+        )
     return Toolpaths.joined(regions.plan, parts)

@@ -10,6 +10,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import (
     Areas,
     Float,
+    Int,
     Pieces,
     chain_rows,
     hatch,
@@ -50,11 +51,15 @@ class _Beads:
     height: Float
 
 
-def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
-    """Lines that fill bridges, skins and what is solid below them; the direction turns by 90° from layer to layer."""
-    plan = regions.plan
-    turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
-    parts = [_bridges(regions, profile), _internal_bridges(regions, turned, profile)]
+def solid_paths(regions: Regions, profile: Profile, turn: Int) -> list[Toolpaths]:
+    """Lines that fill bridges, skins and what is solid below them; the direction turns by 90° from layer to layer.
+
+    `turn` (L,) tells by how many right angles sparse infill that turns is turned on each layer.
+    """
+    plan, first = regions.plan, np.deg2rad(profile.quality.infill_angle_deg)
+    turned = first + np.pi / 2 * (np.arange(plan.n_layers) % 2)
+    crossing = first + np.pi / 2 * ((np.append(0, turn[:-1]) + 1) % 2)
+    parts = [_bridges(regions, profile), _internal_bridges(regions, crossing, profile)]
     along, across = strip_paths(regions, pieces_of(regions.solid), profile)
     parts.append(along)
     for pieces, role in (
@@ -100,13 +105,13 @@ def _bridges(regions: Regions, profile: Profile) -> Toolpaths:
     return _filled(plan, pieces, beads, profile)
 
 
-def _internal_bridges(regions: Regions, turned: Float, profile: Profile) -> Toolpaths:
-    """The first solid beads over sparse infill, across its lines."""
+def _internal_bridges(regions: Regions, crossing: Float, profile: Profile) -> Toolpaths:
+    """The first solid beads over sparse infill, across its lines; `crossing` (L,) are those that turn."""
     plan, quality = regions.plan, profile.quality
     pieces = pieces_of(regions.internal_bridge)
-    # Parallel lines turn by a right angle from layer to layer: solid ones cross them. Others run in several directions.
+    # Parallel lines are crossed at a right angle. Others run in several directions.
     diagonal = np.deg2rad(quality.infill_angle_deg + 45)
-    angle = turned[pieces.layer] if quality.infill == "rectilinear" else np.full(pieces.count, diagonal)
+    angle = crossing[pieces.layer] if quality.infill == "rectilinear" else np.full(pieces.count, diagonal)
     beads = _usual(plan, pieces, Role.INTERNAL_BRIDGE, angle, profile)
     if quality.internal_bridge_flow_ratio != 1:
         beads = _with_flow(beads, quality.internal_bridge_flow_ratio, profile)

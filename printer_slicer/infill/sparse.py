@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, Polylines, anchor, offset
+from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, offset
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import Fillings, fillings
@@ -20,14 +20,20 @@ from printer_slicer.profile import Profile
 
 __all__ = ["sparse_paths"]
 
-_NOZZLE_SHARE = 0.8  # of the nozzle's diameter: the highest bead it presses down
 _TRIED = 24  # entries from which the spacing is found
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
 _SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its ends
 _BEAD_CHANGE = 0.1  # share by which the bead may make up for the rest
 
 
-def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measured: bool = True) -> Toolpaths:
+def sparse_paths(
+    regions: Regions,
+    profile: Profile,
+    pattern: Pattern,
+    *,
+    measured: bool = True,
+    groups: Int | None = None,
+) -> Toolpaths:
     """Lines of the pattern in the sparse regions.
 
     Args:
@@ -35,11 +41,12 @@ def sparse_paths(regions: Regions, profile: Profile, pattern: Pattern, *, measur
         profile: density, anchors, and how high the beads may be.
         pattern: makes the lines.
         measured: whether the density is a share of the volume; else it is the pattern's affair.
+        groups: (L,) the first of those layers with which each one's sparse infill is printed; None: to be found.
     """
     quality, plan = profile.quality, regions.plan
     width = profile.extrusion_width
-    limit = min(quality.sparse_every, _NOZZLE_SHARE * profile.printer.nozzle_diameter, width)
-    filled = fillings(regions.sparse, plan, limit, width)
+    limit = min(quality.sparse_every, profile.highest_bead)
+    filled = fillings(regions.sparse, plan, limit, width, groups)
     used = distinct(filled.area.ring_layer)
     highest = float(filled.height[used].max(initial=0.0))
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.

@@ -19,12 +19,10 @@ from printer_slicer.geometry import (
     offset_open,
     window_intersection,
 )
+from printer_slicer.grouping import area_savings, divide, within
 from printer_slicer.model import LayerPlan
 
-__all__ = ["Fillings", "fillings"]
-
-_ROUNDING = 1e-6  # mm
-_CUT = 0.05  # of the lines in what is left to single layers: the price of filling a layer's area in two parts
+__all__ = ["Fillings", "fillings", "groups_of", "turns"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,23 +47,24 @@ class Fillings:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
 
-def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> Fillings:
+def fillings(
+    sparse: Areas, plan: LayerPlan, limit: float, narrowest: float, groups: Int | None = None
+) -> Fillings:
     """The sparse areas of all layers, those of several layers together where they agree.
 
-    The layers are divided into groups no higher than `limit`, the same groups over the whole part, so that beads of
-    one place are all equally high. What all layers of a group have in common is filled on its last layer; what
-    only some of them have is filled layer by layer. Of all divisions the one that saves the most is taken: groups end
-    where skins begin and where the outline changes.
+    What all layers of a group have in common is filled on its last layer; what only some of them have is filled layer
+    by layer.
 
     Args:
         sparse: the sparse area of each layer.
         plan: the layers.
-        limit: mm, summed height of a group; 0 or less than two layers: no groups.
+        limit: see `groups_of`.
         narrowest: mm; common areas narrower than this are left to the layers, and what is left to layers of a group
             and narrower than this stays empty.
+        groups: see `groups_of`.
     """
     n, own = plan.n_layers, np.arange(plan.n_layers)
-    first = _groups(sparse, plan, limit)
+    first = groups_of(sparse, plan, limit, groups)
     if (first == own).all():
         return Fillings(sparse, own, plan.height, own)
     last = np.append(np.flatnonzero(np.diff(first)), n - 1)  # of each group
@@ -82,40 +81,36 @@ def fillings(sparse: Areas, plan: LayerPlan, limit: float, narrowest: float) -> 
         _stacked(rest.select(~strips).merge(wide), common),
         np.concatenate([own, own]),
         np.concatenate([plan.height, plan.top - plan.bottom[first]]),
-        np.concatenate([own, number]),
+        np.concatenate([turns(first), number]),
     )
 
 
-def _groups(sparse: Areas, plan: LayerPlan, limit: float) -> Int:
+def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None = None) -> Int:
     """(L,) the first layer of the group that each layer belongs to.
 
-    A group of n layers saves n - 1 times the length of lines in what they have in common, less a little for the lines
-    that it cuts in two.
+    The layers are divided into groups no higher than `limit`, the same groups over the whole part, so that beads of
+    one place are all equally high. Of all divisions the one that saves the most is taken: groups end where skins begin
+    and where the outline changes.
+
+    Args:
+        sparse: the sparse area of each layer.
+        plan: the layers.
+        limit: mm, summed height of a group; 0 or less than two layers: no groups.
+        groups: (L,) if they are known already; those higher than `limit` are divided into single layers.
     """
-    n, own = plan.n_layers, np.arange(plan.n_layers)
-    lowest = np.searchsorted(
-        plan.bottom, plan.top - limit - _ROUNDING
-    )  # first layer of the highest group that ends here
-    lowest = np.clip(lowest, 1, np.maximum(own, 1))  # the first layer holds on to the bed by itself
-    most = int(np.max(own - np.minimum(lowest, own), initial=0)) + 1
-    saved, so_far = np.zeros((most, n)), np.append(0.0, np.cumsum(sparse.area()))
-    for extra in range(1, most):
-        fits = own - extra >= lowest
-        common = window_intersection(sparse, np.where(fits, own - extra, own), own + 1)
-        shared = common.area()
-        left = so_far[own + 1] - so_far[np.maximum(own - extra, 0)] - (extra + 1) * shared
-        saved[extra] = np.where(fits, extra * shared - _CUT * left, 0.0)
-    best, size = [0.0], list[int]()
-    for layer in range(n):
-        options = [best[layer - extra] + float(saved[extra, layer]) for extra in range(min(most, layer + 1))]
-        # Of equals the thinner one: ties are layers without sparse infill.
-        size.append(int(np.argmax(options)))
-        best.append(options[size[-1]])
-    first, layer = own.copy(), n - 1
-    while layer >= 0:
-        first[layer - size[layer] : layer + 1] = layer - size[layer]
-        layer -= size[layer] + 1
-    return first
+    lowest = within(plan, limit)
+    if groups is None:
+        return divide(area_savings(sparse, lowest))
+    last = np.searchsorted(groups, groups, side="right") - 1
+    return np.where(groups >= lowest[last], groups, np.arange(plan.n_layers))
+
+
+def turns(groups: Int) -> Int:
+    """(L,) which turn it is on each layer: groups are counted, and the layers of one take turns up to its own."""
+    own = np.arange(len(groups))
+    last = np.searchsorted(groups, groups, side="right") - 1
+    number = np.cumsum(np.append(True, np.diff(groups) != 0)[: len(groups)]) - 1
+    return np.asarray(number + last - own, np.int64)
 
 
 def _stacked(one: Areas, another: Areas) -> Areas:

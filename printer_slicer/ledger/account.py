@@ -21,7 +21,7 @@ from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
 from printer_slicer.ledger.ground import Air
 from printer_slicer.ledger.outline import OutlineError, outline_error
-from printer_slicer.ledger.stack import Stack
+from printer_slicer.ledger.stack import Stack, through_layers
 from printer_slicer.ledger.zones import body_of, exposed, footprint, shell_depth, without_slits
 
 __all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
@@ -67,7 +67,7 @@ class Ledger:
         outline: the distance of the outlines.
         fill: overlap, and material in the shell.
         air: stretches of beads over air.
-        volume: (L,) laid for the part.
+        volume: (L,) laid for the part; of beads that fill several layers, in each what fills it.
         section_volume: (L,) of the sections as high as their layers.
         by_purpose: (P,) laid for each `Purpose`.
     """
@@ -121,7 +121,6 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     """
     if sections.n_layers != stack.n_layers:
         raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
-    beads, layer = stack.beads, stack.layer
     of_part, astray = _sorted_out(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
@@ -129,7 +128,8 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     open_to_air = open_to_air.of_layers(~stack.rising)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
-    covered = footprint(stack, of_part)
+    slabs, source = through_layers(stack)
+    covered = footprint(slabs, of_part[source])
     body = body_of(covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4)
     # The round sides of beads hold less than their outline says: a stack of beads is full from this much inside on.
     side = bead.side_loss(stack.height)
@@ -137,7 +137,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     wanted = np.maximum(offset(sections, -side).area() - inner.area(), 0.0)
     inner = inner.select(~stack.rising[inner.ring_layer])
     fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
-    volume = beads.volume
+    own, laid = of_part[source], slabs.beads.volume
     return Ledger(
         rules=rules,
         stack=stack,
@@ -152,9 +152,9 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         outline=outline_error(without_slits(sections, rules.slit), without_slits(body, rules.slit)),
         fill=fill,
         air=air,
-        volume=np.bincount(layer[of_part], volume[of_part], stack.n_layers).astype(np.float64),
+        volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
         section_volume=sections.area() * stack.height,
-        by_purpose=np.bincount(beads.purpose, volume, len(Purpose)).astype(np.float64),
+        by_purpose=np.bincount(slabs.beads.purpose, laid, len(Purpose)).astype(np.float64),
     )
 
 

@@ -11,7 +11,7 @@ from printer_slicer.geometry import Areas, Bool, Float, frozen_array, normalize
 from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.ground import Air, Ground, air_of
 from printer_slicer.ledger.raster import Window, cell_for, cells_covered, filled, mean_around, rows_of
-from printer_slicer.ledger.stack import Stack
+from printer_slicer.ledger.stack import Stack, through_layers
 
 __all__ = ["Fill", "overlap_cells", "rasterised"]
 
@@ -64,19 +64,23 @@ def rasterised(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_ofte
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
-    ground, airs = _Ground(stack, beads), list[Air]()
+    ground, airs, slabs = _Ground(stack, beads), list[Air](), _Slabs(stack, of_part)
     cell = ground.cell
     reach, rows = _reach(beads, cell), rows_of(core, cell)
     for k in range(n):
         some = beads.take(np.arange(bounds[k], bounds[k + 1]))
         ground.support_up_to(k)
-        if not some.n_beads:
+        whole = slabs.of_layer(k) if slabs.deep[k] else some
+        if not whole.n_beads:
             continue
-        window = _window(cell, some)
+        window = _window(cell, some, whole)
         fill = filled(some, window, float(height[k]))
-        air = air_of(some, k, ground.cells.pieces(some, window))
-        airs.append(replace(air, bead=order[bounds[k] : bounds[k + 1]][air.bead]))
-        ground.cells.lay(fill, window, float(stack.top[k]))
+        if some.n_beads:
+            air = air_of(some, k, ground.cells.pieces(some, window))
+            airs.append(replace(air, bead=order[bounds[k] : bounds[k + 1]][air.bead]))
+            ground.cells.lay(fill, window, float(stack.top[k]))
+        if slabs.deep[k]:  # what is laid later, down to here, fills it too
+            fill = filled(whole, window, float(height[k]))
         mean = mean_around(fill, reach)
         overlap[k] = float((mean > too_often).sum()) * cell**2
         i, j = divmod(int(mean.argmax()), window.wide)
@@ -99,6 +103,27 @@ def overlap_cells(beads: Beads, layer_height: float, too_often: float, cell: flo
     corners = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 2)
     n_rings = len(row)
     return normalize(Areas(corners, np.arange(n_rings + 1) * 4, np.zeros(n_rings, np.int64), 1))
+
+
+class _Slabs:
+    """What fills each layer, whenever it is laid; `deep` (L,) is whether some of it is part of a deeper bead."""
+
+    def __init__(self, stack: Stack, of_part: Bool) -> None:
+        """Take all beads, and which make up the part."""
+        parts, source = through_layers(stack)
+        n = stack.n_layers
+        cut = np.bincount(source, minlength=stack.beads.n_beads)[source] > 1
+        self.deep = np.bincount(parts.layer[cut & of_part[source]], minlength=n) > 0
+        kept = of_part[source] & (parts.beads.purpose != Purpose.IRONING) & (parts.layer >= 0)
+        kept &= self.deep[parts.layer]
+        own = np.flatnonzero(kept)
+        own = own[np.argsort(parts.layer[own], kind="stable")]
+        self._beads = parts.beads.take(own)
+        self._bounds = np.searchsorted(parts.layer[own], np.arange(n + 1))
+
+    def of_layer(self, k: int) -> Beads:
+        """All that fills layer k, one of the deep ones."""
+        return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
 class _Ground:

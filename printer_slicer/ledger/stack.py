@@ -10,10 +10,11 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.geometry.areas import consecutive
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of
 from printer_slicer.model import Program
 
-__all__ = ["Stack", "stack_of", "stacked"]
+__all__ = ["Stack", "stack_of", "stacked", "through_layers"]
 
 _LEVEL: Final = (
     0.004  # mm: heights of the nozzle closer than this are one layer; files round z to 0.001 or 0.01
@@ -29,6 +30,7 @@ _SHORT: Final = 5.0  # mm
 _UNKNOWN: Final = 0.2  # mm: how thick beads are where there is no layer to tell
 _WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
 _MAY_BE_THICK: Final = (Purpose.UNKNOWN, Purpose.BRIDGE, Purpose.SPARSE, Purpose.SUPPORT, Purpose.OVERHANG)
+_FILL_SEVERAL: Final = (Purpose.INNER_PERIMETER, Purpose.SPARSE)  # layers, where they are thick; threads hang
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +78,33 @@ class Stack:
     def spiral(self) -> bool:
         """Whether most layers are turns of a spiral."""
         return 2 * int(self.rising.sum()) > self.n_layers
+
+
+def through_layers(stack: Stack) -> tuple[Stack, Int]:
+    """The stack with beads that fill several layers cut into what they hold of each; and (B,) whose part each one is.
+
+    Inner perimeters and sparse infill may be laid so. The parts of a layer stand in the order of their beads.
+    """
+    beads, own = stack.beads, np.maximum(stack.layer, 0)
+    deep = np.isin(beads.purpose, _FILL_SEVERAL) & (stack.layer > 0)
+    deep &= beads.height > stack.height[own] + _AGREES if stack.n_layers else False
+    if not deep.any():
+        return stack, np.arange(beads.n_beads)
+    lowest = np.searchsorted(stack.bottom, stack.top[own] - beads.height - _LEVEL)
+    first = np.where(deep, np.minimum(lowest, own), stack.layer)
+    count = stack.layer - first + 1
+    source, layer = np.repeat(np.arange(beads.n_beads), count), consecutive(first, count)
+    order = np.argsort(layer, kind="stable")
+    source, layer = source[order], layer[order]
+    cut, parts = deep[source], beads.take(source)
+    height = np.where(cut, stack.height[np.maximum(layer, 0)], parts.height)
+    parts = replace(
+        parts,
+        z_top=np.where(cut, stack.top[np.maximum(layer, 0)], parts.z_top),
+        height=height,
+        area=np.where(cut, parts.area * height / parts.height, parts.area),
+    )
+    return Stack(parts, layer, stack.top, stack.bottom), source
 
 
 def stack_of(program: Program, filament_diameter: float) -> Stack:
@@ -176,9 +205,13 @@ def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -
     own = np.where(sloped, np.clip(beads.z_top - beads.rise / 2 - bottom[layer], own / 10, own), own)
     width = bead.width_for_section(beads.area, own)
     walls = np.isin(beads.purpose, _WALLS)
-    usual = _median(width, beads.length * (walls if walls.any() else layer >= 0))
+    thin = walls & ~(np.abs(told - own) > _AGREES)
+    usual = _median(width, beads.length * (thin if thin.any() else walls if walls.any() else layer >= 0))
     height, may = own.copy(), np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0)
     wide = may & (width > _WIDE * usual)
+    may |= (beads.purpose == Purpose.INNER_PERIMETER) & (
+        layer >= 0
+    )  # if a comment says so; else they are wide
     for deep in range(1, _DEEPEST):
         reach = top[layer] - bottom[np.maximum(layer - deep, 0)]
         width = bead.width_for_section(beads.area, reach)

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive, distinct
+from printer_slicer.geometry.areas import consecutive, distinct, following_around
 from printer_slicer.model.layers import LayerPlan
 
 __all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
@@ -142,10 +142,31 @@ class Toolpaths:
         """The same paths on the last layers of a plan that has more of them below; beads stay as high as they are."""
         return replace(self, plan=plan, layer=self.layer + (plan.n_layers - self.plan.n_layers))
 
+    def take(self, chosen: Int) -> Toolpaths:
+        """Some of the paths, by their indices; their layers must ascend."""
+        size = np.diff(self.start)[chosen]
+        points = consecutive(self.start[chosen], size)
+        return replace(
+            self,
+            xy=self.xy.take(points, axis=0),
+            width=self.width.take(points),
+            carried=self.carried.take(points),
+            start=np.append(0, np.cumsum(size)),
+            **{
+                name: getattr(self, name).take(chosen)
+                for name in ("layer", "role", "height", "closed", "sweep")
+            },
+        )
+
     @property
     def n_paths(self) -> int:
         """Number of paths."""
         return len(self.layer)
+
+    @property
+    def following(self) -> Int:
+        """(N,) the point after each; itself at the end of an open path."""
+        return following_around(self.start, self.closed)
 
     def path(self, index: int) -> Float:
         """(n, 2) the points of one path."""

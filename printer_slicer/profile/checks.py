@@ -7,11 +7,9 @@ from itertools import pairwise
 from math import floor
 from typing import NamedTuple
 
-from printer_slicer.profile.settings import OptimalPlanner, Profile
+from printer_slicer.profile.settings import HIGHEST_BEAD, OptimalPlanner, Profile
 
 __all__ = ["Conflict", "conflicts"]
-
-_HIGHEST = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
 
 
 class Conflict(NamedTuple):
@@ -111,10 +109,10 @@ def _widths(profile: Profile) -> Iterator[Conflict]:
     nozzle = profile.printer.nozzle_diameter
     uniform = max(profile.quality.layer_height, profile.quality.first_layer_height)
     highest = profile.thickest if _varies(profile) else uniform
-    if highest > _HIGHEST * nozzle + 1e-9:
+    if highest > HIGHEST_BEAD * nozzle + 1e-9:
         yield Conflict(
             "printer.nozzle_diameter",
-            f"{nozzle:g} mm lays beads of {_HIGHEST * nozzle:g} mm at most, but layers are {highest:g} mm high",
+            f"{nozzle:g} mm lays beads of {HIGHEST_BEAD * nozzle:g} mm at most, but layers are {highest:g} mm high",
             "lower quality.thickest_layer or quality.layer_height, or take a wider nozzle",
         )
     widths = {

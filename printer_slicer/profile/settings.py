@@ -24,6 +24,7 @@ from printer_slicer.profile.planners import (
 )
 
 __all__ = [
+    "HIGHEST_BEAD",
     "PLANNER_SETTINGS",
     "AreaPlanner",
     "CuspPlanner",
@@ -39,6 +40,8 @@ __all__ = [
     "StepwisePlanner",
     "UniformPlanner",
 ]
+
+HIGHEST_BEAD = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
 
 
 class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -299,6 +302,16 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             le=2,
         ),
     ] = 0
+    inner_perimeters_every: Annotated[
+        float,
+        meta(
+            "inner perimeters of several layers in beads up to this high where the section does not change; 0: "
+            "layer by layer",
+            "mm",
+            ge=0,
+            le=2,
+        ),
+    ] = 0
     lightning_angle_deg: Annotated[
         float, meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
     ] = 40
@@ -366,6 +379,11 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
         narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
         return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
+
+    @property
+    def highest_bead(self) -> float:
+        """Highest bead that the nozzle presses down and that is no higher than wide, mm."""
+        return min(HIGHEST_BEAD * self.printer.nozzle_diameter, self.extrusion_width)
 
     @property
     def thinnest_feature(self) -> float:

@@ -102,6 +102,15 @@ def test_selected_and_rejected_rings_merge_to_the_whole(stack: Areas, data: st.D
         assert {r.tobytes() for r in merged.rings(layer)} == {r.tobytes() for r in stack.rings(layer)}
 
 
+@given(areas(3), st.lists(st.integers(0, 2), max_size=6))
+def test_layers_are_taken_as_often_as_they_are_named(stack: Areas, source: list[int]) -> None:
+    made = stack.for_each(np.array(source, np.int64))
+
+    assert made.n_layers == len(source)
+    for layer, k in enumerate(source):
+        assert [ring.tolist() for ring in made.rings(layer)] == [ring.tolist() for ring in stack.rings(k)]
+
+
 def test_stacks_of_different_height_do_not_merge() -> None:
     with pytest.raises(ValueError, match="2 and 3 layers"):
         Areas.empty(2).merge(Areas.empty(3))

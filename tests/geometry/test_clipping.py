@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, Float, Polylines, clip_lines
 from printer_slicer.geometry.clipper import load
+from printer_slicer.geometry.clipping import clipped, spans
 from tests.parts import shape
 from tests.strategies import box, clean_areas
 
@@ -38,6 +39,21 @@ def some_lines(n_layers: int) -> st.SearchStrategy[Polylines]:
 
 def paths(lines: Polylines, layer: int) -> list[Float]:
     return [lines.xy[lines.start[i] : lines.start[i + 1]] for i in np.flatnonzero(lines.layer == layer)]
+
+
+@few
+@given(areas=clean_areas(3), lines=some_lines(3))
+def test_spans_lie_along_their_lines_where_the_parts_do(areas: Areas, lines: Polylines) -> None:
+    parts, line = clipped(areas, lines)
+    on, low, high = spans(areas, lines)
+
+    assert on.tolist() == line.tolist()
+    assert high - low == pytest.approx(parts.length(), abs=1e-6)
+    for i, k in enumerate(on.tolist()):
+        xy = lines.xy[lines.start[k] : lines.start[k + 1]]
+        reached = np.append(0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T)))
+        begin = [np.interp(low[i], reached, xy[:, axis]) for axis in (0, 1)]
+        assert begin == pytest.approx(parts.xy[parts.start[i]].tolist(), abs=1e-4)
 
 
 @few

@@ -372,6 +372,7 @@ M104 S0
 ; quality.infill_anchor = 2.5
 ; quality.infill_anchor_max = 12
 ; quality.sparse_every = 0
+; quality.inner_perimeters_every = 0
 ; quality.lightning_angle_deg = 40
 ; quality.skirt_loops = 1
 ; quality.skirt_distance = 2.0

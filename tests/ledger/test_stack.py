@@ -7,8 +7,9 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
+from printer_slicer import bead
 from printer_slicer.ledger import Purpose, beads_of_gcode, ledger_of, stack_of, stacked
-from printer_slicer.ledger.stack import Stack
+from printer_slicer.ledger.stack import Stack, through_layers
 from printer_slicer.pipeline import slice_stages
 from tests.ledger.lines import WIDTH, beads_along, joined, path
 from tests.parts import cone, plain
@@ -52,6 +53,37 @@ def test_sparse_infill_printed_every_second_layer_is_twice_as_thick(comment: lis
     assert stack.beads.height[sparse] == pytest.approx([0.4])
     assert stack.beads.width[sparse] == pytest.approx([WIDTH], abs=1e-4)
     assert stack.beads.height[~sparse] == pytest.approx(np.full(12, 0.2))
+
+
+@pytest.mark.parametrize("loops", [1, 5])
+def test_inner_perimeters_that_fill_two_layers_are_known_by_their_comments(loops: int) -> None:
+    """And by their flow, however many of them there are."""
+    outer, inner = [";TYPE:External perimeter", ";HEIGHT:0.2"], [";TYPE:Perimeter", ";HEIGHT:0.4"]
+    thick = [row for k in range(loops) for row in path([(2 + k, 2), (2 + k, 18)], 0.4, 0.4)]
+    stack = read(*outer, *loop(0.2), *loop(0.4), *inner, *thick)
+    deep = stack.beads.purpose == Purpose.INNER_PERIMETER
+
+    assert stack.beads.height[deep] == pytest.approx(np.full(loops, 0.4))
+    assert stack.beads.width[deep] == pytest.approx(np.full(loops, WIDTH), abs=1e-4)
+    assert stack.beads.height[~deep] == pytest.approx(np.full(8, 0.2))
+
+
+def test_beads_that_fill_several_layers_are_cut_into_what_they_hold_of_each() -> None:
+    outer, inner = [";TYPE:External perimeter", ";HEIGHT:0.2"], [";TYPE:Perimeter", ";HEIGHT:0.4"]
+    stack = read(
+        *outer, *loop(0.2), *loop(0.4), *inner, *path([(2, 2), (2, 18)], 0.4, 0.4), *outer, *loop(0.6)
+    )
+    parts, source = through_layers(stack)
+
+    assert parts.beads.volume.sum() == pytest.approx(stack.beads.volume.sum())
+    assert np.bincount(parts.layer).tolist() == [5, 5, 4]
+    deep = np.flatnonzero(np.bincount(source)[source] == 2)
+    assert parts.layer[deep].tolist() == [0, 1]
+    assert parts.beads.z_top[deep] == pytest.approx([0.2, 0.4])
+    assert parts.beads.height[deep] == pytest.approx([0.2, 0.2])
+    # What lies side by side is as far apart at every height.
+    assert parts.beads.area[deep] / 0.2 == pytest.approx(np.full(2, bead.spacing(WIDTH, 0.4)), abs=1e-4)
+    assert through_layers(parts)[0] is parts
 
 
 def test_perimeters_with_too_much_plastic_are_wide_not_thick() -> None:
