@@ -148,6 +148,7 @@ def _shape(profile: Profile) -> dict[str, object]:
         "outer_inset_first": quality.outer_perimeter_first,
         "top_thickness": quality.top_thickness,
         "bottom_thickness": quality.bottom_thickness,
+        "min_infill_area": quality.min_sparse_area,
         "infill_sparse_density": 100 * quality.infill_density,
         "infill_pattern": {"rectilinear": "lines"}.get(quality.infill, quality.infill),
         "adhesion_type": "brim" if quality.brim_width else "skirt" if quality.skirt_loops else "none",

@@ -1,11 +1,12 @@
-"""Where does the plastic lie? The material ledger of our files and of those of other slicers, side by side.
+"""Where does the plastic lie? Our files against those of other slicers, by the material ledger.
 
     python -m benchmarks.material [--models DIR] [--height MM] [--set KEY=VALUE] [--json FILE] [part ...]
 
-Every part is sliced by us, by PrusaSlicer and by CuraEngine where they are installed, with the settings of one profile
-in uniform layers, and every file is checked against the part with the usual rules. What is counted is all that the
-ledger finds, not only what is beyond a limit; `told` is how many findings `printer-slicer check` would tell. Peers'
-G-code is kept in `benchmarks/made/` and used again.
+Every part is sliced by us, by PrusaSlicer (Arachne and classic perimeters) and by CuraEngine where they are installed,
+with the settings of one profile in uniform layers, and every file is held against the part by the same rules: the shell
+is as deep as the profile's perimeters reach, whatever the file's own do. One row per part and peer: ours / theirs and
+their ratio, in bold where ours is worse by more than what measuring is good for. Peers' G-code is kept in
+`benchmarks/made/` and used again.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import process_time
@@ -24,64 +25,143 @@ import numpy as np
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
 from benchmarks.sizes import printable
+from printer_slicer import bead
 from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.geometry import Float
 from printer_slicer.healing import repair
+from printer_slicer.ledger import Ledger, Rules
 from printer_slicer.mesh_io import FORMATS, load_mesh
-from printer_slicer.model import Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import gcode_of, slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, load_profile
+from printer_slicer.slicing import cut
 
-_HEAD = (
-    "| part | slicer | layers | uncovered mm² | of the shell | outside mm² | overlap | in the air mm, longest "
-    "| shell holds, least | outline off µm, worst layer | of the volume | told | check CPU s |"
-)
+_RESOLUTION = 0.005  # mm, of the sections of layers that a file does not have
+_SAME_Z = 0.02  # mm
+# What the figures change by when the same file lies a fraction of a cell elsewhere, mm² and share, and mm: files
+# round places to 0.001 mm, and the part is found to as much.
+_UNCOVERED_NOISE = 0.1, 0.01
+_OVERLAP_NOISE = 1.0, 0.04
+_LENGTH_NOISE = 0.002
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What the ledger says about one file; areas mm², lengths mm, shares 0 to 1.
+
+    Attributes:
+        slicer: that wrote it.
+        z: (L,) mm, tops of its layers.
+        missing: mm² of the sections of layers that it lacks under the top of the part; they count as uncovered.
+        uncovered: of the shell.
+        overlap: filled more than 1.3 times.
+        covered: by all beads of the part.
+        outline: (L,) mm, 95th percentile of the distance of the outlines.
+        farthest: (L,) mm, the largest.
+        outside: mm² beyond the section.
+        air: mm of beads in the air, the longest of them.
+        shell: material in the shell by what it needs: the median over the layers.
+        least: the same in the emptiest layer.
+        volume: of the plastic by that of the sections.
+        findings: what `printer-slicer check` would tell with its usual limits.
+        seconds: CPU that checking took.
+    """
+
+    slicer: str
+    z: list[float]
+    missing: float
+    uncovered: float
+    overlap: float
+    covered: float
+    outline: list[float]
+    farthest: list[float]
+    outside: float
+    air: tuple[float, float]
+    shell: float
+    least: float
+    volume: float
+    findings: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """One figure of both files, mm or mm², and whether ours is worse by more than noise."""
+
+    ours: float
+    theirs: float
+    noise: float
+
+    @property
+    def worse(self) -> bool:
+        """Whether ours is the greater one."""
+        return self.ours > self.theirs + self.noise
+
+    def cell(self, scale: float, form: str) -> str:
+        """`ours / theirs (ratio)`, the ratio in bold where ours is worse."""
+        ratio = f"{self.ours / self.theirs:.2f}" if self.theirs > 1e-9 else "–"
+        ratio = f"**{ratio}**" if self.worse else ratio
+        return f"{scale * self.ours:{form}} / {scale * self.theirs:{form}} ({ratio})"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What the ledger says about one file; areas mm², lengths mm, shares 0 to 1."""
+    """One part: our file and that of a peer."""
 
     part: str
-    slicer: str
-    layers: int
-    uncovered: float
-    uncovered_share: float
-    outside: float
-    overlap_share: float
-    air: float
-    air_longest: float
-    shell_median: float
-    shell_least: float
-    outline_median: float
-    outline_worst: float
-    volume_share: float
-    findings: int
-    seconds: float
+    ours: Figures
+    theirs: Figures
+
+    def pairs(self) -> dict[str, Pair]:
+        """What is compared; outlines over the layers that both files have."""
+        bare = [one.uncovered + one.missing for one in (self.ours, self.theirs)]
+        own, other = _common(self.ours.z, self.theirs.z)
+
+        def outline(pick: Callable[[Figures], list[float]], over: Callable[[Float], float]) -> Pair:
+            first, second = np.array(pick(self.ours))[own], np.array(pick(self.theirs))[other]
+            return Pair(over(first), over(second), _LENGTH_NOISE)
+
+        return {
+            "uncovered": Pair(bare[0], bare[1], _noise(bare[1], _UNCOVERED_NOISE)),
+            "overlap": Pair(
+                self.ours.overlap, self.theirs.overlap, _noise(self.theirs.overlap, _OVERLAP_NOISE)
+            ),
+            "outline": outline(lambda one: one.outline, lambda value: float(np.nanmean(value))),
+            "farthest": outline(lambda one: one.farthest, lambda value: float(np.nanmax(value))),
+        }
 
     def line(self) -> str:
         """As a row of the table."""
+        pairs = self.pairs()
         cells = [
             self.part,
-            self.slicer,
-            f"{self.layers}",
-            f"{self.uncovered:.1f}",
-            f"{self.uncovered_share:.2%}",
-            f"{self.outside:.1f}",
-            f"{self.overlap_share:.2%}",
-            f"{self.air:.0f}, {self.air_longest:.1f}",
-            f"{self.shell_median:.1%}, {self.shell_least:.0%}",
-            f"{1000 * self.outline_median:.0f}, {1000 * self.outline_worst:.0f}",
-            f"{self.volume_share:.1%}",
-            f"{self.findings}",
-            f"{self.seconds:.1f}",
+            self.theirs.slicer,
+            f"{len(self.ours.z)} / {len(self.theirs.z)}",
+            pairs["uncovered"].cell(1, ".2f"),
+            pairs["overlap"].cell(1, ".1f"),
+            pairs["outline"].cell(1000, ".1f"),
+            pairs["farthest"].cell(1000, ".0f"),
+            f"{self.ours.volume:.1%} / {self.theirs.volume:.1%}",
+            f"{self.ours.findings} / {self.theirs.findings}",
         ]
         return f"| {' | '.join(cells)} |"
 
 
+def _noise(value: float, parts: tuple[float, float]) -> float:
+    """What a figure may differ by, from a fixed and a proportional part."""
+    return parts[0] + parts[1] * value
+
+
+_HEAD = (
+    "| part | peer | layers | uncovered mm² | overlap mm² | outline off µm, 95 % of it | at most "
+    "| plastic by volume of the part | told |"
+)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print one line per part and slicer."""
+    """Print one line per part and peer, and in how many parts ours is at most theirs."""
     options = _options(argv)
     changes = dict(change.split("=", 1) for change in options.set)
     profile = load_profile(
@@ -93,56 +173,86 @@ def main(argv: Sequence[str] | None = None) -> int:
         | changes
     )
     prusa, cura, absent = find_peers()
+    peers = [peer for peer in (prusa and PrusaSlicer("arachne"), prusa, cura) if peer]
     print(machine_note())
     print(*absent, sep="\n", end="\n" if absent else "")
-    rows = []
     WORK.mkdir(exist_ok=True)
-    print(f"\n{_HEAD}\n|---|---|{'---:|' * 11}", flush=True)
+    print(f"\n{_HEAD}\n|---|---|{'---:|' * 7}", flush=True)
+    rows = []
     for mesh in _parts(options):
-        for row in _rows(mesh, profile, [peer for peer in (prusa, cura) if peer]):
-            rows.append(row)
-            print(row.line(), flush=True)
+        part = place(repair(mesh)[0], profile.printer)
+        ours = _figures("ours", gcode_of(slice_part(part, profile), profile), part, profile)
+        for theirs in _of_peers(part, profile, peers):
+            rows.append(Row(part.name, ours, theirs))
+            print(rows[-1].line(), flush=True)
+        if not peers:
+            print(Row(part.name, ours, ours).line(), flush=True)
+    for peer in peers:
+        print(_tally(peer.name, [row for row in rows if row.theirs.slicer == peer.name]))
     if options.json:
         options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1), "utf-8")
     return 0
 
 
-def _rows(mesh: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]) -> Iterator[Row]:
-    part = place(repair(mesh)[0], profile.printer)
-    yield _row("ours", gcode_of(slice_part(part, profile), profile), part)
+def _of_peers(part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]) -> Iterator[Figures]:
     for peer in peers:
         try:
             printed = peer.uniform(Part(part, profile, WORK), profile.quality.layer_height)
-            yield _row(peer.name, printed.gcode.read_bytes(), part)
+            yield _figures(peer.name, printed.gcode.read_bytes(), part, profile)
         except (RunError, PrinterSlicerError) as error:
-            print(f"{mesh.name}: {peer.name}: {str(error).splitlines()[0]}")
+            print(f"{part.name}: {peer.name}: {str(error).splitlines()[0]}")
 
 
-def _row(slicer: str, text: bytes, part: Mesh) -> Row:
+def _figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
+    quality, width = profile.quality, profile.extrusion_width
+    shell = width + (quality.perimeters - 1) * float(bead.spacing(width, quality.layer_height))
     begun = process_time()
-    check = check_gcode(text, part, Asked())
+    check = check_gcode(text, part, Asked(rules=Rules(shell=shell)))
     seconds = process_time() - begun
     ledger = check.ledger
-    uncovered, shell, covered = (one.area().sum() for one in (ledger.uncovered, ledger.shell, ledger.covered))
     hanging = ledger.air.length[~ledger.air.bridge]
-    return Row(
-        part=part.name,
+    return Figures(
         slicer=slicer,
-        layers=ledger.stack.n_layers,
-        uncovered=float(uncovered),
-        uncovered_share=float(uncovered / shell),
+        z=ledger.stack.top.tolist(),
+        missing=_missing(ledger, part, quality.layer_height),
+        uncovered=float(ledger.uncovered.area().sum()),
+        overlap=float(ledger.fill.overlap.sum()),
+        covered=float(ledger.covered.area().sum()),
+        outline=ledger.outline.p95.tolist(),
+        farthest=ledger.outline.largest.tolist(),
         outside=float(ledger.outside.area().sum()),
-        overlap_share=float(ledger.fill.overlap.sum() / covered),
-        air=float(hanging.sum()),
-        air_longest=float(hanging.max(initial=0.0)),
-        shell_median=float(np.nanmedian(ledger.fill.shell)),
-        shell_least=float(np.nanmin(ledger.fill.shell)),
-        outline_median=float(np.nanmedian(ledger.outline.p95)),
-        outline_worst=float(np.nanmax(ledger.outline.p95)),
-        volume_share=float(ledger.volume.sum() / ledger.section_volume.sum()),
+        air=(float(hanging.sum()), float(hanging.max(initial=0.0))),
+        shell=float(np.nanmedian(ledger.fill.shell)),
+        least=float(np.nanmin(ledger.fill.shell)),
+        volume=float(ledger.volume.sum() / ledger.section_volume.sum()),
         findings=len(check.findings) + len(check.problems),
         seconds=seconds,
     )
+
+
+def _missing(ledger: Ledger, part: Mesh, height: float) -> float:
+    """Mm² of the sections of layers that would lie between the last one of a file and the top of the part."""
+    top = np.arange(float(ledger.stack.top[-1]) + height, part.height + height / 2 - 1e-6, height)
+    middle = top - height / 2
+    top, middle = top[middle < part.height], middle[middle < part.height]
+    return float(cut(part, LayerPlan(top, middle), _RESOLUTION).solid.area().sum()) if len(top) else 0.0
+
+
+def _common(own: Sequence[float], other: Sequence[float]) -> tuple[list[int], list[int]]:
+    """Indices of the layers of two files that end at the same height."""
+    near = np.abs(np.subtract.outer(np.array(own), np.array(other))) < _SAME_Z
+    first, second = np.nonzero(near)
+    return first.tolist(), second.tolist()
+
+
+def _tally(peer: str, rows: Sequence[Row]) -> str:
+    """In how many parts ours is at most theirs."""
+    pairs = [row.pairs() for row in rows]
+    said = (
+        f"{name} {sum(not one[name].worse for one in pairs)} of {len(pairs)}"
+        for name in (pairs[0] if pairs else ())
+    )
+    return f"\nours at most that of {peer}: {', '.join(said)}"
 
 
 def _parts(options: argparse.Namespace) -> Iterator[Mesh]:
@@ -157,7 +267,7 @@ def _parts(options: argparse.Namespace) -> Iterator[Mesh]:
     for path in paths:
         if not options.parts or path.stem in options.parts:
             mesh, told = printable(load_mesh(path))
-            print(told, end="\n" if told else "")
+            print(told, file=sys.stderr, end="\n" if told else "")
             yield Mesh(mesh.triangles, path.stem)
 
 

@@ -111,10 +111,13 @@ class PrusaSlicer:
 
     program = "prusa-slicer"
 
-    def __init__(self) -> None:
+    def __init__(self, walls: str = "classic") -> None:
+        """Take how it makes perimeters: `classic`, or `arachne`, which it does by default."""
         said = subprocess.run([self.program, "--help"], capture_output=True, text=True, check=False).stdout
         found = re.search(r"PrusaSlicer-([\d.]+)", said)
         self.name = f"PrusaSlicer {found[1] if found else '(unknown version)'}"
+        self.name += "" if walls == "classic" else f" {walls}"
+        self._walls = walls
 
     def uniform(self, part: Part, height: float) -> Printed:
         """Layers of one height, mm, after the first."""
@@ -139,7 +142,7 @@ class PrusaSlicer:
         *,
         first: float | None = None,
     ) -> Printed:
-        settings = prusa_settings(part.profile) | {
+        settings = prusa_settings(part.profile, self._walls) | {
             "layer-height": f"{height:g}",
             "first-layer-height": f"{part.heights.first if first is None else first:.6g}",
             "min-layer-height": f"{part.heights.thinnest:g}",

@@ -13,13 +13,18 @@ _FLAGS = (
 """Switches: nothing that we do not do, and what both do in the same way."""
 
 
-def prusa_settings(profile: Profile) -> dict[str, str]:
+def prusa_settings(profile: Profile, walls: str = "classic") -> dict[str, str]:
     """Option (without dashes) -> value; switches have the empty value. Layer heights are left to the caller.
 
     Where both have a setting it gets our value; where PrusaSlicer alone has it, the one that comes nearest to what we
     do. Shells are given in mm to both.
+
+    Args:
+        profile: ours.
+        walls: how perimeters are made, `classic` or `arachne`.
     """
-    return dict.fromkeys(_FLAGS, "") | _machine(profile) | _shape(profile) | _speeds(profile)
+    generator = {"perimeter-generator": walls}
+    return dict.fromkeys(_FLAGS, "") | _machine(profile) | _shape(profile) | generator | _speeds(profile)
 
 
 def _machine(profile: Profile) -> dict[str, str]:
@@ -68,12 +73,13 @@ def _shape(profile: Profile) -> dict[str, str]:
         "skirt-distance": quality.skirt_distance,
         "min-skirt-length": 0,
         "brim-width": quality.brim_width,
+        "min-bead-width": profile.bead_widths[0],
+        "min-feature-size": profile.thinnest_feature,
         "resolution": quality.resolution,
     }
     return (
         {key: f"{number:g}" for key, number in numbers.items()}
         | {
-            "perimeter-generator": "classic",
             "seam-position": quality.seam,
             "fill-pattern": quality.infill,
             "top-fill-pattern": "rectilinear",
