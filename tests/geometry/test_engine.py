@@ -291,44 +291,6 @@ def test_distances_that_make_no_sense_are_refused(distance: float | Float) -> No
         offset(Areas.empty(2), distance)
 
 
-# --- offset_open ---
-
-
-@engines
-def test_opening_drops_what_is_narrower_than_twice_the_distance(engine: str) -> None:
-    fin = [box(0, 0, 10, 10), box(10, 4, 15, 4.8)]
-    with using_engine(engine):
-        stack = normalize(Areas.from_rings([fin, fin, [box(0, 0, 0.5, 9)]]))
-        opened = offset_open(stack, np.array([0.5, 0.3, 0.3]))
-
-    assert opened.area() == pytest.approx([100, 104, 0], abs=1e-2)
-
-
-@engines
-def test_opening_leaves_the_points_of_what_is_wide_enough_alone(engine: str) -> None:
-    stack = Areas.from_rings([[box(0, 0, 10, 10), box(4, 4, 6, 6)[::-1]]])
-    with using_engine(engine):
-        opened = offset_open(stack, 1.0)
-
-    assert sorted(opened.xy.tolist()) == sorted(stack.xy.tolist())
-
-
-@engines
-@few
-@given(stack=clean_areas(3), distance=st.integers(0, 12))
-def test_opened_areas_lie_within_the_original(engine: str, stack: Areas, distance: int) -> None:
-    with using_engine(engine):
-        opened = offset_open(stack, distance / 8)
-
-        assert is_within(opened, stack)
-        assert is_clean(opened)
-
-
-def test_openings_do_not_go_backward() -> None:
-    with pytest.raises(ValueError, match="0 or more"):
-        offset_open(Areas.empty(2), np.array([0.1, -0.1]))
-
-
 # --- simplify ---
 
 
