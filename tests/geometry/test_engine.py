@@ -23,7 +23,6 @@ from printer_slicer.geometry import (
     simplify,
     union,
     window_intersection,
-    window_intersections,
 )
 from printer_slicer.geometry.engine import ENGINES, engine_named, using_engine
 from printer_slicer.geometry.polygons import ROUND_TOLERANCE, Join
@@ -409,27 +408,6 @@ def test_windows_equal_intersections_one_by_one(engine: str, stack: Areas, data:
 
         assert result.area() == pytest.approx(expected, abs=blur(stack))
         assert is_clean(result)
-
-
-@engines
-def test_several_windows_at_once_are_what_each_is_alone(engine: str) -> None:
-    stack = Areas.from_rings([[box(k / 2, 0, 12 - k / 2, 5), box(20, k, 30, 20)] for k in range(9)])
-    k = np.arange(9)
-    windows = [
-        (k, k + 1),
-        (k - 1, k),
-        (k - 2, k + 2),
-        (k, np.minimum(k + 4, 9)),
-        (np.maximum(k - 1, 0), k + 1),
-    ]
-    with using_engine(engine):
-        together = window_intersections(stack, windows)
-
-        for found, (first, last) in zip(together, windows, strict=True):
-            alone = window_intersection(stack, first, last)
-            assert np.array_equal(found.xy, alone.xy)
-            assert np.array_equal(found.ring_layer, alone.ring_layer)
-            assert is_clean(found)
 
 
 @engines
