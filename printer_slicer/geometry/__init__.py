@@ -22,7 +22,7 @@ from printer_slicer.geometry.engine import (
     union,
     window_intersection,
 )
-from printer_slicer.geometry.hatching import chain_rows, hatch
+from printer_slicer.geometry.hatching import chain_ends, chain_rows, hatch
 from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.outlines import clip_outlines
@@ -40,6 +40,7 @@ __all__ = [
     "Polygons",
     "Polylines",
     "anchor",
+    "chain_ends",
     "chain_rows",
     "clip_lines",
     "clip_outlines",

@@ -32,7 +32,7 @@ class Pieces:
 
     def take(self, which: Int) -> Pieces:
         """Some of the pieces (n,), ascending."""
-        number = np.full(self.count, -1)
+        number = np.full(self.count + 1, -1)  # the last one for rings that belong to none
         number[which] = np.arange(len(which))
         kept = self.areas.take(np.flatnonzero(number[self.areas.ring_layer] >= 0))
         areas = Areas(kept.xy, kept.ring_start, number[kept.ring_layer], len(which))
