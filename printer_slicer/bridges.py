@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, Lines, Pieces, hatch, intersection, pieces_of
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    Lines,
+    Pieces,
+    hatch,
+    intersection,
+    offset,
+    pieces_of,
+)
 from printer_slicer.geometry.areas import distinct
 
 __all__ = ["bridge_angles"]
@@ -12,11 +23,14 @@ __all__ = ["bridge_angles"]
 _DIRECTIONS = 12
 _FINER = (-np.pi / 36, np.pi / 36)  # tried beside the best of them: 5° to either side
 _WORTH = np.array([0.0, 0.5, 1.0])  # of a line of which so many ends are carried
+_BESIDE = 0.05  # mm: what lies right beside a bridge holds it too, as walls do over an inside that is empty
 _NEAR = 1e-3  # mm: ends this close to a support lie on it; engines round to 0.01 µm
 
 
-def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> Float:
-    """(R,) direction of the lines over each ring of `bridge`, radians; one for each connected area.
+def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> tuple[Float, Bool]:
+    """(R,) direction of the lines over each ring of `bridge`, radians, and whether any line is held at an end.
+
+    Rings of one connected area have one direction.
 
     Tries directions 15° apart, then 5° to either side of the best, and takes the one with the largest share of length
     in lines that end on the layer below at both ends; lines that do at one end, as over a balcony, count half;
@@ -30,8 +44,8 @@ def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> 
     """
     pieces = pieces_of(bridge)
     if not pieces.count:
-        return np.zeros(0)
-    support = intersection(bridge, below)
+        return np.zeros(0), np.zeros(0, np.bool_)
+    support = intersection(offset(bridge, _BESIDE), below)
     best, record = np.full(pieces.count, usual), np.zeros(pieces.count)
     whole = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
     for angle in whole.tolist():
@@ -45,7 +59,7 @@ def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> 
             score = np.where(coarse == angle, _score(pieces, support, spacing, angle + turn), 0.0)
             best = np.where(score > record + 1e-9, angle + turn, best)
             record = np.maximum(record, score)
-    return best[pieces.of_ring]
+    return best[pieces.of_ring], record[pieces.of_ring] > 0
 
 
 def _score(pieces: Pieces, support: Areas, spacing: Float, angle: float) -> Float:

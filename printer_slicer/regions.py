@@ -57,14 +57,16 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     sparse = _worth_it(difference(sparse, open_to_air), width, quality)
     internal, hidden = _over_sparse(difference(inside, sparse.merge(open_to_air)), sparse, width, quality)
     bridge = down.select(down.ring_layer > 0)
+    angle, held = bridge_angles(bridge, carrying, width, np.deg2rad(quality.infill_angle_deg))
     return Regions(
         plan,
         bottom_skin=down.select(down.ring_layer == 0),
-        bridge=bridge,
+        bridge=bridge.select(held),
         top_skin=up,
-        solid=hidden,
+        # A disc on a smaller one is no bridge: threads would end in the air, pressed lines hold on to what is below.
+        solid=union(hidden, bridge.select(~held)),
         sparse=sparse,
-        bridge_angle=bridge_angles(bridge, carrying, width, np.deg2rad(quality.infill_angle_deg)),
+        bridge_angle=angle[held],
         internal_bridge=internal,
         inside=inside,
     )

@@ -432,3 +432,20 @@ def test_over_an_inside_that_stays_empty_solid_layers_are_bridges_with_a_directi
     assert regions.internal_bridge.n_rings == 0
     assert set(regions.bridge.ring_layer.tolist()) == {26}
     assert regions.bridge.area()[26] == pytest.approx(walls.inside.area()[26])
+    assert np.cos(regions.bridge_angle) == pytest.approx(
+        1, abs=0.01
+    )  # across the short way, from wall to wall
+
+
+def test_what_no_line_can_bridge_is_solid_infill() -> None:
+    """A disc on a smaller one: whatever the direction, lines over the edge end in the air."""
+    plan = layers(2, 0.2)
+    turn = 2 * np.pi * np.arange(64) / 64
+    rings = [[radius * np.column_stack([np.cos(turn), np.sin(turn)])] for radius in (1.4, 2.6)]
+    sections = Sections(plan, Areas.from_rings(rings))
+
+    regions = classify(sections, lay_walls(sections, plain()), plain())
+
+    assert regions.bridge.n_rings == 0
+    inside = regions.inside.area()[1]
+    assert regions.solid.area()[1] > 0.9 * inside

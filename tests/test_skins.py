@@ -59,7 +59,8 @@ def test_no_line_of_a_top_skin_is_laid_between_two_others(areas: Areas, degrees:
         parts = [one for one in shapely.get_parts(shape(areas, layer)) if not one.is_empty]
         for part in parts:
             here = shapely.contains(part.buffer(0.1), shapely.points(paths.xy[paths.start[:-1]]))
-            some = np.flatnonzero(here & (paths.layer == layer))
+            # What is too narrow for rows has loops, which are in no sweep.
+            some = np.flatnonzero(here & (paths.layer == layer) & (paths.sweep >= 0))
             if not len(some):
                 continue
             mine = Toolpaths.gathered(
@@ -86,7 +87,10 @@ def test_a_skin_around_a_hole_is_one_sweep_from_one_side_to_the_other() -> None:
 
     paths = order(infill_paths(regions, wanted), sections, wanted)
 
-    assert len(np.unique(paths.sweep)) == 1
+    # Beads amid what rows leave come after them, or before.
+    swept = paths.sweep >= 0
+    assert len(np.unique(paths.sweep[swept])) == 1
+    assert (np.diff(np.flatnonzero(swept)) == 1).all()
     rows = rows_in_order(paths, 0, 0.0)
     assert len(rows) > 50
     check_monotonic(rows, float(bead.spacing(paths.width[0], 0.2)))

@@ -23,7 +23,7 @@ from printer_slicer.geometry.engine import (
     window_intersection,
     window_intersections,
 )
-from printer_slicer.geometry.hatching import chain_rows, hatch
+from printer_slicer.geometry.hatching import chain_rows, hatch, row_ends
 from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.outlines import clip_outlines
@@ -57,6 +57,7 @@ __all__ = [
     "outlines_within",
     "pieces_of",
     "rings_around",
+    "row_ends",
     "simplify",
     "stroked",
     "union",

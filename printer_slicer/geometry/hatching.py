@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, consecutive, per_layer
 from printer_slicer.geometry.joints import chain_ends
 
-__all__ = ["chain_rows", "hatch"]
+__all__ = ["chain_rows", "hatch", "row_ends"]
 
 
 def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: float | Float = 0.0) -> Lines:
@@ -88,8 +88,14 @@ def chain_rows(lines: Lines, *, max_turn: float | Float) -> tuple[Float, Int, In
         xy (N, 2) mm, start (M + 1,) and layer (M,): polyline i is `xy[start[i]:start[i + 1]]`. Each has both
         ends of one line after the other; ordered by layer, then by the lowest line of each.
     """
+    end, start = row_ends(lines, max_turn=max_turn)
+    return lines.ends.reshape(-1, 2).take(end, axis=0), start, lines.layer[end[start[:-1]] // 2]
+
+
+def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
+    """The same by number: (N,) 2 i for the first and 2 i + 1 for the second end of line i, and start (M + 1,)."""
     if not lines.n_lines:
-        return np.zeros((0, 2)), np.zeros(1, np.int64), np.zeros(0, np.int64)
+        return np.zeros(0, np.int64), np.zeros(1, np.int64)
     above = _only_neighbours(lines)
     lowest = _lowest(above)
     rank = lines.row - lines.row[lowest]
@@ -100,10 +106,8 @@ def chain_rows(lines: Lines, *, max_turn: float | Float) -> tuple[Float, Int, In
     # Pieces of one zigzag lie behind each other here; their first lines say where they belong in the stack.
     pieces = np.argsort(order[begin])
     order = order[consecutive(begin[pieces], sizes[pieces])]
-    ends = lines.ends.take(order, axis=0)
-    ends = np.where(backward[order, None, None], ends[:, ::-1], ends)
-    start = np.append(0, np.cumsum(2 * sizes[pieces]))
-    return ends.reshape(-1, 2), start, lines.layer[order[start[:-1] // 2]]
+    end = (2 * order + backward[order])[:, None] ^ np.array([0, 1])
+    return end.ravel(), np.append(0, np.cumsum(2 * sizes[pieces]))
 
 
 def _only_neighbours(lines: Lines) -> Int:

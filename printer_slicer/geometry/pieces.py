@@ -33,7 +33,7 @@ class Pieces:
 
     def take(self, which: Int) -> Pieces:
         """Some of the pieces (n,), ascending."""
-        number = np.full(self.count, -1)
+        number = np.full(self.count + 1, -1)  # the last one for rings that belong to none
         number[which] = np.arange(len(which))
         return Pieces(self.areas.for_each(which), self.layer[which], number[self.of_ring])
 

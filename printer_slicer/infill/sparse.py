@@ -22,8 +22,9 @@ __all__ = ["sparse_paths"]
 
 _TRIED = 24  # entries from which the spacing is found
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
+_REACHES = (1.0, 0.5, 0.25, 0.0)  # of the longest anchors, until they leave room for lines
 _SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its ends
-_BEAD_CHANGE = 0.1  # share by which the bead may make up for the rest
+_BEAD_CHANGE = 0.2  # share by which the bead may make up for the rest
 
 
 def sparse_paths(
@@ -58,10 +59,11 @@ def sparse_paths(
         # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
         each = quality.infill_density * _around(offset(regions.sparse, -inset), inset) * plan.height
         volume *= each.sum() / max(float(volume.sum()), 1e-9)
+    reach = 1.0
     if measured:
-        task = _spaced(task, pattern, volume, profile)
+        task, reach = _spaced(task, pattern, volume, profile)
     bare, more = _drawn(task, pattern)
-    lines = _anchored(task, bare, profile)
+    lines = _anchored(task, bare, profile, reach)
     share = _share(_laid(task, lines, more), volume) if measured else np.ones_like(more)
     return _toolpaths(regions, filled, lines, across * share / more)
 
@@ -96,28 +98,35 @@ def _drawn(task: Task, pattern: Pattern) -> tuple[Polylines, Float]:
     return lines.take(np.flatnonzero(lines.length() >= _SHORTEST * task.bead)), more
 
 
-def _anchored(task: Task, lines: Polylines, profile: Profile) -> Polylines:
-    """The lines joined along the walls."""
-    longest = profile.quality.infill_anchor_max
-    return anchor(task.area, lines, longest=longest, hook=min(profile.quality.infill_anchor, longest))
+def _anchored(task: Task, lines: Polylines, profile: Profile, reach: float) -> Polylines:
+    """The lines joined along the walls, by ways of that share of the longest allowed."""
+    longest = reach * profile.quality.infill_anchor_max
+    return anchor(task.area, lines, longest=longest, hook=min(reach * profile.quality.infill_anchor, longest))
 
 
-def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> Task:
+def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> tuple[Task, float]:
     """The task with the lines farther apart, so that lines and anchors together are as much as asked for.
+
+    Where rooms are so small that anchors would be most of it they become shorter; the second value says by how much.
 
     Anchors follow the walls: their length hardly depends on the spacing, that of the lines is inverse to it. Both are
     measured on some of the entries; one spacing for the whole part keeps the lines above each other.
     """
     used = distinct(task.area.ring_layer)
     if not len(used):
-        return task
+        return task, 1.0
     tried = used[distinct(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
     some = replace(task, area=task.area.select(np.isin(task.area.ring_layer, tried)))
     bare, more = _drawn(some, pattern)
-    lines, both = (_laid(some, one, more).sum() for one in (bare, _anchored(some, bare, profile)))
-    left = float(volume[tried].sum() - (both - lines))
+    lines, left, reach = float(_laid(some, bare, more).sum()), 0.0, 0.0
+    for reach in _REACHES:
+        both = float(_laid(some, _anchored(some, bare, profile, reach), more).sum())
+        left = float(volume[tried].sum()) - (both - lines)
+        if left * _WIDEST_STEP * (1 + _BEAD_CHANGE) >= lines:
+            break
     step = lines / left if left * _WIDEST_STEP > lines else _WIDEST_STEP
-    return replace(task, spacing=task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing)
+    spacing = task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing
+    return replace(task, spacing=spacing), reach
 
 
 def _laid(task: Task, lines: Polylines, more: Float) -> Float:

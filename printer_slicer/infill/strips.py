@@ -5,67 +5,104 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Float, Int, Pieces, offset, outlines_within
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    Pieces,
+    difference,
+    offset,
+    offset_open,
+    outlines_within,
+    stroked,
+)
 from printer_slicer.geometry.areas import lengths
 from printer_slicer.model import Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
 __all__ = ["strip_paths"]
 
-_WIDEST = 3.0  # beads
-# What as many usual beads as there are may hold of what the strip does: between two walls there is one beside each, and
-# both together fill what one would.
-_FULL = (0.7, 2.1)
-
-_CORNERS = (
-    0.75  # of the overlap: what walls leave open in corners, within 0.5 % of volume for boxes of 3 to 20 mm
-)
+_WIDEST = 3.5  # beads
+_FULL = (0.87, 1.15)  # of what a strip holds, in beads of the usual width
+_BARE = 0.02  # of a strip may stay uncovered
+_SLIT = 0.05  # mm: half the width of gaps that do not count
+_MANY = 300_000  # points of walls beside strips; with more each strip is not asked on its own
 
 
 def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Toolpaths, Pieces]:
-    """Beads along the walls in the narrow ones of these pieces; and the pieces that such beads would not fill."""
+    """Beads along the walls in the strips that are evenly wide; and the pieces that such beads would not fill.
+
+    Strips as wide as a whole number of usual beads are found first. In others the beads are as much wider or narrower
+    as the strip is wide in the mean.
+    """
     plan, width = regions.plan, profile.extrusion_width
-    narrow = np.flatnonzero(pieces.mean_width() < _WIDEST * width)
-    strips = pieces.take(narrow)
     gap = bead.spacing(width, plan.height)
-    overlap = profile.quality.infill_overlap * width if profile.quality.perimeters else 0.0
-    xy, size, piece, first = _lines(regions, strips, gap, overlap)
-    length = lengths(xy, np.append(0, np.cumsum(size)), closed=False)
-    laid = np.bincount(piece, length, minlength=strips.count) * gap[strips.layer]
-    # Rows reach into the walls to fill the notches at their ends too. Lines along a wall leave none: less is needed to
-    # fill what is left in its corners. The first line shows how much of the outline is at a wall.
-    beside = np.bincount(piece, length * first, minlength=strips.count)
-    full = laid / (strips.areas.area() + _CORNERS * overlap * beside)
+    left = np.flatnonzero(pieces.mean_width() < _WIDEST * gap[pieces.layer])
+    others = np.setdiff1d(np.arange(pieces.count), left)
+    parts = []
+    for each in (False, True):
+        strips = pieces.take(left)
+        walls = regions.inside.select(np.isin(regions.inside.ring_layer, strips.layer))
+        if each:
+            walls = strips.beside(walls)
+            if len(walls.xy) > _MANY:
+                break
+            wide = strips.mean_width()
+            step = wide / np.maximum(np.rint(wide / gap[strips.layer]), 1)
+        else:
+            step = gap[strips.layer]
+        paths, fits = _filled(regions, strips, _lines(walls, strips, step if each else gap), step)
+        parts.append(paths)
+        left = left[~fits]
+    return Toolpaths.joined(plan, parts), pieces.take(np.union1d(others, left))
+
+
+def _filled(
+    regions: Regions, strips: Pieces, lines: tuple[Float, Int, Int], gap: Float
+) -> tuple[Toolpaths, Bool]:
+    """Lines as beads, scaled so that each strip holds what it should, and (P,) the strips that this fills."""
+    plan = regions.plan
+    xy, size, piece = lines
+    area, height = strips.areas.area(), plan.height[strips.layer]
+    full = (
+        np.bincount(piece, lengths(xy, np.append(0, np.cumsum(size)), closed=False), minlength=strips.count)
+        * gap
+        / np.maximum(area, 1e-9)
+    )
     fits = (full >= _FULL[0]) & (full <= _FULL[1])
-    # A little wider or narrower, so that as many as there are hold what the strip holds.
-    height = plan.height[strips.layer]
-    wide = np.round(bead.width_for_spacing(gap[strips.layer] / np.where(fits, full, 1.0), height), 4)
+    wide = np.round(bead.width_for_spacing(gap / np.where(fits, full, 1.0), height), 4)
     fits &= wide >= height
-    kept, rest = fits[piece], np.ones(pieces.count, np.bool_)
-    rest[narrow[fits]] = False
-    of = piece[kept]
-    layer = strips.layer[of]
+    kept = fits[piece]
+    xy, size, piece = xy.compress(np.repeat(kept, size), axis=0), size[kept], piece[kept]
+    covered = stroked(xy, np.append(0, np.cumsum(size)), piece, wide[piece] / 2, strips.count)
+    bare = offset_open(difference(strips.areas.select(fits[strips.areas.ring_layer]), covered), _SLIT)
+    fits &= bare.area() < _BARE * area
+    kept = fits[piece]
+    layer = strips.layer[piece[kept]]
     paths = Toolpaths.gathered(
         plan,
-        xy=xy[np.repeat(kept, size)],
+        xy=xy.compress(np.repeat(kept, size), axis=0),
         size=size[kept],
         layer=layer,
         role=np.full(len(layer), Role.SOLID),
-        width=wide[of],
+        width=wide[piece[kept]],
         closed=False,
     )
-    return paths, pieces.take(np.flatnonzero(rest))
+    return paths, fits
 
 
-def _lines(regions: Regions, strips: Pieces, gap: Float, overlap: float) -> tuple[Float, Int, Int, Float]:
-    """Points, sizes and strips of lines along the walls, and whether they are the first beside them (1 or 0)."""
-    loop = regions.inside.select(np.isin(regions.inside.ring_layer, strips.layer))
-    step, room = gap / 2 - overlap, offset(strips.areas, -overlap)
+def _lines(walls: Areas, strips: Pieces, step: Float) -> tuple[Float, Int, Int]:
+    """Points, sizes and strips of lines half a step, one and a half and so on from walls, of layers or of strips."""
+    loop, by = walls, step / 2
     found: list[tuple[Float, Int, Int]] = []
-    while loop.n_rings and len(found) <= _WIDEST:
-        loop, step = offset(loop, -step), gap
-        found.append(outlines_within(strips.beside(loop), room))
+    while loop.n_rings and len(found) < _WIDEST:
+        loop, by = offset(loop, -by), step
+        beside = loop if loop.n_layers == strips.count else strips.beside(loop)
+        found.append(outlines_within(beside, strips.areas))
+        if not len(found[-1][1]):
+            break
     if not found:
-        return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+        return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64)
     xy, size, piece = (np.concatenate([part[i] for part in found]) for i in range(3))
-    return xy, size, piece, (np.arange(len(size)) < len(found[0][1])).astype(np.float64)
+    return xy, size, piece

@@ -9,7 +9,17 @@ from printer_slicer import bead
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import infill_paths
 from printer_slicer.model import Areas, Regions, Role
-from tests.infill.stacks import SOLID_ROLES, UNEVEN, WIDTH, lengths, rectangle, rows, solid_only, sparse_only
+from tests.infill.stacks import (
+    SOLID_ROLES,
+    UNEVEN,
+    WIDTH,
+    lengths,
+    rectangle,
+    rows,
+    solid_only,
+    sparse_only,
+    volumes,
+)
 from tests.parts import layers, plain
 
 engines = pytest.mark.parametrize("engine", list(ENGINES))
@@ -27,7 +37,8 @@ def test_neighbouring_solid_lines_lie_one_spacing_of_their_own_layer_apart(role:
         gaps = np.diff(rows(paths, layer, angle))
         width = paths.width[np.repeat(paths.layer, np.diff(paths.start)) == layer]
         # A bridge's beads have as much plastic as usual, however near the next one is.
-        near = 0.05 if role == Role.BRIDGE else 0.0
+        # Of other beads, by what the turns at their ends lay too little or too much.
+        near = 0.05 if role == Role.BRIDGE else 0.015
         assert gaps == pytest.approx(width[0] - height[layer] * (1 - np.pi / 4), rel=near, abs=1e-4)
         assert (width == width[0]).all()
         assert width[0] == pytest.approx(WIDTH, rel=0.05)  # so that a whole number of beads fills 12 or 9 mm
@@ -38,7 +49,7 @@ def test_solid_lines_lay_as_much_plastic_as_the_area_holds(engine: str) -> None:
     with using_engine(engine):
         paths = infill_paths(solid_only([rectangle(30, 20)]), plain(infill_overlap=0))
 
-    assert lengths(paths) * bead.spacing(WIDTH, paths.plan.height) == pytest.approx(600, rel=0.01)
+    assert volumes(paths) / paths.plan.height == pytest.approx(600, rel=0.005)
 
 
 def test_the_direction_turns_by_a_right_angle_from_layer_to_layer() -> None:
@@ -47,7 +58,7 @@ def test_the_direction_turns_by_a_right_angle_from_layer_to_layer() -> None:
     for layer in range(6):
         angle = np.deg2rad(30) + np.pi / 2 * (layer % 2)
         assert len(rows(paths, layer, angle)) > 15
-        assert len(rows(paths, layer, angle + np.pi / 2)) == 0
+        assert len(rows(paths, layer, angle + np.pi / 2)) < 5  # turns at corners
 
 
 def test_bridges_run_in_their_own_direction() -> None:
@@ -68,7 +79,7 @@ def test_bridges_run_in_their_own_direction() -> None:
     assert all(len(rows(paths, layer, float(angle))) > 10 for layer, angle in enumerate(angles))
 
 
-def test_centre_lines_stay_half_a_bead_inside_their_region_but_for_the_overlap() -> None:
+def test_centre_lines_stay_half_a_bead_inside_but_for_the_overlap_and_a_quarter_at_their_ends() -> None:
     for overlap in (0.0, 0.15):
         regions = solid_only([rectangle(12, 9)])
         paths = infill_paths(regions, plain(infill_overlap=overlap))
@@ -76,12 +87,12 @@ def test_centre_lines_stay_half_a_bead_inside_their_region_but_for_the_overlap()
             gap = float(bead.spacing(paths.width[paths.start[i]], paths.plan.height[paths.layer[i]]))
             inset = gap / 2 - overlap * WIDTH
             low, high = paths.path(i).min(axis=0), paths.path(i).max(axis=0)
-            assert (low >= inset - 1e-4).all()
-            assert (high <= np.array([12, 9]) - inset + 1e-4).all()
+            assert (low >= inset - 0.26 * gap).all()
+            assert (high <= np.array([12, 9]) - inset + 0.26 * gap).all()
 
 
-def test_areas_too_small_for_a_line_get_none() -> None:
-    assert infill_paths(solid_only([rectangle(0.2, 5)]), plain(infill_overlap=0)).n_paths == 0
+def test_areas_too_thin_for_a_bead_get_none() -> None:
+    assert infill_paths(solid_only([rectangle(0.1, 5)]), plain(infill_overlap=0)).n_paths == 0
 
 
 def test_thick_bridges_are_round_threads_with_a_little_air_between_them() -> None:
@@ -126,7 +137,8 @@ def test_internal_bridges_cross_the_infill_below(pattern: str, between: float) -
 
     angles = np.deg2rad(np.arange(0, 180, 5))
     below, over = (
-        [i for i, angle in enumerate(angles) if len(rows(paths, layer, float(angle))) > 4] for layer in (2, 3)
+        [i for i, angle in enumerate(angles) if len(rows(paths, layer, float(angle))) > least]
+        for layer, least in ((2, 4), (3, 50))
     )
     assert set(paths.role[paths.layer == 3].tolist()) == {Role.INTERNAL_BRIDGE}
     assert {abs((over[0] - one) * 5 + 90) % 180 - 90 for one in below} <= {

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
-from printer_slicer.model import Mesh, Role, Toolpaths
+from printer_slicer.model import Float, Mesh, Role, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from tests.infill.stacks import UNEVEN, WIDTH, lengths, outside, rectangle, slots, sparse_only, volumes
 from tests.parts import box_with_hole, layers, plain, shape, sphere
-from tests.strategies import clean_areas
+from tests.strategies import clean_areas, star_rings
 
 patterns = pytest.mark.parametrize("pattern", list(PATTERNS))
 measured = pytest.mark.parametrize("pattern", [name for name in PATTERNS if name != "lightning"])
@@ -70,6 +70,25 @@ def test_the_pattern_belongs_to_the_bed_so_areas_may_lie_anywhere(pattern: str, 
     paths = infill_paths(sparse_only([rectangle(60, 50, (x, y))]), sparse_with(pattern, 0.3))
 
     assert volumes(paths).sum() / (3000 * UNEVEN[-1]) == pytest.approx(0.3, rel=0.02)
+
+
+@pytest.mark.parametrize("pattern", ["rectilinear", "grid", "triangles", "cubic", "gyroid"])
+@settings(deadline=None, max_examples=8)
+@given(
+    rings=star_rings(),
+    density=st.sampled_from([0.12, 0.2, 0.4]),
+    heights=st.lists(st.sampled_from([0.08, 0.2, 0.32]), min_size=2, max_size=3),
+)
+def test_small_rooms_keep_the_density_although_they_have_anchors(
+    pattern: str, rings: list[Float], density: float, heights: list[float]
+) -> None:
+    stack = sparse_only([2 * ring for ring in rings], np.cumsum(heights))
+    area = float(stack.sparse.area()[0])
+    assume(area > (6 * WIDTH / density) ** 2)
+
+    laid = volumes(infill_paths(stack, sparse_with(pattern, density))).sum()
+
+    assert laid / (density * area * sum(heights)) == pytest.approx(1, abs=0.03)
 
 
 @measured

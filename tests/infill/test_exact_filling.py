@@ -1,0 +1,145 @@
+"""Solid areas are filled exactly: random outlines, random heights, nothing bare, nothing twice, nothing outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer import bead
+from printer_slicer.geometry import (
+    Areas,
+    Float,
+    difference,
+    normalize,
+    offset,
+    offset_open,
+    pieces_of,
+    stroked,
+)
+from printer_slicer.infill import infill_paths
+from printer_slicer.ledger import ledger_of, stack_of
+from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
+from printer_slicer.perimeters import lay_walls
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.regions import classify
+from tests.parts import box, plain, sphere
+from tests.strategies import star_rings
+
+HEIGHTS = st.sampled_from([0.08, 0.12, 0.2, 0.28, 0.32])
+
+
+def strokes(paths: Toolpaths) -> Areas:
+    """What the beads cover, as wide as they are, with round ends."""
+    following = np.arange(1, len(paths.xy) + 1)
+    last, first = paths.start[1:] - 1, paths.start[:-1]
+    following[last] = np.where(paths.closed, first, last)
+    begin = np.flatnonzero(following != np.arange(len(paths.xy)))
+    xy = np.stack([paths.xy[begin], paths.xy[following[begin]]], axis=1).reshape(-1, 2)
+    width = (paths.width[begin] + paths.width[following[begin]]) / 2
+    layer = np.repeat(paths.layer, np.diff(paths.start))[begin]
+    return stroked(xy, 2 * np.arange(len(begin) + 1), layer, width / 2, paths.plan.n_layers)
+
+
+def filled(solid: Areas, height: float) -> tuple[Toolpaths, Toolpaths, Areas]:
+    """Walls and solid infill of sections that are full all through, and where infill is."""
+    plan = LayerPlan.from_tops(height * np.arange(1, solid.n_layers + 1))
+    wanted = plain(infill_density=1)
+    sections = Sections(plan, solid)
+    walls = lay_walls(sections, wanted)
+    regions = classify(sections, walls, wanted)
+    without_bridges = Regions(
+        plan,
+        regions.bottom_skin,
+        Areas.empty(plan.n_layers),
+        regions.top_skin,
+        regions.solid,
+        regions.sparse,
+        np.zeros(0),
+        inside=regions.inside,
+    )
+    inside = regions.bottom_skin.merge(regions.solid).merge(regions.top_skin)
+    return walls.paths, infill_paths(without_bridges, wanted), inside
+
+
+def one_layer(rings: list[Float]) -> Areas:
+    return normalize(Areas.from_rings([rings]))
+
+
+def fills(paths: Toolpaths) -> Float:
+    """(L,) mm³ of beads whose width changes evenly from point to point."""
+    following = np.arange(1, len(paths.xy) + 1)
+    last, first = paths.start[1:] - 1, paths.start[:-1]
+    following[last] = np.where(paths.closed, first, last)
+    owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    long = np.hypot(*(paths.xy[following] - paths.xy).T)
+    wide = (paths.width + paths.width[following]) / 2
+    laid = long * bead.cross_section(wide, paths.height[owner])
+    return np.bincount(paths.layer[owner], laid, paths.plan.n_layers).astype(np.float64)
+
+
+def outlines(test: Callable[..., None]) -> Callable[..., None]:
+    """Any outline, with or without a hole, at any height."""
+    return settings(deadline=None, max_examples=20)(given(rings=star_rings(), height=HEIGHTS)(test))
+
+
+@outlines
+def test_solid_areas_hold_what_they_should_within_a_percent_and_a_fifth_of_a_square_mm_each(
+    rings: list[Float], height: float
+) -> None:
+    _, infill, inside = filled(one_layer(rings), height)
+
+    area = float(inside.area().sum())
+    # No bead is narrower than one can be, nor too short to be worth a stop: in each scrap 0.2 mm² may be wrong.
+    scraps = pieces_of(inside).count
+    assert float(fills(infill).sum()) / height == pytest.approx(area, abs=0.01 * area + 0.2 * scraps)
+
+
+@outlines
+def test_nothing_solid_stays_bare(rings: list[Float], height: float) -> None:
+    walls, infill, inside = filled(one_layer(rings), height)
+
+    bare = difference(inside, strokes(Toolpaths.joined(walls.plan, [walls, infill])))
+    area = float(inside.area().sum())
+    wider = [float(offset_open(bare, gap / 2).area().sum()) for gap in (0.1, 0.2, 0.35)]
+    scraps = pieces_of(inside).count
+    assert wider[0] < 0.005 * area + 0.2 * scraps
+    assert wider[1] < 0.002 * area + 0.2 * scraps
+    assert wider[2] < 0.1 * scraps
+
+
+@outlines
+def test_no_bead_of_solid_infill_leaves_the_section(rings: list[Float], height: float) -> None:
+    solid = one_layer(rings)
+    _, infill, inside = filled(solid, height)
+
+    laid = strokes(infill)
+    assert float(difference(laid, solid).area().sum()) < 1e-3
+    # Nor does it lie on the walls: round ends reach a little way in, and corners of the turns.
+    assert (
+        float(difference(laid, offset(inside, 0.15)).area().sum()) < 0.002 * float(inside.area().sum()) + 0.1
+    )
+
+
+@pytest.mark.parametrize("height", [0.1, 0.2, 0.32])
+@pytest.mark.parametrize("side", [20.0, 40.0])
+def test_a_solid_cube_holds_as_much_as_the_model(side: float, height: float) -> None:
+    wanted = plain(infill_density=1, layer_height=height, first_layer_height=height, planner__kind="uniform")
+    stages = slice_stages(box((side, side, 5 * height)), wanted)
+
+    assert fills(stages.toolpaths).sum() / (side**2 * 5 * height) == pytest.approx(1, abs=0.005)
+
+
+def test_small_round_skins_are_full_and_nowhere_too_full() -> None:
+    wanted = plain(layer_height=0.2, planner__kind="uniform")
+    stages = slice_stages(sphere(8), wanted)
+    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+
+    assert stages.regions.bridge.n_rings == 0
+    assert ledger.uncovered.area().max() < 0.2
+    assert ledger.fill.overlap.sum() < 0.025 * ledger.covered.area().sum()
+    assert np.nanmin(ledger.fill.shell) > 0.97
+    assert np.nanmax(ledger.fill.shell) < 1.06
