@@ -12,8 +12,9 @@ from printer_slicer.infill.gyroid import gyroid_lines
 from printer_slicer.infill.honeycomb import honeycomb_lines
 from printer_slicer.infill.lightning import lightning_lines
 from printer_slicer.infill.rectilinear import rectilinear_lines
+from printer_slicer.infill.resting import carried_layers, rested
 from printer_slicer.infill.solid import solid_paths
-from printer_slicer.infill.sparse import sparse_paths
+from printer_slicer.infill.sparse import bare_lines, laid_out, sparse_paths
 from printer_slicer.infill.task import Pattern
 from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.model import Regions, Toolpaths
@@ -36,9 +37,11 @@ PATTERNS: Final[Mapping[str, Pattern]] = {
 def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
     """Lines that fill every region: solid ones bead by bead, sparse ones to `quality.infill_density`."""
     quality = profile.quality
-    parts = solid_paths(regions, profile)
-    if quality.infill_density > 0:
-        # Trees have the density only where they hold something.
-        measured = quality.infill != "lightning"
-        parts.append(sparse_paths(regions, profile, PATTERNS[quality.infill], measured=measured))
+    if quality.infill_density == 0:
+        return Toolpaths.joined(regions.plan, solid_paths(regions, profile))
+    # Trees have the density only where they hold something.
+    layout = laid_out(regions, profile, PATTERNS[quality.infill], measured=quality.infill != "lightning")
+    carrying = bare_lines(layout, carried_layers(regions), profile)
+    resting = rested(regions, carrying, profile)
+    parts = [*solid_paths(resting, profile), sparse_paths(layout, resting.sparse, profile)]
     return Toolpaths.joined(regions.plan, parts)

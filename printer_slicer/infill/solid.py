@@ -54,7 +54,7 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     """Lines that fill bridges, skins and what is solid below them; the direction turns by 90° from layer to layer."""
     plan = regions.plan
     turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
-    parts = [_bridges(regions, profile), _internal_bridges(regions, turned, profile)]
+    parts = [_bridges(regions, profile), _internal_bridges(regions, profile)]
     along, across = strip_paths(regions, pieces_of(regions.solid), profile)
     parts.append(along)
     for pieces, role in (
@@ -100,13 +100,12 @@ def _bridges(regions: Regions, profile: Profile) -> Toolpaths:
     return _filled(plan, pieces, beads, profile)
 
 
-def _internal_bridges(regions: Regions, turned: Float, profile: Profile) -> Toolpaths:
-    """The first solid beads over sparse infill, across its lines."""
+def _internal_bridges(regions: Regions, profile: Profile) -> Toolpaths:
+    """The first solid beads over sparse infill."""
     plan, quality = regions.plan, profile.quality
     pieces = pieces_of(regions.internal_bridge)
-    # Parallel lines turn by a right angle from layer to layer: solid ones cross them. Others run in several directions.
-    diagonal = np.deg2rad(quality.infill_angle_deg + 45)
-    angle = turned[pieces.layer] if quality.infill == "rectilinear" else np.full(pieces.count, diagonal)
+    angle = np.zeros(pieces.count)
+    angle[pieces.of_ring] = regions.internal_bridge_angle
     beads = _usual(plan, pieces, Role.INTERNAL_BRIDGE, angle, profile)
     if quality.internal_bridge_flow_ratio != 1:
         beads = _with_flow(beads, quality.internal_bridge_flow_ratio, profile)
