@@ -43,5 +43,5 @@ def infill_paths(regions: Regions, profile: Profile) -> Toolpaths:
     layout = laid_out(regions, profile, PATTERNS[quality.infill], measured=quality.infill != "lightning")
     carrying = bare_lines(layout, carried_layers(regions), profile)
     resting = rested(regions, carrying, profile)
-    parts = [*solid_paths(resting, profile), sparse_paths(layout, resting.sparse, profile)]
+    parts = [*solid_paths(resting, profile), sparse_paths(layout, resting, profile)]
     return Toolpaths.joined(regions.plan, parts)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, offset
+from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import Fillings, fillings
@@ -74,21 +74,23 @@ def bare_lines(layout: Layout, layers: Int, profile: Profile) -> Polylines:
     return Polylines.of(lines.xy[points], lines.size + lines.closed, layer).take(order)
 
 
-def sparse_paths(layout: Layout, sparse: Areas, profile: Profile) -> Toolpaths:
-    """The lines of the pattern, joined, in areas within those they were laid out for.
+def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpaths:
+    """The lines of the pattern, joined, in sparse areas within those they were laid out for.
 
     Args:
         layout: of the lines.
-        sparse: to be filled.
+        regions: to be filled, and what lies beside them.
         profile: density, anchors, and how high the beads may be.
     """
+    sparse = regions.sparse
     filled, across, task = _filled(layout.regions, sparse, profile)
-    task = replace(task, spacing=layout.spacing)
+    volume = _volume(task, sparse, filled, profile)
+    # Lines reach into the walls to hold on to them; the ends of bridges are there already and would lie under them.
+    bridges = offset(regions.bridge.merge(regions.internal_bridge), across / 2).for_each(filled.layer)
+    task = replace(task, spacing=layout.spacing, area=difference(task.area, bridges))
     bare, more = _drawn(task, layout.pattern)
     lines = _anchored(task, bare, profile)
-    share = np.ones_like(more)
-    if layout.measured:
-        share = _share(_laid(task, lines, more), _volume(task, sparse, filled, profile))
+    share = _share(_laid(task, lines, more), volume) if layout.measured else np.ones_like(more)
     return _toolpaths(layout.regions, filled, lines, across * share / more)
 
 
