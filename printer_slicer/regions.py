@@ -54,7 +54,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     down = _grown(open_below, inside, width, np.full(plan.n_layers, quality.bridge_anchor))
     up = difference(_grown(open_above, inside, width, 2 * width), down)
     open_to_air = down.merge(up)
-    sparse = _worth_it(difference(sparse, open_to_air), width, quality)
+    sparse = _worth_it(difference(sparse, open_to_air), down, width, quality)
     internal, hidden = _over_sparse(difference(inside, sparse.merge(open_to_air)), sparse, width, quality)
     bridge = down.select(down.ring_layer > 0)
     angle, held = bridge_angles(bridge, carrying, width, np.deg2rad(quality.infill_angle_deg))
@@ -145,7 +145,7 @@ def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Floa
     return np.clip(steep, half, np.maximum(depth, half))
 
 
-def _worth_it(sparse: Areas, width: Float, quality: Quality) -> Areas:
+def _worth_it(sparse: Areas, bridge: Areas, width: Float, quality: Quality) -> Areas:
     """Sparse areas without those too small or narrow for it, where these are to be solid."""
     if quality.infill_density == 0 or quality.min_sparse_area == 0:
         return sparse
@@ -153,7 +153,19 @@ def _worth_it(sparse: Areas, width: Float, quality: Quality) -> Areas:
     narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
     pieces = pieces_of(difference(sparse, narrow))
     large = pieces.areas.area() >= quality.min_sparse_area
-    return pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
+    kept = pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
+    return union(kept, _beside_bridges(difference(sparse, kept), sparse, bridge, width))
+
+
+def _beside_bridges(scraps: Areas, sparse: Areas, bridge: Areas, width: Float) -> Areas:
+    """Scraps of sparse area that a bridge has cut off, over sparse infill: solid, they would hang over its cells."""
+    bridged = np.bincount(bridge.ring_layer, minlength=bridge.n_layers) > 0
+    bridged[:1] = False
+    pieces = pieces_of(scraps.of_layers(bridged))
+    beside, below = bridge.for_each(pieces.layer), _below(sparse).for_each(pieces.layer)
+    touching = intersection(offset(pieces.areas, width[pieces.layer] / 4), beside).area() > 0
+    over = intersection(pieces.areas, below).area() > pieces.areas.area() / 2
+    return pieces.on_layers(scraps.n_layers, np.flatnonzero(touching & over))
 
 
 def _over_sparse(solid: Areas, sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:

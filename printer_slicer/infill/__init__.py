@@ -12,10 +12,11 @@ from printer_slicer.infill.gyroid import gyroid_lines
 from printer_slicer.infill.honeycomb import honeycomb_lines
 from printer_slicer.infill.lightning import lightning_lines
 from printer_slicer.infill.rectilinear import rectilinear_lines
+from printer_slicer.infill.resting import carried_layers, rested
 from printer_slicer.infill.solid import solid_paths
-from printer_slicer.infill.sparse import sparse_paths
+from printer_slicer.infill.sparse import bare_lines, laid_out, sparse_paths
 from printer_slicer.infill.task import Pattern
-from printer_slicer.infill.thick import groups_of, turns
+from printer_slicer.infill.thick import groups_of
 from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.model import Int, Regions, Toolpaths
 from printer_slicer.profile import Profile
@@ -42,11 +43,12 @@ def infill_paths(regions: Regions, profile: Profile, groups: Int | None = None) 
     quality = profile.quality
     limit = min(quality.sparse_every, profile.highest_bead)
     groups = groups_of(regions.sparse, regions.plan, limit, groups)
-    parts = solid_paths(regions, profile, turns(groups))
-    if quality.infill_density > 0:
-        # Trees have the density only where they hold something.
-        measured = quality.infill != "lightning"
-        parts.append(
-            sparse_paths(regions, profile, PATTERNS[quality.infill], measured=measured, groups=groups)
-        )
+    if quality.infill_density == 0:
+        return Toolpaths.joined(regions.plan, solid_paths(regions, profile))
+    # Trees have the density only where they hold something.
+    measured = quality.infill != "lightning"
+    layout = laid_out(regions, profile, PATTERNS[quality.infill], measured=measured, groups=groups)
+    carrying = bare_lines(layout, carried_layers(regions), profile)
+    resting = rested(regions, carrying, profile)
+    parts = [*solid_paths(resting, profile), sparse_paths(layout, resting, profile)]
     return Toolpaths.joined(regions.plan, parts)

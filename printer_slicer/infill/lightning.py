@@ -12,7 +12,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines, clip_lines, difference, hatch, offset
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    Polylines,
+    clip_lines,
+    difference,
+    hatch,
+    intersection,
+    offset,
+    union,
+)
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.geometry.joints import chain_ends, chain_steps
 from printer_slicer.infill.task import Task
@@ -20,6 +32,7 @@ from printer_slicer.infill.trees import AT_WALL, Tree, Wall, grown, retracted, r
 
 __all__ = ["lightning_lines"]
 
+_AROUND = 0.5  # spacings: so far around an internal bridge its threads find something to end on
 _HELD = 0.5  # spacings: who is nearer to a branch or wall is held
 _LEVELS = 6  # of points: each level has twice the distance of the one below
 _BEYOND = 0.02  # mm by which roots are prolonged, so that they surely meet the outline
@@ -72,7 +85,9 @@ def _roof_points(task: Task, area: Areas) -> tuple[Float, Int, Int]:
     order in which they are to be held.
     """
     step = task.spacing / 2
-    rows = hatch(difference(area, area.raised(-1)), angle=task.angle, spacing=step)
+    above = difference(area, area.raised(-1))
+    ends = offset(task.regions.internal_bridge.raised(-1), _AROUND * task.spacing)
+    rows = hatch(union(above, intersection(ends, area)), angle=task.angle, spacing=step)
     first = np.ceil(rows.u[:, 0] / step).astype(np.int64)
     count = np.maximum(np.floor(rows.u[:, 1] / step).astype(np.int64) - first + 1, 0)
     column, owner = consecutive(first, count), np.repeat(np.arange(rows.n_lines), count)

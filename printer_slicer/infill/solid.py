@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Float, Int, Pieces, pieces_of
+from printer_slicer.geometry import Float, Pieces, pieces_of
 from printer_slicer.infill.narrow import along_narrow
 from printer_slicer.infill.rows import Beads, rows_in
 from printer_slicer.infill.strips import strip_paths
@@ -17,15 +17,11 @@ __all__ = ["solid_paths"]
 _APART = 0.05  # mm between the threads of a bridge: round ones that touch would push each other aside
 
 
-def solid_paths(regions: Regions, profile: Profile, turn: Int) -> list[Toolpaths]:
-    """Lines that fill bridges, skins and what is solid below them; the direction turns by 90° from layer to layer.
-
-    `turn` (L,) tells by how many right angles sparse infill that turns is turned on each layer.
-    """
-    plan, first = regions.plan, np.deg2rad(profile.quality.infill_angle_deg)
-    turned = first + np.pi / 2 * (np.arange(plan.n_layers) % 2)
-    crossing = first + np.pi / 2 * ((np.append(0, turn[:-1]) + 1) % 2)
-    parts = _bridges(regions, profile) + _internal_bridges(regions, crossing, profile)
+def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
+    """Lines that fill bridges, skins and what is solid below them; the direction turns by 90° from layer to layer."""
+    plan = regions.plan
+    turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
+    parts = _bridges(regions, profile) + _internal_bridges(regions, profile)
     for areas, role in (
         (regions.bottom_skin, Role.BOTTOM_SKIN),
         (regions.solid, Role.SOLID),
@@ -74,13 +70,12 @@ def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     return rows_in(plan, pieces, beads, profile)
 
 
-def _internal_bridges(regions: Regions, crossing: Float, profile: Profile) -> list[Toolpaths]:
-    """The first solid beads over sparse infill, across its lines; `crossing` (L,) are those that turn."""
+def _internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
+    """The first solid beads over sparse infill."""
     plan, quality = regions.plan, profile.quality
     pieces = pieces_of(regions.internal_bridge)
-    # Parallel lines are crossed at a right angle. Others run in several directions.
-    diagonal = np.deg2rad(quality.infill_angle_deg + 45)
-    angle = crossing[pieces.layer] if quality.infill == "rectilinear" else np.full(pieces.count, diagonal)
+    angle = np.zeros(pieces.count)
+    angle[pieces.of_ring] = regions.internal_bridge_angle
     beads = _usual(plan, pieces, Role.INTERNAL_BRIDGE, angle, profile)
     if quality.internal_bridge_flow_ratio != 1:
         beads = _with_flow(beads, quality.internal_bridge_flow_ratio, profile)

@@ -6,19 +6,19 @@ the bead: its cross-section is its height times a spacing that is the same for a
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, offset
+from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import Fillings, fillings
 from printer_slicer.model import Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
-__all__ = ["sparse_paths"]
+__all__ = ["Layout", "bare_lines", "laid_out", "sparse_paths"]
 
 _TRIED = 24  # entries from which the spacing is found
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
@@ -27,15 +27,36 @@ _SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its end
 _BEAD_CHANGE = 0.2  # share by which the bead may make up for the rest
 
 
-def sparse_paths(
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """Where the lines of a pattern lie, whatever of them is laid.
+
+    Attributes:
+        regions: what the pattern was drawn for; trees grow in them.
+        pattern: makes the lines.
+        spacing: mm, the same for the whole part.
+        reach: share of the longest anchors that leaves room for lines.
+        measured: whether the density is a share of the volume; else it is the pattern's affair.
+        groups: (L,) the first of those layers with which each one's sparse infill is printed; None: to be found.
+    """
+
+    regions: Regions
+    pattern: Pattern
+    spacing: float
+    reach: float
+    measured: bool
+    groups: Int | None
+
+
+def laid_out(
     regions: Regions,
     profile: Profile,
     pattern: Pattern,
     *,
     measured: bool = True,
     groups: Int | None = None,
-) -> Toolpaths:
-    """Lines of the pattern in the sparse regions.
+) -> Layout:
+    """The spacing with which lines and anchors in the sparse regions together have the density asked for.
 
     Args:
         regions: what is inside the walls.
@@ -44,28 +65,72 @@ def sparse_paths(
         measured: whether the density is a share of the volume; else it is the pattern's affair.
         groups: (L,) the first of those layers with which each one's sparse infill is printed; None: to be found.
     """
-    quality, plan = profile.quality, regions.plan
-    width = profile.extrusion_width
+    filled, _, task = _filled(regions, regions.sparse, profile, groups)
+    reach = 1.0
+    if measured:
+        task, reach = _spaced(task, pattern, _volume(task, regions.sparse, filled, profile), profile)
+    return Layout(regions, pattern, task.spacing, reach, measured, groups)
+
+
+def bare_lines(layout: Layout, layers: Int, profile: Profile) -> Polylines:
+    """The lines that are printed on some of the layers, without the joints between them; on the layers of the part."""
+    filled, _, task = _filled(layout.regions, layout.regions.sparse, profile, layout.groups)
+    some = np.isin(filled.layer[task.area.ring_layer], layers)
+    task = replace(task, area=task.area.select(some), spacing=layout.spacing)
+    lines, _ = _drawn(task, layout.pattern)
+    # Loops as open lines that end where they begin.
+    points = np.insert(
+        np.arange(len(lines.xy)), lines.start[1:][lines.closed], lines.start[:-1][lines.closed]
+    )
+    layer = filled.layer[lines.layer]
+    order = np.argsort(layer, kind="stable")
+    return Polylines.of(lines.xy[points], lines.size + lines.closed, layer).take(order)
+
+
+def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpaths:
+    """The lines of the pattern, joined, in sparse areas within those they were laid out for.
+
+    Args:
+        layout: of the lines.
+        regions: to be filled, and what lies beside them.
+        profile: density, anchors, and how high the beads may be.
+    """
+    sparse = regions.sparse
+    filled, across, task = _filled(layout.regions, sparse, profile, layout.groups)
+    volume = _volume(task, sparse, filled, profile)
+    # Lines reach into the walls to hold on to them; the ends of bridges are there already and would lie under them.
+    bridges = offset(regions.bridge.merge(regions.internal_bridge), across / 2).for_each(filled.layer)
+    task = replace(task, spacing=layout.spacing, area=difference(task.area, bridges))
+    bare, more = _drawn(task, layout.pattern)
+    lines = _anchored(task, bare, profile, layout.reach)
+    share = _share(_laid(task, lines, more), volume) if layout.measured else np.ones_like(more)
+    return _toolpaths(layout.regions, filled, lines, across * share / more)
+
+
+def _filled(
+    regions: Regions, sparse: Areas, profile: Profile, groups: Int | None
+) -> tuple[Fillings, float, Task]:
+    """What is filled, the spacing of its beads side by side, and the task of filling it with lines as usual."""
+    quality, width = profile.quality, profile.extrusion_width
     limit = min(quality.sparse_every, profile.highest_bead)
-    filled = fillings(regions.sparse, plan, limit, width, groups)
+    filled = fillings(sparse, regions.plan, limit, width, groups)
     used = distinct(filled.area.ring_layer)
     highest = float(filled.height[used].max(initial=0.0))
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
     across = float(bead.spacing(width, highest))
     inset = across / 2 - (quality.sparse_overlap * width if quality.perimeters else 0.0)
-    task = _task(regions, profile, filled, across, inset)
-    volume = quality.infill_density * _around(task.area, inset) * filled.height
-    if filled.area is not regions.sparse:
+    return filled, across, _task(regions, profile, filled, across, inset)
+
+
+def _volume(task: Task, sparse: Areas, filled: Fillings, profile: Profile) -> Float:
+    """(E,) mm³ that the density asks for."""
+    density, inset = profile.quality.infill_density, task.inset
+    volume = density * _around(task.area, inset) * filled.height
+    if filled.area is not sparse:
         # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
-        each = quality.infill_density * _around(offset(regions.sparse, -inset), inset) * plan.height
+        each = density * _around(offset(sparse, -inset), inset) * task.regions.plan.height
         volume *= each.sum() / max(float(volume.sum()), 1e-9)
-    reach = 1.0
-    if measured:
-        task, reach = _spaced(task, pattern, volume, profile)
-    bare, more = _drawn(task, pattern)
-    lines = _anchored(task, bare, profile, reach)
-    share = _share(_laid(task, lines, more), volume) if measured else np.ones_like(more)
-    return _toolpaths(regions, filled, lines, across * share / more)
+    return np.asarray(volume)
 
 
 def _task(regions: Regions, profile: Profile, filled: Fillings, across: float, inset: float) -> Task:

@@ -135,6 +135,8 @@ class Regions:
             in which most of its lines rest on something at both ends.
         internal_bridge: solid, over the sparse infill of the layer below, and what holds it at its sides.
         inside: all regions together, as the walls leave it.
+        internal_bridge_angle: (R,) radians for each ring of `internal_bridge`; 0 where it is not known yet, as that
+            depends on the lines of the sparse infill.
     """
 
     plan: LayerPlan
@@ -146,6 +148,7 @@ class Regions:
     bridge_angle: Float
     internal_bridge: Areas = field(default_factory=lambda: Areas.empty(0))
     inside: Areas = field(default_factory=lambda: Areas.empty(0))
+    internal_bridge_angle: Float = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         angle = frozen_array(self.bridge_angle, np.float64, (self.bridge.n_rings,))
@@ -153,3 +156,6 @@ class Regions:
         for name in ("internal_bridge", "inside"):
             if getattr(self, name).n_layers == 0:  # not given
                 object.__setattr__(self, name, Areas.empty(self.plan.n_layers))
+        n_rings = self.internal_bridge.n_rings
+        given = self.internal_bridge_angle if len(self.internal_bridge_angle) else np.zeros(n_rings)
+        object.__setattr__(self, "internal_bridge_angle", frozen_array(given, np.float64, (n_rings,)))

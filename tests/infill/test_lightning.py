@@ -32,8 +32,8 @@ def grown(rings: Sequence[Sequence[Float]], tops: Float, density: float = 0.2) -
     return regions, infill_paths(regions, plain(infill_density=density, **SETTINGS))
 
 
-def branches(paths: Toolpaths, layer: int) -> shapely.MultiLineString:
-    lines = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
+def branches(paths: Toolpaths, layer: int, role: Role = Role.SPARSE) -> shapely.MultiLineString:
+    lines = np.flatnonzero((paths.layer == layer) & (paths.role == role))
     return shapely.MultiLineString([paths.path(int(i)) for i in lines])
 
 
@@ -52,6 +52,7 @@ def hanging(regions: Regions, paths: Toolpaths, every: int = 0) -> float:
         reach = float(regions.plan.height[layer]) * np.tan(np.deg2rad(ANGLE)) + TOLERANCE
         free = shape(inside, layer - 1).buffer(-reach)
         over = branches(paths, layer).intersection(free)
+        over = over.difference(branches(paths, layer - 1, Role.INTERNAL_BRIDGE).buffer(WIDTH / 2 + reach))
         length += over.difference(branches(paths, layer - 1).buffer(reach)).length
     return length
 

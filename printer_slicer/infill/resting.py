@@ -1,0 +1,245 @@
+"""Internal bridges that rest at both ends: on lines of the sparse infill below, on what is solid there, or at walls.
+
+Solid over sparse infill has no shape of its own kind: it ends where a skin or a slope does, anywhere over the cells of
+the pattern. Each of its rows is made longer until it reaches what carries it, and the direction of the rows is the one
+in which the threads sag least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from printer_slicer.geometry import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    Lines,
+    Pieces,
+    Polylines,
+    difference,
+    hatch,
+    intersection,
+    normalize,
+    offset,
+    offset_open,
+    pieces_of,
+    stroked,
+    union,
+)
+from printer_slicer.geometry.areas import distinct
+from printer_slicer.model import Regions
+from printer_slicer.profile import Profile
+
+__all__ = ["carried_layers", "rested"]
+
+_DIRECTIONS = 12
+_WORTH = 0.95  # of the sagging of the usual direction: what another one must be under to be taken
+_NEAR = 1e-3  # mm: engines round to 0.01 µm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ground:
+    """Where internal bridges may be, and what carries them.
+
+    Attributes:
+        room: what is inside the walls and not open to the air.
+        air: the parts of it with no plastic right below.
+        grip: mm that a row lies on what carries it, at least, where that is as wide.
+    """
+
+    room: Areas
+    air: Areas
+    grip: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """Rows across pieces, and how far they have to go.
+
+    Attributes:
+        lines: across the pieces.
+        u: (S, 2) mm, from where to where each reaches when it rests at both ends.
+        sag: (S,) mm³: the cubes of the spans of each, added up: a thread sags by the square of its span, all along it.
+    """
+
+    lines: Lines
+    u: Float
+    sag: Float
+
+
+def carried_layers(regions: Regions) -> Int:
+    """The layers whose sparse infill has to carry an internal bridge."""
+    return distinct(regions.internal_bridge.ring_layer) - 1
+
+
+def rested(regions: Regions, lines: Polylines, profile: Profile) -> Regions:
+    """The regions with internal bridges that reach to what carries them, and the direction of each.
+
+    What they take is solid or sparse infill; what is open to the air stays as it is. Lines at the borders of sparse
+    areas move with these and are not counted on.
+
+    Args:
+        regions: what is inside the walls, by purpose.
+        lines: of the sparse infill, on the layers `carried_layers` at least.
+        profile: width of beads, and how far bridges reach onto what carries them.
+    """
+    pieces, width = pieces_of(regions.internal_bridge), profile.extrusion_width
+    if not pieces.count:
+        return regions
+    ground = _ground(regions, lines, width, profile.quality.bridge_anchor)
+    # In between those of the usual pattern, to which any other is compared.
+    usual = np.deg2rad(profile.quality.infill_angle_deg + 45)
+    angle = _best_angles(pieces, ground, width, float(usual))
+    room, done = ground.room, Areas.empty(regions.plan.n_layers)
+    of_ring = np.zeros(0)
+    for turn in distinct(angle).tolist():
+        chosen = np.flatnonzero(angle == turn)
+        own = pieces.on_layers(room.n_layers, chosen)
+        others = union(done, pieces.on_layers(room.n_layers, np.flatnonzero(angle != turn)))
+        grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
+        order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
+        of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]
+        done = done.merge(grown)
+    return replace(
+        regions,
+        internal_bridge=done,
+        internal_bridge_angle=of_ring,
+        solid=difference(regions.solid, done),
+        sparse=difference(regions.sparse, done),
+    )
+
+
+def _ground(regions: Regions, lines: Polylines, width: float, grip: float) -> _Ground:
+    n = regions.plan.n_layers
+    used = np.zeros(n, np.bool_)
+    used[regions.internal_bridge.ring_layer] = True
+    closed = regions.bottom_skin.merge(regions.bridge).merge(regions.top_skin).of_layers(used)
+    inside = regions.inside
+    if not inside.n_rings:
+        inside = union(regions.internal_bridge, union(regions.solid, regions.sparse))
+    room = difference(inside.of_layers(used), closed)
+    some = lines.take(np.flatnonzero(np.append(used[1:], False)[lines.layer]))
+    pens = stroked(some.xy, some.start, some.layer + 1, np.full(some.n_lines, width / 2), n)
+    hollow = intersection(room, regions.sparse.raised(1).of_layers(used))
+    # What is narrower than half a bead is no gap.
+    return _Ground(room, offset_open(difference(hollow, pens), width / 4), grip)
+
+
+def _best_angles(pieces: Pieces, ground: _Ground, width: float, usual: float) -> Float:
+    """(P,) the direction in which the threads of each piece sag least."""
+    best, record = np.full(pieces.count, usual), np.full(pieces.count, np.inf)
+    for turn in (np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS).tolist():
+        rows = _rows(pieces, ground, 2 * width, usual + turn)
+        sag = np.bincount(rows.lines.layer, rows.sag, minlength=pieces.count)
+        better = sag < (record * _WORTH - _NEAR if turn else record)
+        best[better], record[better] = usual + turn, sag[better]
+    return best
+
+
+def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle: float) -> Areas:
+    """Pieces with rows of this direction made long enough."""
+    step = width / 2
+    rows = _rows(pieces, ground, step, angle)
+    longer = np.flatnonzero(np.abs(rows.u - rows.lines.u).max(axis=1, initial=0.0) > _NEAR)
+    if not len(longer):
+        return own
+    (left, right), layer = rows.u[longer].T, pieces.layer[rows.lines.layer[longer]]
+    # Twice as wide as they lie apart: what is laid in between rows, or along the border, is as long as those beside it.
+    middle, half = rows.lines.row[longer] * step, step
+    u = np.stack([left, right, right, left], axis=1)
+    v = np.stack([middle - half, middle - half, middle + half, middle + half], axis=1)
+    cos, sin = np.cos(angle), np.sin(angle)
+    xy = np.stack([u * cos - v * sin, u * sin + v * cos], axis=2).reshape(-1, 2)
+    order = np.argsort(layer, kind="stable")
+    start = np.arange(len(layer) + 1) * 4
+    strips = normalize(Areas(xy, start, layer, own.n_layers).restacked(order, layer[order], own.n_layers))
+    whole = union(own, strips)
+    # Notches between strips that no row fits in.
+    smooth = offset(offset(whole, width / 2), -width / 2)
+    return intersection(union(whole, smooth), ground.room)
+
+
+def _rows(pieces: Pieces, ground: _Ground, step: float, angle: float) -> _Rows:
+    """Rows of one direction across the pieces, made longer until they rest at both ends."""
+    used = np.bincount(pieces.layer, minlength=ground.room.n_layers) > 0
+    lines, room, air = (
+        hatch(areas, angle=angle, spacing=step)
+        for areas in (pieces.areas, ground.room.of_layers(used), ground.air.of_layers(used))
+    )
+    keys = _Keys.of(lines, room, air)
+    own, rooms, gaps = (
+        keys.of_lines(one, layer)
+        for one, layer in (
+            (lines, pieces.layer[lines.layer]),
+            (room, room.layer),
+            (air, air.layer),
+        )
+    )
+    bounds = _around(own, rooms)
+    low = _reached(own[:, 0], own[:, 1], bounds[:, 0], gaps, ground.grip)
+    high = -_reached(-own[:, 1], -own[:, 0], -bounds[:, 1], -gaps[::-1, ::-1], ground.grip)
+    spans = np.append(0.0, np.cumsum((gaps[:, 1] - gaps[:, 0]) ** 3))
+    first = np.searchsorted(gaps[:, 1], low + _NEAR)
+    last = np.searchsorted(gaps[:, 0], high - _NEAR)
+    u = lines.u + np.stack([low - own[:, 0], high - own[:, 1]], axis=1)
+    return _Rows(lines, u, spans[np.maximum(last, first)] - spans[first])
+
+
+@dataclass(frozen=True, slots=True)
+class _Keys:
+    """Places along the rows of all layers one behind the other, so that they can be searched at once."""
+
+    row: int
+    rows: int
+    low: float
+    pitch: float
+
+    @classmethod
+    def of(cls, *parts: Lines) -> _Keys:
+        """For places in all these lines."""
+        row = np.concatenate([part.row for part in parts])
+        u = np.concatenate([part.u for part in parts]).ravel()
+        if not len(u):
+            return cls(0, 1, 0.0, 1.0)
+        low = float(u.min())
+        return cls(int(row.min()), int(row.max() - row.min()) + 1, low, float(u.max()) - low + 1.0)
+
+    def of_lines(self, lines: Lines, layer: Int) -> Float:
+        """(S, 2) where the lines begin and end, on `layer` (S,)."""
+        group = layer * self.rows + (lines.row - self.row)
+        return group[:, None] * self.pitch + (lines.u - self.low)
+
+
+def _around(own: Float, rooms: Float) -> Float:
+    """(S, 2) from where to where the room reaches around each row; at least as far as the row."""
+    if not len(rooms):
+        return own
+    found = np.maximum(np.searchsorted(rooms[:, 0], own.mean(axis=1), side="right") - 1, 0)
+    around = rooms[found]
+    within: Bool = (around[:, 0] <= own.mean(axis=1)) & (around[:, 1] >= own.mean(axis=1))
+    wider = np.stack([np.minimum(around[:, 0], own[:, 0]), np.maximum(around[:, 1], own[:, 1])], axis=1)
+    return np.where(within[:, None], wider, own)
+
+
+def _reached(begin: Float, end: Float, limit: Float, gaps: Float, grip: float) -> Float:
+    """(S,) where rows begin that rest on something, at `limit` at the farthest.
+
+    Args:
+        begin: (S,) of the rows now.
+        end: (S,) of the rows.
+        limit: (S,) how far the room goes.
+        gaps: (G, 2) ascending, the air along all rows.
+        grip: mm to lie on what carries.
+    """
+    if not len(gaps):
+        return begin
+    # The first gap that ends after the row begins: in front of it lies what the row can rest on.
+    gap = np.searchsorted(gaps[:, 1], begin + _NEAR)
+    exists = gap < len(gaps)
+    shore = np.where(exists, gaps[np.minimum(gap, len(gaps) - 1), 0], np.inf)
+    before = np.where(gap > 0, gaps[np.maximum(gap - 1, 0), 1], -np.inf)
+    farthest = np.maximum(limit, before)
+    return np.where(shore < end, np.minimum(begin, np.maximum(shore - grip, farthest)), begin)
