@@ -73,11 +73,13 @@ def travelled(program: Program) -> Float:
 def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh) -> None:
     stages = made(mesh, usual(printer))
     paths, program = stages.toolpaths, stages.program
-    segments = []
+    segments, widths = [], []
     for i in range(paths.n_paths):
-        xy = paths.path(i)
+        xy, width = paths.path(i), paths.width[paths.start[i] : paths.start[i + 1]]
         ends = np.concatenate([xy, xy[:1]]) if paths.closed[i] else xy
+        wide = np.append(width, width[:1]) if paths.closed[i] else width
         segments.append(np.stack([ends[:-1], ends[1:]], axis=1))
+        widths.append((wide[:-1] + wide[1:]) / 2)
 
     laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
     assert np.array_equal(laid[:, :, :2], np.concatenate(segments))
@@ -87,10 +89,7 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
     hangs = role == Role.OVERHANG_PERIMETER
     assert set(given[hangs].tolist()) <= {Role.INNER_PERIMETER, Role.OUTER_PERIMETER}
     assert np.array_equal(role[~hangs], given[~hangs])
-    assert np.array_equal(
-        program.width[is_bead(program)],
-        np.repeat(paths.width[paths.start[:-1]], [len(one) for one in segments]),
-    )
+    assert program.width[is_bead(program)] == pytest.approx(np.concatenate(widths))
 
 
 @each_printer

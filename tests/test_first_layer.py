@@ -36,7 +36,8 @@ def test_the_first_layer_is_full_at_any_width(mesh: Mesh, wide: float) -> None:
 
     assert widths(stages, *WALLS, layer=0) == [wide]
     assert widths(stages, *WALLS, layer=1) == [0.45]
-    assert widths(stages, Role.BOTTOM_SKIN, layer=0) == pytest.approx([wide], rel=0.05)
+    # Rows; beads in what they leave at corners may be narrower.
+    assert max(widths(stages, Role.BOTTOM_SKIN, layer=0)) == pytest.approx(wide, rel=0.05)
     for layer in (0, 1):
         assert plastic(stages, layer) == pytest.approx(solid[layer], rel=0.03)
 

@@ -33,12 +33,13 @@ _LONGEST_TURN = 2.2
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
 _IN_SWEEPS = (Role.TOP_SKIN, Role.IRONING)
+_STRAIGHT = (Role.BRIDGE, Role.INTERNAL_BRIDGE, Role.IRONING)  # threads in the air, and what only smooths
 _SLIT = 0.06  # mm: half the width of gaps that are closed when beads are pressed flat
 _SPECK = 0.08  # mm²: smaller gaps are not worth a stop
 _AMID = 3  # beads side by side in what rows leave
 _MORE, _LESS = 1.15, 0.85  # by how much beads are wider or narrower so that a piece holds what it should
 _PRESSED = 0.5  # of the overlap with the walls is filled, where that is no more than
-_MOST_PRESSED = 0.005  # of the volume
+_MOST_PRESSED = 0.007  # of the volume
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +75,8 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
     rows = hatch(area, angle=beads.angle, spacing=step, phase=first / step)
     xy, start, piece = (
-        chain_rows(rows, max_turn=_LONGEST_TURN * gap)  # threads in the air stay straight
-        if beads.width.any()
+        chain_rows(rows, max_turn=_LONGEST_TURN * gap)
+        if beads.role in _STRAIGHT
         else zigzags(rows, area, beads.angle, gap, _LONGEST_TURN)
     )
     # Between walls that nearly touch, rows shrink to dots that fill nothing and cost a stop each.
@@ -84,7 +85,7 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     seen = long >= np.minimum(gap, profile.extrusion_width)[piece] / 2
     xy, size, piece, long = xy[np.repeat(seen, size)], size[seen], piece[seen], long[seen]
     between: list[Toolpaths] = []
-    if not beads.width.any():
+    if beads.role not in _STRAIGHT:
         stairs = _stairs(rows, area, beads.angle, gap)
         amid, filled = _amid(plan, pieces, stairs, beads.role, profile)
         between = [amid]
@@ -153,7 +154,7 @@ def _across(areas: Areas, angle: Float) -> tuple[Float, Float]:
     """(P,) from where to where each piece reaches across lines of its direction."""
     if not areas.n_rings:
         return np.zeros(areas.n_layers), np.zeros(areas.n_layers)
-    owner = np.repeat(areas.ring_layer, np.diff(areas.ring_start))
+    owner = areas.point_layer
     (x, y), turn = areas.xy.T, angle[owner]
     across = y * np.cos(turn) - x * np.sin(turn)
     start = np.searchsorted(owner, np.arange(areas.n_layers)).astype(np.int64)

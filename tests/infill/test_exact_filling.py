@@ -106,9 +106,9 @@ def test_nothing_solid_stays_bare(rings: list[Float], height: float) -> None:
     area = float(inside.area().sum())
     wider = [float(offset_open(bare, gap / 2).area().sum()) for gap in (0.1, 0.2, 0.35)]
     scraps = pieces_of(inside).count
-    assert wider[0] < 0.005 * area + 0.2 * scraps
-    assert wider[1] < 0.002 * area + 0.2 * scraps
-    assert wider[2] < 0.1 * scraps
+    assert wider[0] <= 0.005 * area + 0.2 * scraps
+    assert wider[1] <= 0.002 * area + 0.2 * scraps
+    assert wider[2] <= 0.1 * scraps
 
 
 @outlines
@@ -134,12 +134,12 @@ def test_a_solid_cube_holds_as_much_as_the_model(side: float, height: float) -> 
 
 
 def test_small_round_skins_are_full_and_nowhere_too_full() -> None:
-    wanted = plain(layer_height=0.2, planner__kind="uniform")
-    stages = slice_stages(sphere(8), wanted)
+    wanted = plain(layer_height=0.2, planner__kind="uniform", infill_density=1)
+    stages = slice_stages(sphere(5), wanted)
     ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
 
     assert stages.regions.bridge.n_rings == 0
     assert ledger.uncovered.area().max() < 0.2
-    assert ledger.fill.overlap.sum() < 0.025 * ledger.covered.area().sum()
-    assert np.nanmin(ledger.fill.shell) > 0.97
-    assert np.nanmax(ledger.fill.shell) < 1.06
+    assert ledger.fill.overlap.sum() < 0.03 * ledger.covered.area().sum()
+    assert np.nanmin(ledger.fill.shell) > 0.98
+    assert np.nanmax(ledger.fill.shell) < 1.02
