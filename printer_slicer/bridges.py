@@ -20,10 +20,14 @@ from printer_slicer.geometry.areas import distinct
 
 __all__ = ["bridge_angles"]
 
-_DIRECTIONS = 12
+_DIRECTIONS = 12  # 15° apart
 _FINER = (-np.pi / 36, np.pi / 36)  # tried beside the best of them: 5° to either side
 _WORTH = np.array([0.0, 0.5, 1.0])  # of a line of which so many ends are carried
 _BESIDE = 0.05  # mm: what lies right beside a bridge holds it too, as walls do over an inside that is empty
+_SHORTER = 0.02  # share of lines that rest, for which lines half as long are taken
+_POSITIVE = 0.5  # added so that no line that rests counts less than none
+# By how much another direction has to be better: 7 % shorter lines, twice as much for one between those tried first.
+_BETTER, _FINELY_BETTER = 0.002, 0.004
 _NEAR = 1e-3  # mm: ends this close to a support lie on it; engines round to 0.01 µm
 
 
@@ -34,7 +38,7 @@ def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> 
 
     Tries directions 15° apart, then 5° to either side of the best, and takes the one with the largest share of length
     in lines that end on the layer below at both ends; lines that do at one end, as over a balcony, count half;
-    of equals the one whose longest lines are shortest. What nothing carries gets the usual direction.
+    of nearly equals the one whose longest lines are shortest. What nothing carries gets the usual direction.
 
     Args:
         bridge: areas over air, grown onto their supports.
@@ -47,18 +51,19 @@ def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> 
         return np.zeros(0), np.zeros(0, np.bool_)
     support = intersection(offset(bridge, _BESIDE), below)
     best, record = np.full(pieces.count, usual), np.zeros(pieces.count)
-    whole = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
-    for angle in whole.tolist():
+    # Of nearly equals the first one is taken: those along the axes of the bed, as parts mostly are.
+    whole = sorted(range(_DIRECTIONS), key=lambda turn: (turn % 6 != 0, turn % 3 != 0))
+    for angle in (np.array(whole) * np.pi / _DIRECTIONS).tolist():
         score = _score(pieces, support, spacing, angle)
-        best = np.where(score > record + 1e-9, angle, best)
-        record = np.maximum(record, score)
+        best = np.where(score > record + _BETTER, angle, best)
+        record = np.where(score > record + _BETTER, score, record)
     coarse = best
     for turn in _FINER:
         # Pieces with the same best direction are looked at together.
         for angle in distinct(coarse[record > 0]).tolist():
             score = np.where(coarse == angle, _score(pieces, support, spacing, angle + turn), 0.0)
-            best = np.where(score > record + 1e-9, angle + turn, best)
-            record = np.maximum(record, score)
+            best = np.where(score > record + _FINELY_BETTER, angle + turn, best)
+            record = np.where(score > record + _FINELY_BETTER, score, record)
     return best[pieces.of_ring], record[pieces.of_ring] > 0
 
 
@@ -69,11 +74,11 @@ def _score(pieces: Pieces, support: Areas, spacing: Float, angle: float) -> Floa
     length, n = lines.length(), pieces.count
     total = np.bincount(lines.layer, weights=length, minlength=n)
     held = np.bincount(lines.layer, weights=length * _WORTH[carried], minlength=n)
-    # What sags is long: a mean in which long lines weigh most. A metre of it weighs as much as a tenth of the share, so
-    # it only decides between equals.
-    square, cube = (np.bincount(lines.layer, weights=length**power, minlength=n) for power in (2, 3))
-    sagging = cube / np.maximum(square, 1e-9)
-    return np.where(held > 0, held / np.maximum(total, 1e-9) + 0.1 - 1e-4 * sagging, 0.0)
+    # What sags is long: a mean in which hardly any but the longest lines weigh. Half as long is worth as much as 2 % of
+    # the share.
+    less, more = (np.bincount(lines.layer, weights=length**power, minlength=n) for power in (6, 7))
+    sagging = np.log2(np.maximum(more, 1e-9) / np.maximum(less, 1e-9))
+    return np.where(held > 0, held / np.maximum(total, 1e-9) + _POSITIVE - _SHORTER * sagging, 0.0)
 
 
 def _carried(lines: Lines, layer: Int, support: Lines) -> Int:

@@ -85,9 +85,11 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     xy, size, piece, long = xy[np.repeat(seen, size)], size[seen], piece[seen], long[seen]
     between: list[Toolpaths] = []
     if not beads.width.any():
-        stairs = _stairs(rows, area, beads.angle, gap)
-        amid, filled = _amid(plan, pieces, stairs, beads.role, profile)
-        between = [amid]
+        filled = np.zeros(pieces.count)
+        if beads.role != Role.INTERNAL_BRIDGE:  # its rows rest at both ends; beads between them would not
+            stairs = _stairs(rows, area, beads.angle, gap)
+            amid, filled = _amid(plan, pieces, stairs, beads.role, profile)
+            between = [amid]
         laid = np.bincount(piece, long, minlength=pieces.count) * gap
         gap = gap * _share(pieces.areas, laid, filled, overlap)
     fits = np.maximum(bead.width_for_spacing(gap, beads.height), beads.height)

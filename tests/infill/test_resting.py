@@ -17,7 +17,7 @@ from printer_slicer.ledger.stack import stack_of
 from printer_slicer.model import LayerPlan, Mesh, Regions, Role
 from printer_slicer.pipeline import slice_stages
 from tests.infill.stacks import WIDTH, rectangle
-from tests.parts import plain, shape, sphere, step_pyramid
+from tests.parts import plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import star_rings
 
 USUAL = plain(infill_angle_deg=0)
@@ -143,3 +143,17 @@ def test_directions_are_those_of_the_pieces_after_they_have_grown() -> None:
     assert right % 180 == pytest.approx(90, abs=1e-6)
     paths = infill_paths(replace(regions, internal_bridge=after.internal_bridge), USUAL)
     assert Role.INTERNAL_BRIDGE in set(paths.role.tolist())
+
+
+def test_sparse_lines_keep_clear_of_the_ends_of_bridges() -> None:
+    regions = patch(rectangle(12, 12, (14, 14)))
+    paths = infill_paths(regions, plain(sparse_overlap=0.25))
+
+    lines_of = {
+        role: shapely.MultiLineString(
+            [paths.path(int(i)) for i in np.flatnonzero((paths.layer == 1) & (paths.role == role))]
+        )
+        for role in (Role.SPARSE, Role.INTERNAL_BRIDGE)
+    }
+    assert not lines_of[Role.SPARSE].is_empty
+    assert lines_of[Role.SPARSE].distance(lines_of[Role.INTERNAL_BRIDGE]) > 0.5 * WIDTH

@@ -1,0 +1,131 @@
+"""Bridges run so that their lines rest at both ends, and of such directions along the shortest way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.gallery import ENTRIES
+from printer_slicer.bridges import bridge_angles
+from printer_slicer.geometry import Areas, hatch
+from printer_slicer.pipeline import slice_stages
+from tests.parts import plain, shape, shapely
+
+SPACING = np.array([0.45])
+USUAL = np.deg2rad(45)
+ANCHOR = 1.5
+
+
+def rectangle(x0: float, y0: float, x1: float, y1: float) -> Any:
+    return shapely.box(x0, y0, x1, y1)
+
+
+def disc(radius: float) -> Any:
+    return shapely.buffer(shapely.points(0, 0), radius, quad_segs=32)
+
+
+def ring(outer: float, inner: float) -> Any:
+    return shapely.difference(disc(outer), disc(inner))
+
+
+def frame(room: Any) -> Any:
+    """A wall of 4 mm all around a room."""
+    return shapely.difference(shapely.buffer(room, 4, join_style="mitre"), room)
+
+
+def stack(area: Any) -> Areas:
+    parts = shapely.get_parts(shapely.orient_polygons(area))
+    rings = [np.array(line.coords[:-1]) for part in parts for line in (part.exterior, *part.interiors)]
+    return Areas.from_rings([rings])
+
+
+def bridged(room: Any, support: Any) -> tuple[float, float, float]:
+    """Direction of the bridge in degrees, how much of its lines rests at both ends, and how long the longest is."""
+    grown = shapely.intersection(
+        shapely.buffer(room, ANCHOR, join_style="mitre"), shapely.union(room, support)
+    )
+    bridge = stack(
+        max(shapely.get_parts(grown), key=shapely.area)
+    )  # turned, corners may be cut off by rounding
+    angle, held = bridge_angles(bridge, stack(support), SPACING, USUAL)
+    assert held.all()
+    assert np.ptp(angle) == 0
+    lines = hatch(bridge, angle=angle[0], spacing=SPACING)
+    on = shapely.buffer(shape(stack(support), 0), 1e-3)
+    rests = shapely.intersects(on, shapely.points(lines.ends)).all(axis=1)
+    length = lines.length()
+    return np.rad2deg(angle[0]) % 180, length[rests].sum() / length.sum(), float(length.max())
+
+
+LETTER = shapely.union(rectangle(0, 0, 30, 8), rectangle(0, 0, 8, 30))
+CASES = {
+    "two sides": (
+        rectangle(0, 0, 20, 10),
+        shapely.union(rectangle(-4, -4, 0, 14), rectangle(20, -4, 24, 14)),
+    ),
+    "four sides": (rectangle(0, 0, 20, 10), frame(rectangle(0, 0, 20, 10))),
+    "a square": (rectangle(0, 0, 20, 20), frame(rectangle(0, 0, 20, 20))),
+    "three sides": (
+        rectangle(0, 0, 20, 10),
+        shapely.difference(frame(rectangle(0, 0, 20, 10)), rectangle(20, -9, 30, 19)),
+    ),
+    "a round room": (disc(10), ring(14, 10)),
+    "a ring": (ring(10, 4), shapely.union(ring(14, 10), disc(4))),
+    "an L-shaped room": (LETTER, frame(LETTER)),
+}
+# Degrees, and the longest line, mm, with its anchors.
+FOUND = {
+    "two sides": (0, 23),
+    "four sides": (90, 13),
+    "a square": (0, 23),
+    "three sides": (90, 13),
+    "a round room": (0, 23),
+    "a ring": (None, 23),
+    "an L-shaped room": (45, 26),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_lines_over_a_room_rest_at_both_ends_and_go_the_shortest_way(name: str) -> None:
+    angle, share, longest = bridged(*CASES[name])
+
+    wanted, most = FOUND[name]
+    assert share > 0.99
+    assert longest < most + 0.1
+    if wanted is not None:
+        assert angle == pytest.approx(wanted, abs=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [0, 10, 20, 45, 70, 85])
+def test_bridges_of_a_turned_part_are_turned_with_it(degrees: int) -> None:
+    room, support = (shapely.affinity.rotate(one, degrees, origin=(0, 0)) for one in CASES["two sides"])
+    between = (bridged(room, support)[0] - degrees + 90) % 180 - 90
+
+    assert abs(between) <= 5
+
+
+def test_over_a_corner_lines_run_from_one_wall_to_the_other() -> None:
+    """Held along two sides that meet: straight lines would rest at one end only."""
+    corner = shapely.union(rectangle(-4, -4, 0, 20), rectangle(-4, -4, 20, 0))
+    angle, share, _ = bridged(rectangle(0, 0, 20, 20), corner)
+
+    assert angle == pytest.approx(135)
+    assert share > 0.45  # beyond the diagonal nothing can rest at both ends
+
+
+def test_what_is_held_on_one_side_only_has_lines_that_run_out_from_there() -> None:
+    angle, share, _ = bridged(rectangle(0, 0, 5, 30), rectangle(-4, -4, 0, 34))
+
+    assert angle == pytest.approx(0, abs=1e-6)
+    assert share < 0.1
+
+
+def test_scraps_beside_a_bridge_are_no_bridges_over_sparse_infill() -> None:
+    """Between a round room and a wall near it, what is left is too narrow for sparse infill and stays sparse."""
+    entry = ENTRIES["bridge"]
+    regions = slice_stages(entry.part(), plain(infill_density=0.15)).regions
+
+    assert regions.bridge.area()[entry.layer - 1] > 300
+    assert regions.internal_bridge.area()[entry.layer - 1] == 0
