@@ -49,7 +49,8 @@ def bridged(room: Any, support: Any) -> tuple[float, float, float]:
     bridge = stack(
         max(shapely.get_parts(grown), key=shapely.area)
     )  # turned, corners may be cut off by rounding
-    angle = bridge_angles(bridge, stack(support), SPACING, USUAL)
+    angle, held = bridge_angles(bridge, stack(support), SPACING, USUAL)
+    assert held.all()
     assert np.ptp(angle) == 0
     lines = hatch(bridge, angle=angle[0], spacing=SPACING)
     on = shapely.buffer(shape(stack(support), 0), 1e-3)

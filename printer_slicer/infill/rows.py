@@ -33,7 +33,6 @@ _LONGEST_TURN = 2.2
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
 _IN_SWEEPS = (Role.TOP_SKIN, Role.IRONING)
-_STRAIGHT = (Role.BRIDGE, Role.INTERNAL_BRIDGE, Role.IRONING)  # threads in the air, and what only smooths
 _SLIT = 0.06  # mm: half the width of gaps that are closed when beads are pressed flat
 _SPECK = 0.08  # mm²: smaller gaps are not worth a stop
 _AMID = 3  # beads side by side in what rows leave
@@ -75,8 +74,8 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
     rows = hatch(area, angle=beads.angle, spacing=step, phase=first / step)
     xy, start, piece = (
-        chain_rows(rows, max_turn=_LONGEST_TURN * gap)
-        if beads.role in _STRAIGHT
+        chain_rows(rows, max_turn=_LONGEST_TURN * gap)  # threads in the air stay straight
+        if beads.width.any()
         else zigzags(rows, area, beads.angle, gap, _LONGEST_TURN)
     )
     # Between walls that nearly touch, rows shrink to dots that fill nothing and cost a stop each.
@@ -85,10 +84,12 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     seen = long >= np.minimum(gap, profile.extrusion_width)[piece] / 2
     xy, size, piece, long = xy[np.repeat(seen, size)], size[seen], piece[seen], long[seen]
     between: list[Toolpaths] = []
-    if beads.role not in _STRAIGHT:
-        stairs = _stairs(rows, area, beads.angle, gap)
-        amid, filled = _amid(plan, pieces, stairs, beads.role, profile)
-        between = [amid]
+    if not beads.width.any():
+        filled = np.zeros(pieces.count)
+        if beads.role != Role.INTERNAL_BRIDGE:  # its rows rest at both ends; beads between them would not
+            stairs = _stairs(rows, area, beads.angle, gap)
+            amid, filled = _amid(plan, pieces, stairs, beads.role, profile)
+            between = [amid]
         laid = np.bincount(piece, long, minlength=pieces.count) * gap
         gap = gap * _share(pieces.areas, laid, filled, overlap)
     fits = np.maximum(bead.width_for_spacing(gap, beads.height), beads.height)
