@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode.dialect import number
-from printer_slicer.model import Program
+from printer_slicer.model import Program, Role
 from printer_slicer.profile import Profile, settings_text
 
 __all__ = ["fill_in", "values"]
@@ -34,7 +34,8 @@ def values(program: Program, profile: Profile) -> dict[str, str]:
             known[f"{owner}_name"] = text
     printer = profile.printer
     (left, _), (right, back) = printer.corners
-    beads = program.xyz[(program.role != 0) & (program.layer == 0)][:, :2]
+    first = (program.role != Role.TRAVEL) & (program.layer == 0)
+    beads = np.concatenate([program.start[first], program.xyz[first]])[:, :2]
     low, high = (beads.min(axis=0), beads.max(axis=0)) if len(beads) else (np.zeros(2), np.zeros(2))
     facts = {
         "bed_x_middle": (left + right) / 2,
