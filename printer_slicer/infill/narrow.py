@@ -6,7 +6,6 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Float, Int, Pieces, offset, rings_around
-from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model import LayerPlan, Role, Toolpaths
 from printer_slicer.perimeters import fill_narrow
 from printer_slicer.profile import Profile
@@ -15,7 +14,6 @@ __all__ = ["along_narrow", "beads_amid"]
 
 _BEADS = 5  # side by side; wider places are filled with rows
 _OFF = 0.15  # of the volume: what is filled worse is left to rows
-_ALONE = 8  # pieces at most that are tried once more, one by one
 _DOT = 0.2  # mm²: nobody sees whether so little is there
 
 
@@ -24,16 +22,10 @@ def along_narrow(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) 
     gap = bead.spacing(profile.extrusion_width, plan.height)[pieces.layer]
     slim = np.flatnonzero(pieces.mean_width() < _BEADS * gap)
     core = offset(pieces.take(slim).areas, -_BEADS / 2 * gap[slim])
-    narrow = thin = slim[np.bincount(core.ring_layer, minlength=len(slim)) == 0]
+    thin = slim[np.bincount(core.ring_layer, minlength=len(slim)) == 0]
     paths, unfilled = _well_filled(plan, pieces.take(thin), role, profile)
-    parts, thin = [paths], thin[unfilled]
-    for piece in thin[:_ALONE].tolist():
-        # Where beads of varying width fail it is often for what lies on other layers.
-        paths, unfilled = _well_filled(plan, pieces.take(np.array([piece])), role, profile)
-        parts.append(paths)
-        thin = thin if len(unfilled) else thin[thin != piece]
-    left = np.setdiff1d(np.arange(pieces.count), np.setdiff1d(narrow, thin))
-    return Toolpaths.joined(plan, parts), pieces.take(left)
+    filled = np.delete(thin, unfilled)
+    return paths, pieces.take(np.setdiff1d(np.arange(pieces.count), filled))
 
 
 def _well_filled(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) -> tuple[Toolpaths, Int]:
@@ -41,7 +33,7 @@ def _well_filled(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) 
     paths, owner, laid = beads_amid(plan, pieces, role, profile, beads=_BEADS)
     area = pieces.areas.area()
     fits = np.abs(laid - area) < _OFF * area + _DOT
-    return _taken(paths, np.flatnonzero(fits[owner])), np.flatnonzero(~fits)
+    return paths.take(np.flatnonzero(fits[owner])), np.flatnonzero(~fits)
 
 
 def beads_amid(
@@ -57,7 +49,7 @@ def beads_amid(
     first = paths.start[:-1] + np.diff(paths.start) // 2
     middle = (paths.xy[first - 1] + paths.xy[first]) / 2
     ring = rings_around(areas, middle, paths.layer)
-    paths, ring = _taken(paths, np.flatnonzero(ring >= 0)), ring[ring >= 0]
+    paths, ring = paths.take(np.flatnonzero(ring >= 0)), ring[ring >= 0]
     owner = pieces.areas.ring_layer[ring]
     return paths, owner, np.bincount(owner, _filled(paths), minlength=pieces.count).astype(np.float64)
 
@@ -66,25 +58,8 @@ def _filled(paths: Toolpaths) -> Float:
     """(M,) mm² that each path fills, at the height of its beads."""
     if not paths.n_paths:
         return np.zeros(0)
-    following = np.arange(1, len(paths.xy) + 1)
-    last, first = paths.start[1:] - 1, paths.start[:-1]
-    following[last] = np.where(paths.closed, first, last)
+    following, first = paths.following, paths.start[:-1]
     long = np.hypot(*(paths.xy[following] - paths.xy).T)
     wide = (paths.width + paths.width[following]) / 2
     height = np.repeat(paths.height, np.diff(paths.start))
     return np.asarray(np.add.reduceat(long * bead.spacing(wide, height), first))
-
-
-def _taken(paths: Toolpaths, which: Int) -> Toolpaths:
-    """Some of the paths (m,), ascending."""
-    size = np.diff(paths.start)[which]
-    points = consecutive(paths.start[which], size)
-    return Toolpaths.gathered(
-        paths.plan,
-        xy=paths.xy.take(points, axis=0),
-        size=size,
-        layer=paths.layer[which],
-        role=paths.role[which],
-        width=paths.width[points],
-        closed=paths.closed[which],
-    )
