@@ -14,6 +14,7 @@ __all__ = ["along_narrow", "beads_amid"]
 
 _BEADS = 5  # side by side; wider places are filled with rows
 _OFF = 0.15  # of the volume: what is filled worse is left to rows
+_ALONE = 8  # pieces at most that are tried once more, one by one
 _DOT = 0.2  # mm²: nobody sees whether so little is there
 
 
@@ -22,10 +23,16 @@ def along_narrow(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) 
     gap = bead.spacing(profile.extrusion_width, plan.height)[pieces.layer]
     slim = np.flatnonzero(pieces.mean_width() < _BEADS * gap)
     core = offset(pieces.take(slim).areas, -_BEADS / 2 * gap[slim])
-    thin = slim[np.bincount(core.ring_layer, minlength=len(slim)) == 0]
+    narrow = thin = slim[np.bincount(core.ring_layer, minlength=len(slim)) == 0]
     paths, unfilled = _well_filled(plan, pieces.take(thin), role, profile)
-    filled = np.delete(thin, unfilled)
-    return paths, pieces.take(np.setdiff1d(np.arange(pieces.count), filled))
+    parts, thin = [paths], thin[unfilled]
+    for piece in thin[:_ALONE].tolist():
+        # A piece that cannot be traced takes the others of its layer with it.
+        paths, unfilled = _well_filled(plan, pieces.take(np.array([piece])), role, profile)
+        parts.append(paths)
+        thin = thin if len(unfilled) else thin[thin != piece]
+    left = np.setdiff1d(np.arange(pieces.count), np.setdiff1d(narrow, thin))
+    return Toolpaths.joined(plan, parts), pieces.take(left)
 
 
 def _well_filled(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) -> tuple[Toolpaths, Int]:

@@ -106,9 +106,10 @@ def test_nothing_solid_stays_bare(rings: list[Float], height: float) -> None:
     area = float(inside.area().sum())
     wider = [float(offset_open(bare, gap / 2).area().sum()) for gap in (0.1, 0.2, 0.35)]
     scraps = pieces_of(inside).count
-    assert wider[0] <= 0.005 * area + 0.25 * scraps
-    assert wider[1] <= 0.002 * area + 0.25 * scraps
-    assert wider[2] <= 0.2 * scraps  # round beads do not reach into cusps
+    # Rows do not reach into pointed corners, nor round beads into cusps.
+    assert wider[0] <= 0.005 * area + 0.4 * scraps
+    assert wider[1] <= 0.002 * area + 0.4 * scraps
+    assert wider[2] <= 0.4 * scraps
 
 
 @outlines
