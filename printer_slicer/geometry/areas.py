@@ -24,6 +24,7 @@ __all__ = [
     "per_layer",
     "placed",
     "previous_around",
+    "renumbered",
 ]
 
 Float = NDArray[np.float64]
@@ -128,6 +129,14 @@ def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
     new = np.ones(len(ordered), np.bool_)
     np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
     return ordered.compress(new)
+
+
+def renumbered(items: Int, n_items: int) -> tuple[Int, Int]:
+    """(m,) those of the items from 0 to `n_items` that occur in `items`, ascending, and `items` in numbers of these."""
+    used = np.zeros(n_items, np.bool_)
+    used[items] = True
+    number = np.cumsum(used) - 1
+    return np.flatnonzero(used), number[items]
 
 
 def placed(xy: Float, place: Int) -> Float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, frozen_array
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, frozen_array, renumbered
 from printer_slicer.geometry.diagram import Diagram, diagram_of
 from printer_slicer.geometry.vectors import cross, dot, feet
 
@@ -226,8 +226,7 @@ def _following(diagram: Diagram, chosen: Int) -> Int:
 
 def _pieces(halves: _Halves, following: Int) -> MedialAxis:
     """Edges divided where they bend, or where beads beside them do that go around a corner."""
-    used, number = np.unique(halves.vertex, return_inverse=True)
-    number = number.reshape(-1, 2)
+    used, number = renumbered(halves.vertex, int(halves.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
     xy[number], layer[number] = halves.ends, halves.layer[:, None]
     count, inner = _divided(halves)

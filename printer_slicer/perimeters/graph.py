@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Float, Int
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, renumbered
 from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 
 __all__ = ["Graph", "crossings"]
@@ -89,7 +89,7 @@ class Graph:
             following[left] = number[ahead]
             gone = number[ahead] < 0
             left, ahead = left[gone], self.following[ahead[gone] ^ 1]
-        points, start = np.unique(self.start[half], return_inverse=True)
+        points, start = renumbered(self.start[half], len(self.xy))
         return Graph(
             self.xy[points],
             self.radius[points],

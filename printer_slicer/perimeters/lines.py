@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import lengths
+from printer_slicer.geometry.areas import distinct, lengths
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
 from printer_slicer.perimeters.beading import Beading
@@ -79,7 +79,7 @@ def _dots(layout: Layout, beading: Beading) -> Lines:
     As long as the bead is wide at a quarter of pi: that is the plastic of a disc of the bead's width.
     """
     count = layout.count
-    port = np.unique(layout.port[layout.used])
+    port = distinct(layout.port[layout.used].ravel())
     port = port[
         (layout.point[port] == layout.leader[port]) & (count[port] % 2 == 1) & (count[port] < beading.full)
     ]

@@ -15,6 +15,7 @@ from printer_slicer.geometry import (
     offset,
     simplify,
 )
+from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
 from printer_slicer.geometry.voronoi import medial_axis
@@ -55,6 +56,14 @@ class Narrow:
     inside: Areas
     lost: Float
 
+    @classmethod
+    def empty(cls, n_layers: int) -> Narrow:
+        """Nothing on any layer."""
+        none, of_none = np.zeros((0, 2)), np.zeros(0, np.int64)
+        rings = Rings(none, np.zeros(0), of_none, of_none, of_none)
+        lines = Lines(none, np.zeros(0), of_none, of_none, of_none, np.zeros(0, np.bool_))
+        return cls(np.zeros(n_layers, np.bool_), rings, lines, Areas.empty(n_layers), np.zeros(n_layers))
+
     def merge(self, other: Narrow) -> Narrow:
         """Both together, of different layers."""
         return Narrow(
@@ -74,6 +83,8 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
         beading: beads by thickness.
         tolerance: mm by which outlines may be simplified where there are narrow places.
     """
+    if not solid.n_rings:
+        return Narrow.empty(solid.n_layers)
     widest = beading.thresholds()[-1] + _BEYOND
     if tolerance:
         simple = simplify(solid, tolerance)
@@ -82,6 +93,8 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
     else:
         near = facing(solid, 2 * widest, _LEAN)
         solid = solid.of_layers(_layers_of(near, solid.n_layers))
+    if not len(near.layer):
+        return Narrow.empty(solid.n_layers)
     narrow, broken = _filled(solid, near, beading, widest)
     if broken.any():
         # Where the places cannot be joined to the ordinary loops everything is traced, wide or not.
@@ -146,7 +159,7 @@ def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
 def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
     """(L,) where pieces have come so far from the narrow places that sides which take no part may be nearer."""
     graph = given.graph
-    point = np.unique(graph.ends[given.used])
+    point = distinct(graph.ends[given.used].ravel())
     # Many points lie in one cell; it is as near as its middle, to half a cell.
     cell = np.unique(np.column_stack([graph.layer[point], np.floor(graph.xy[point] / _CELL)]), axis=0)
     middle, layer = (cell[:, 1:] + 0.5) * _CELL, cell[:, 0].astype(np.int64)

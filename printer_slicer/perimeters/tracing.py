@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.vectors import feet
@@ -150,7 +150,7 @@ def closed_rings(walk: Walk, ordinary: list[Areas], places: Areas, width: Float)
         item_layer.append(item.layer)
         n += len(links)
     level, layer = np.concatenate(item_level), np.concatenate(item_layer)
-    broken = np.unique(np.concatenate(bad))
+    broken = distinct(np.concatenate(bad))
     step = np.concatenate(after)
     usable = ~np.isin(layer, broken) & (step >= 0)
     chosen = np.flatnonzero(usable)
