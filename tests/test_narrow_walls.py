@@ -219,6 +219,15 @@ def test_the_widest_bead_is_as_wide_as_allowed() -> None:
         assert walls.paths.width.max() <= limit + 0.1
 
 
+def test_rounding_does_not_decide_over_walls_as_thin_as_the_thinnest_feature() -> None:
+    """A fin exactly that thick, with corners a hair off: all of it is left out."""
+    fin = np.array([[0.1, 43.2321], [0, 43.23213], [0, 0], [0.10000001, 0]])
+    walls = lay_walls(stack([fin + np.array([80.00000047, 88.3839])]), plain(min_feature=0.1))
+
+    assert walls.paths.n_paths == 0
+    assert walls.lost[0] == pytest.approx(4.32, abs=0.02)
+
+
 def star(points: int, outer: float, inner: float) -> Float:
     turn = np.arange(2 * points) * (np.pi / points)
     radius = np.where(np.arange(2 * points) % 2 == 0, outer, inner)

@@ -18,6 +18,7 @@ from printer_slicer.geometry import Float, Int
 
 __all__ = ["Beading"]
 
+_ROUNDING = 1e-4  # mm; it should not decide over walls of exactly the least thickness
 _TWO_FROM = 1.5  # spacings: from this room on two beads take the place of one
 _THIN = 0.6  # of the thinnest feature: a dip in a thin wall that is bridged goes no further
 _LEAST_MIDDLE = (
@@ -63,7 +64,7 @@ class Beading:
         one = self.spacing
         pair = np.clip(_TWO_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
         middle = np.clip(self.narrowest, _LEAST_MIDDLE * one, one)
-        rows = [self.thinnest / 2]
+        rows = [self.thinnest / 2 + _ROUNDING]
         for count in range(1, self.full):
             below = 2 * (count // 2) * one
             rows.append((below + (pair if count % 2 else middle)) / 2 + self.margin)
