@@ -52,7 +52,9 @@ def longest_in_the_air(mesh: Mesh, pattern: str) -> float:
 
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_no_bead_over_sparse_infill_ends_in_the_air(pattern: str) -> None:
-    assert longest_in_the_air(step_pyramid([26, 17, 8], [2.0, 2.0, 2.0]), pattern) < 1.0
+    # Twigs of trees end in the middle of rooms: a bead may turn beside one.
+    limit = 1.6 if pattern == "lightning" else 1.0
+    assert longest_in_the_air(step_pyramid([26, 17, 8], [2.0, 2.0, 2.0]), pattern) < limit
 
 
 @pytest.mark.parametrize("pattern", ["grid", "lightning"])
