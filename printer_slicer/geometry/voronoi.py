@@ -11,6 +11,8 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, frozen_array, renumbered
 from printer_slicer.geometry.diagram import Diagram, diagram_of
+from printer_slicer.geometry.polygons import STEPS_PER_MM
+from printer_slicer.geometry.touching import entangled_layers
 from printer_slicer.geometry.vectors import cross, dot, feet
 
 __all__ = ["MedialAxis", "medial_axis", "ways_of_parts"]
@@ -37,6 +39,7 @@ class MedialAxis:
         following: (H,) the half-piece that goes on with the outline on the left; -1 beyond reach.
         source: (H,) index of the point of the areas that is the own corner, or at which the own side begins.
         corner: (H,) whether it belongs to a corner.
+        left_out: layers that have no axis, since sides meet there elsewhere than at their ends.
     """
 
     xy: Float
@@ -47,6 +50,7 @@ class MedialAxis:
     following: Int
     source: Int
     corner: Bool
+    left_out: Int
 
     def __post_init__(self) -> None:
         n, h = len(self.xy), len(self.start)
@@ -59,6 +63,7 @@ class MedialAxis:
             ("following", np.int64, (h,)),
             ("source", np.int64, (h,)),
             ("corner", np.bool_, (h,)),
+            ("left_out", np.int64, (-1,)),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
@@ -78,12 +83,17 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None) -> Medial
             Where a side that does not is nearest, the axis is not that of the areas.
     """
     found = _sides(areas, sides)
+    steps = np.rint(found.points[:, 1:3] * STEPS_PER_MM).astype(np.int64)
+    left_out = entangled_layers(steps, found.layer)
+    if len(left_out):  # no diagram can be made of them
+        found = found.take(np.flatnonzero(~np.isin(found.layer, left_out)))
     if not len(found.layer):
-        none = np.zeros(0, np.int64)
+        none, nowhere = np.zeros(0, np.int64), np.zeros((0, 2))
+        feet_of_none = np.zeros((0, 2, 2))
         return MedialAxis(
-            np.zeros((0, 2)), np.zeros(0), none, none, np.zeros((0, 2, 2)), none, none, np.zeros(0, np.bool_)
+            nowhere, np.zeros(0), none, none, feet_of_none, none, none, np.zeros(0, np.bool_), left_out
         )
-    return _axis(found, reach)
+    return _axis(found, reach, left_out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +109,10 @@ class _Sides:
     points: Float
     index: Int
     layer: Int
+
+    def take(self, items: Int) -> _Sides:
+        """Some of them."""
+        return _Sides(self.points[items], self.index[items], self.layer[items])
 
 
 def _sides(areas: Areas, sides: Bool | None) -> _Sides:
@@ -164,8 +178,8 @@ def ways_of_parts(following: Int, count: Int) -> Int:
     return np.stack([up, down], axis=1).ravel()
 
 
-def _axis(sides: _Sides, reach: float) -> MedialAxis:
-    """The medial axis of sides."""
+def _axis(sides: _Sides, reach: float, left_out: Int) -> MedialAxis:
+    """The medial axis of sides, none of which are on the layers left out."""
     diagram = diagram_of(sides.points[:, 1:3], sides.layer)
     chosen = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end >= 0))
     cell = diagram.cell[chosen]
@@ -190,7 +204,7 @@ def _axis(sides: _Sides, reach: float) -> MedialAxis:
     near = [np.hypot(*(halves.ends[:, k] - halves.feet(halves.ends[:, k], n)).T) <= reach for k in (0, 1)]
     kept &= near[0] | near[1]
     kept &= kept[twin]
-    return _pieces(halves.take(np.flatnonzero(kept)), _following(diagram, chosen[kept]))
+    return _pieces(halves.take(np.flatnonzero(kept)), _following(diagram, chosen[kept]), left_out)
 
 
 def _within(halves: _Halves, twin: Int) -> Bool:
@@ -224,7 +238,7 @@ def _following(diagram: Diagram, chosen: Int) -> Int:
     return result
 
 
-def _pieces(halves: _Halves, following: Int) -> MedialAxis:
+def _pieces(halves: _Halves, following: Int, left_out: Int) -> MedialAxis:
     """Edges divided where they bend, or where beads beside them do that go around a corner."""
     used, number = renumbered(halves.vertex, int(halves.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
@@ -262,6 +276,7 @@ def _pieces(halves: _Halves, following: Int) -> MedialAxis:
         after,
         halves.source[owner],
         halves.corner[owner],
+        left_out,
     )
 
 

@@ -35,6 +35,7 @@ _BEYOND = (
     0.02  # mm of radius by which places are followed into wider ones, so that short bulges can be bridged
 )
 _CELL = 0.4  # mm
+_APART = 2e-5  # mm; two steps of the grid that areas are rounded to
 _ROOM = 0.5  # mm around narrow places within which the medial axis must be known
 
 
@@ -97,8 +98,10 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
         return Narrow.empty(solid.n_layers)
     narrow, broken = _filled(solid, near, beading, widest)
     if broken.any():
-        # Where the places cannot be joined to the ordinary loops everything is traced, wide or not.
-        rest, _ = _filled(solid.of_layers(broken), None, beading, np.full_like(widest, np.inf))
+        # Where the places cannot be joined to the ordinary loops everything is traced, wide or not. Moved a little
+        # inward, outlines that touched themselves where they were rounded do so no more.
+        apart = offset(solid.of_layers(broken), -_APART)
+        rest, _ = _filled(apart, None, beading, np.full_like(widest, np.inf))
         narrow = narrow.merge(rest)
     return narrow
 
@@ -115,6 +118,7 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
     axis = medial_axis(solid, float(widest.max(initial=0.0)), sides)
     real = _real(solid, sides, axis.source, axis.corner)
     given, layers, broken = _needed(counted(Graph.of(axis), real, beading, widest), beading, solid.n_layers)
+    broken[axis.left_out] = True
     if near is not None:
         broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
     layout = laid_out(given, beading)

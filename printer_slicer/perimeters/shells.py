@@ -17,7 +17,7 @@ from printer_slicer.profile import Profile
 
 __all__ = ["Filled", "fill_narrow", "shell"]
 
-_SIMPLER = 0.03  # mm; the borders of strips between beads are nobody's outline
+_SIMPLER = 0.025  # mm; the borders of strips between beads are nobody's outline
 _EVEN = 0.004  # mm by which points may be off that are spared
 _HAIR = 1e-3  # mm; what is left lies this far inside, so that it is known on which side of the outlines it is
 _LEAST_STRIP = 0.5  # of the narrowest bead's spacing; thinner strips between loops are left open
