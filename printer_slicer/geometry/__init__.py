@@ -30,6 +30,7 @@ from printer_slicer.geometry.outlines import clip_outlines
 from printer_slicer.geometry.pieces import Pieces, pieces_of
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
+from printer_slicer.geometry.staircases import staircases
 
 __all__ = [
     "Areas",
@@ -59,6 +60,7 @@ __all__ = [
     "rings_around",
     "row_ends",
     "simplify",
+    "staircases",
     "stroked",
     "union",
     "window_intersection",

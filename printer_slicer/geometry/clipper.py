@@ -59,6 +59,7 @@ CLIP_TYPES: Final = {
     "difference": clipper2.ClipType.DIFFERENCE,
     "intersection": clipper2.ClipType.INTERSECTION,
 }
+_CROWD: Final = 16  # rings of a layer; fewer are combined sooner than divided
 _LEAST: Final = 0.5  # steps; outlines are not moved by less
 
 
@@ -106,15 +107,44 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
     clipper = clipper2.Clipper64()
     clipper.preserve_collinear = False
     kind, result = CLIP_TYPES[operation], []
-    for subjects, clips in zip(a, b, strict=True):
+
+    def combined(subjects: Rings, clips: Rings) -> Rings:
+        """One layer, or what lies apart from the rest of it."""
         if (subjects or operation == "union") and (clips or operation != "intersection"):
             clipper.clear()
             clipper.add_subject(subjects)
             clipper.add_clip(clips)
-            result.append(clipper.execute(kind, clipper2.FillRule.POSITIVE)[0])
+            found: Rings = clipper.execute(kind, clipper2.FillRule.POSITIVE)[0]
+            return found
+        return []
+
+    for subjects, clips in zip(a, b, strict=True):
+        if len(subjects) + len(clips) < _CROWD:
+            result.append(combined(subjects, clips))
         else:
-            result.append([])
+            result.append([ring for pair in _columns(subjects, clips) for ring in combined(*pair)])
     return result
+
+
+def _columns(subjects: Rings, clips: Rings) -> list[tuple[Rings, Rings]]:
+    """The rings of a layer divided where nothing lies between them from front to back.
+
+    The sweep line goes from front to back: what it costs grows with how much lies side by side.
+    """
+    rings = subjects + clips
+    start = np.cumsum([0, *map(len, rings)])[:-1]
+    x = np.concatenate(rings)[:, 0]
+    low, high = np.minimum.reduceat(x, start), np.maximum.reduceat(x, start)
+    order = np.argsort(low)
+    apart = np.flatnonzero(low[order][1:] > np.maximum.accumulate(high[order])[:-1]) + 1
+    if not len(apart):
+        return [(subjects, clips)]
+    columns: list[tuple[Rings, Rings]] = [([], []) for _ in range(len(apart) + 1)]
+    n = len(subjects)
+    for number, some in enumerate(np.split(order, apart)):
+        for ring in some.tolist():
+            columns[number][ring >= n].append(rings[ring])
+    return columns
 
 
 def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:

@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, consecutive, per_layer
 from printer_slicer.geometry.joints import chain_ends
 
-__all__ = ["chain_rows", "hatch", "row_ends"]
+__all__ = ["chain_rows", "columns", "hatch", "row_ends"]
 
 
 def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: float | Float = 0.0) -> Lines:
@@ -97,8 +97,7 @@ def row_ends(lines: Lines, *, max_turn: float | Float) -> tuple[Int, Int]:
     if not lines.n_lines:
         return np.zeros(0, np.int64), np.zeros(1, np.int64)
     above = _only_neighbours(lines)
-    lowest = _lowest(above)
-    rank = lines.row - lines.row[lowest]
+    lowest, rank = _columns(lines, above)
     joined, backward = _turns(lines, above, lowest, max_turn)
     order = np.lexsort((rank, lowest))
     begin = np.flatnonzero(np.append(True, ~joined[order][:-1]))
@@ -137,12 +136,21 @@ def _only_neighbours(lines: Lines) -> Int:
     return above
 
 
-def _lowest(above: Int) -> Int:
-    """(S,) the line at the foot of the column of joinable lines that each line stands in."""
+def columns(lines: Lines) -> tuple[Int, Int]:
+    """The columns of lines in neighbouring rows of which each is the only one beside the other.
+
+    Returns:
+        (S,) the line at the foot of the column that each line stands in, and (S,) how many rows lie between them.
+    """
+    return _columns(lines, _only_neighbours(lines))
+
+
+def _columns(lines: Lines, above: Int) -> tuple[Int, Int]:
     foot = np.arange(len(above))
     joinable = np.flatnonzero(above >= 0)
     foot[above[joinable]] = joinable
-    return chain_ends(foot)
+    foot = chain_ends(foot)
+    return foot, lines.row - lines.row[foot]
 
 
 def _turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float) -> tuple[Bool, Bool]:

@@ -15,10 +15,10 @@ from printer_slicer.geometry import (
     chain_rows,
     difference,
     hatch,
-    normalize,
     offset,
     offset_open,
     pieces_of,
+    staircases,
 )
 from printer_slicer.geometry.areas import lengths
 from printer_slicer.infill.narrow import beads_amid
@@ -144,11 +144,9 @@ def _stairs(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
     sin = np.sqrt(np.maximum(1 - cos**2, 0.0))
     steep = sin * _LONGEST_TURN >= 1
     beyond = np.where(steep, half[:, None] * (1 + cos) / np.maximum(sin, 1e-9), 0.0)
-    begin = rows.ends[:, 0] - beyond[:, :1] * along
-    end = rows.ends[:, 1] + beyond[:, 1:] * along
-    aside = np.stack([-along[:, 1], along[:, 0]], axis=1) * (half * 1.001)[:, None]
-    xy = np.stack([begin - aside, end - aside, end + aside, begin + aside], axis=1).reshape(-1, 2)
-    return normalize(Areas(xy, 4 * np.arange(rows.n_lines + 1), rows.layer, area.n_layers))
+    return staircases(
+        rows, rows.u + beyond * np.array([-1, 1]), angle=angle, half=gap / 2, n_layers=area.n_layers
+    )
 
 
 def _across(areas: Areas, angle: Float) -> tuple[Float, Float]:
