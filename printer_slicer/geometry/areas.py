@@ -347,3 +347,9 @@ class Lines:
     def length(self) -> Float:
         """(S,) length of each line, mm."""
         return self.u[:, 1] - self.u[:, 0]
+
+    def take(self, chosen: Int) -> Lines:
+        """Some of them, by ascending number."""
+        return Lines(
+            self.ends[chosen], self.layer[chosen], self.row[chosen], self.u[chosen], self.edge[chosen]
+        )

@@ -14,7 +14,7 @@ _BEYOND = 1e-3  # of the half width: columns that stand on each other overlap
 
 
 def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Float, n_layers: int) -> Areas:
-    """The union of rectangles along rows, each as wide as the rows lie apart.
+    """The union of rectangles along rows.
 
     Rows of which each is the only one beside the other stand in one column, whose outline goes up at one side, step by
     step, and down at the other: far less to unite than every rectangle by itself.
@@ -23,7 +23,8 @@ def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Flo
         rows: of a hatch.
         u: (S, 2) mm, from where to where along each row its rectangle reaches.
         angle: radians, of the rows; one for all layers or one per layer.
-        half: mm, from a row to the long sides of its rectangle; one for all layers or one per layer.
+        half: mm, from a row to the long sides of its rectangle, from half the distance of the rows to all of it; one
+            for all layers or one per layer.
         n_layers: of the rows' stack.
     """
     if not rows.n_lines:
@@ -37,16 +38,20 @@ def staircases(rows: Lines, u: Float, *, angle: float | Float, half: float | Flo
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     aside = np.stack([-along[:, 1], along[:, 0]], axis=1)
     v = (rows.ends[order, 0] * aside).sum(axis=1)
-    bounds = np.stack([v - reach * (1 + _BEYOND), v + reach * (1 + _BEYOND)], axis=1)
-    within = np.delete(np.arange(len(order)), begin)
-    bounds[within, 0] = bounds[within - 1, 1] = (v[within] + v[within - 1]) / 2
+    high = np.tile(v + reach * (1 + _BEYOND), (2, 1))  # of the left side, and of the right one
+    low = np.tile(v - reach * (1 + _BEYOND), (2, 1))
+    upper = np.delete(np.arange(len(order)), begin)
+    lower = upper - 1
+    # Between two rows the longer one reaches as far as it is wide.
+    longer = (u[order[lower]] - u[order[upper]]).T * [[-1], [1]] > 0
+    low[:, upper] = high[:, lower] = np.where(longer, (v + reach)[lower], (v - reach)[upper])
     # Up at the right side and down at the left one.
     xy = np.zeros((4 * len(order), 2))
     first, total = np.repeat(4 * begin, size), np.repeat(4 * size, size)
-    for side, upper in ((1, 0), (1, 1), (0, 1), (0, 0)):
-        up = 2 * (np.arange(len(order)) - np.repeat(begin, size)) + upper
+    rank = 2 * (np.arange(len(order)) - np.repeat(begin, size))
+    for side, bound, up in ((1, low, rank), (1, high, rank + 1), (0, high, rank + 1), (0, low, rank)):
         at = first + (up if side else total - 1 - up)
-        xy[at] = u[order, side, None] * along + bounds[:, upper, None] * aside
+        xy[at] = u[order, side, None] * along + bound[side, :, None] * aside
     by_layer = np.argsort(layer[begin], kind="stable")
     rings = Areas(xy, np.append(4 * begin, len(xy)), np.sort(layer[begin]), n_layers)
     return normalize(rings.restacked(by_layer, layer[begin][by_layer], n_layers))

@@ -22,10 +22,10 @@ from printer_slicer.geometry import (
     difference,
     hatch,
     intersection,
-    normalize,
     offset,
     offset_open,
     pieces_of,
+    staircases,
     stroked,
     union,
 )
@@ -146,16 +146,11 @@ def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle:
     longer = np.flatnonzero(np.abs(rows.u - rows.lines.u).max(axis=1, initial=0.0) > _NEAR)
     if not len(longer):
         return own
-    (left, right), layer = rows.u[longer].T, pieces.layer[rows.lines.layer[longer]]
     # Twice as wide as they lie apart: what is laid in between rows, or along the border, is as long as those beside it.
-    middle, half = rows.lines.row[longer] * step, step
-    u = np.stack([left, right, right, left], axis=1)
-    v = np.stack([middle - half, middle - half, middle + half, middle + half], axis=1)
-    cos, sin = np.cos(angle), np.sin(angle)
-    xy = np.stack([u * cos - v * sin, u * sin + v * cos], axis=2).reshape(-1, 2)
-    order = np.argsort(layer, kind="stable")
-    start = np.arange(len(layer) + 1) * 4
-    strips = normalize(Areas(xy, start, layer, own.n_layers).restacked(order, layer[order], own.n_layers))
+    strips = staircases(
+        rows.lines.take(longer), rows.u[longer], angle=angle, half=step, n_layers=pieces.count
+    )
+    strips = strips.restacked(np.arange(strips.n_rings), pieces.layer[strips.ring_layer], own.n_layers)
     whole = union(own, strips)
     # Notches between strips that no row fits in.
     smooth = offset(offset(whole, width / 2), -width / 2)

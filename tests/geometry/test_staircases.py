@@ -17,19 +17,20 @@ from tests.strategies import clean_areas
     spacing=st.floats(0.3, 4.0),
     angle=st.floats(0.0, 3.1),
     longer=st.floats(0.0, 1.0),
+    wide=st.floats(0.5, 1.0),
 )
 def test_staircases_are_the_union_of_rectangles(
-    areas: Areas, spacing: float, angle: float, longer: float
+    areas: Areas, spacing: float, angle: float, longer: float, wide: float
 ) -> None:
     rows = hatch(areas, angle=angle, spacing=spacing)
     u = rows.u + np.array([-longer, longer])
 
-    made = staircases(rows, u, angle=angle, half=spacing / 2, n_layers=2)
+    made = staircases(rows, u, angle=angle, half=wide * spacing, n_layers=2)
 
     along, aside = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     v = (rows.ends[:, 0] @ aside)[:, None]
     corners = [
-        u[:, side, None] * along + (v + by * spacing / 2) * aside
+        u[:, side, None] * along + (v + by * wide * spacing) * aside
         for side, by in ((0, -1), (1, -1), (1, 1), (0, 1))
     ]
     each = Areas(
