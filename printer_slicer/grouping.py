@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer.geometry import Areas, Float, Int, window_intersection
 from printer_slicer.model import LayerPlan
 
-__all__ = ["area_savings", "divide", "within"]
+__all__ = ["area_savings", "divide", "last_layers", "within"]
 
 _ROUNDING = 1e-6  # mm
 _CUT = 0.05  # of the lines in what is left to single layers: the price of filling a layer's area in two parts
@@ -44,6 +44,11 @@ def area_savings(areas: Areas, lowest: Int) -> Float:
         left = so_far[own + 1] - so_far[np.maximum(own - extra, 0)] - (extra + 1) * shared
         saved[extra] = np.where(fits, extra * shared - _CUT * left, 0.0)
     return saved
+
+
+def last_layers(groups: Int) -> Int:
+    """(L,) the last layer of the group of each layer; `groups` (L,) holds the first ones."""
+    return np.asarray(np.searchsorted(groups, groups, side="right") - 1, np.int64)
 
 
 def _most(lowest: Int) -> int:

@@ -19,7 +19,7 @@ from printer_slicer.geometry import (
     offset_open,
     window_intersection,
 )
-from printer_slicer.grouping import area_savings, divide, within
+from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan
 
 __all__ = ["Fillings", "fillings", "groups_of", "turns"]
@@ -101,16 +101,14 @@ def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None =
     lowest = within(plan, limit)
     if groups is None:
         return divide(area_savings(sparse, lowest))
-    last = np.searchsorted(groups, groups, side="right") - 1
-    return np.where(groups >= lowest[last], groups, np.arange(plan.n_layers))
+    return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))
 
 
 def turns(groups: Int) -> Int:
     """(L,) which turn it is on each layer: groups are counted, and the layers of one take turns up to its own."""
     own = np.arange(len(groups))
-    last = np.searchsorted(groups, groups, side="right") - 1
     number = np.cumsum(np.append(True, np.diff(groups) != 0)[: len(groups)]) - 1
-    return np.asarray(number + last - own, np.int64)
+    return np.asarray(number + last_layers(groups) - own, np.int64)
 
 
 def _stacked(one: Areas, another: Areas) -> Areas:

@@ -13,7 +13,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, Bool, Int, Pieces, rings_around
-from printer_slicer.grouping import area_savings, divide, within
+from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan, Regions, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.thick_walls.bands import SAME_PLACE, Bands, bands_of, common
@@ -85,7 +85,7 @@ def _groups(bands: Bands, plan: LayerPlan, lowest: Int, sparse: Areas, profile: 
 
 def _stretches(some: Toolpaths, pieces: Pieces, groups: Int) -> tuple[Spans, Int]:
     """What of the paths, all in groups of layers, is laid together; and (S,) the piece that each stretch lies in."""
-    last = np.searchsorted(groups, groups, side="right") - 1
+    last = last_layers(groups)
     area = pieces.on_layers(len(groups), np.arange(pieces.count))
     spans = spans_within(some, area.for_each(last), _SLIVER)
     made = cut(some, spans)
@@ -124,7 +124,7 @@ def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
     np.maximum.at(most[3], owner, on_layer)
     first = np.zeros(count, np.int64)
     first[piece] = groups[made.layer]
-    last = np.searchsorted(groups, first, side="right") - 1
+    last = last_layers(groups)[first]
     everywhere = np.bincount(owner, minlength=count) == last - first + 1
     thick = plan.top[last] - plan.bottom[first]
     even = (most[:3] - least[:3] <= SAME_PLACE).all(axis=0)
@@ -136,7 +136,7 @@ def _as_one(made: Toolpaths, piece: Int, groups: Int) -> Toolpaths:
     """Of the stretches in each piece (M,) those on the last layer, with the plastic of all."""
     plan = made.plan
     laid = np.bincount(piece, areas_of(made) * made.height)
-    kept = np.flatnonzero(made.layer == np.searchsorted(groups, groups[made.layer], side="right") - 1)
+    kept = np.flatnonzero(made.layer == last_layers(groups)[made.layer])
     made, piece = made.take(kept), piece[kept]
     size = np.diff(made.start)
     height = np.round(plan.top[made.layer] - plan.bottom[groups[made.layer]], 7)

@@ -23,6 +23,7 @@ from printer_slicer.geometry import (
     stroked,
     window_intersection,
 )
+from printer_slicer.grouping import last_layers
 from printer_slicer.model import Regions, Sections, Toolpaths
 from printer_slicer.thick_walls.stretches import runs
 
@@ -96,8 +97,7 @@ def common(bands: Bands, groups: Int) -> Pieces:
     Each piece, on the last layer of its group, holds a stretch of perimeter on every layer of the group.
     """
     own = np.arange(len(groups))
-    last = np.searchsorted(groups, groups, side="right") - 1
-    shared = _wide(bands.shared(np.where(last == own, groups, own), own))
+    shared = _wide(bands.shared(np.where(last_layers(groups) == own, groups, own), own))
     pieces = pieces_of(shared)
     rings = np.bincount(pieces.areas.ring_layer, minlength=pieces.count)
     worth = (rings > 1) | (pieces.areas.area() >= 2 * _PEN * _SHORTEST)
