@@ -70,7 +70,7 @@ def _turned(rings: Areas, order: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 def _inset(solid: Areas, inset: Float, width: float) -> Areas:
     """Areas shrunk by an inset (L,) where they are wider than that and a bead; nothing is done where it is 0."""
-    here = inset[solid.ring_layer] > 0
-    low = solid.select(here)
+    here = inset > 0
+    low = solid.of_layers(here)
     thin = difference(low, offset_open(low, inset + width / 2))
-    return union(offset(low, -inset), thin).merge(solid.select(~here))
+    return union(offset(low, -inset), thin).merge(solid.of_layers(~here))

@@ -21,7 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
-from printer_slicer.geometry.areas import boxes, distinct
+from printer_slicer.geometry.areas import boxes
 from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
@@ -103,7 +103,7 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     lowest, highest = boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
     bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
     rings = air.layer_start
-    for layer in distinct(air.ring_layer).tolist():
+    for layer in np.flatnonzero(air.used).tolist():
         here = slice(int(bounds[layer]), int(bounds[layer + 1]))
         some = slice(int(rings[layer]), int(rings[layer + 1]))
         meets = low[here, None, 0] <= highest[None, some, 0]

@@ -96,10 +96,8 @@ def _exposed(
     missing: list[Areas] = []
     for none, cover in reversed(list(zip(idle, covers, strict=True))):
         # Where there is no air within the skin, there is none right beside it.
-        some = ~none if len(missing) < 2 else np.bincount(missing[-2].ring_layer, minlength=plan.n_layers) > 0
-        missing.append(
-            difference(inside.select(some[inside.ring_layer]), cover.select(some[cover.ring_layer]))
-        )
+        some = ~none if len(missing) < 2 else missing[-2].used
+        missing.append(difference(inside.of_layers(some), cover.of_layers(some)))
     above, below = missing[-1], missing[-2]
     return (missing[1], missing[0]), (above, below)
 
@@ -159,7 +157,7 @@ def _worth_it(sparse: Areas, bridge: Areas, width: Float, quality: Quality) -> A
 
 def _beside_bridges(scraps: Areas, sparse: Areas, bridge: Areas, width: Float) -> Areas:
     """Scraps of sparse area that a bridge has cut off, over sparse infill: solid, they would hang over its cells."""
-    bridged = np.bincount(bridge.ring_layer, minlength=bridge.n_layers) > 0
+    bridged = bridge.used
     bridged[:1] = False
     pieces = pieces_of(scraps.of_layers(bridged))
     beside, below = bridge.for_each(pieces.layer), _below(sparse).for_each(pieces.layer)

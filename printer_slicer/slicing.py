@@ -59,8 +59,7 @@ def _turned(rings: Areas, solid: Areas) -> Areas | None:
 
     Where no rings overlap and none runs around the wrong way, the sum of their signed areas is that of the solid.
     """
-    perimeter = np.bincount(rings.ring_layer, rings.ring_length(), minlength=rings.n_layers)
-    differs = np.abs(rings.area() - solid.area()) > 1e-5 * perimeter + 1e-6
+    differs = np.abs(rings.area() - solid.area()) > 1e-5 * rings.length() + 1e-6
     if not differs.any():
         return None
     mirror = np.array([-1.0, 1.0])  # in a mirror the wrong way round is the right one

@@ -250,7 +250,7 @@ def _facts(
         "files": len(sizes),
         "bytes": sum(sizes),
         "layers": plan.n_layers,
-        "empty_layers": plan.n_layers - len(np.unique(solid.ring_layer)),
+        "empty_layers": int(np.count_nonzero(~solid.used)),
         "heights": [[count, height] for count, height in plan.runs()],
         "rings": len(rounded.ring_layer),
         "points": len(rounded.xy),

@@ -140,7 +140,7 @@ def _groups(top: Float, least: float) -> Int:
 def _layers(areas: Areas, middle: Float) -> Iterator[tuple[int, Areas]]:
     """Each layer that has an area, from the bed up, as the viewer has it."""
     turned = Areas(_turned(areas.xy - middle), areas.ring_start, areas.ring_layer, areas.n_layers)
-    for layer in np.unique(turned.ring_layer).tolist():
+    for layer in np.flatnonzero(turned.used).tolist():
         yield layer, turned.select(turned.ring_layer == layer)
 
 

@@ -198,6 +198,13 @@ class Areas:
         return np.searchsorted(self.ring_layer, np.arange(self.n_layers + 1)).astype(np.int64)
 
     @property
+    def used(self) -> Bool:
+        """(n_layers,) which layers have any ring."""
+        used = np.zeros(self.n_layers, np.bool_)
+        used[self.ring_layer] = True
+        return used
+
+    @property
     def following(self) -> Int:
         """(N,) index of the next point around the ring, for each point."""
         return following_around(self.ring_start)
@@ -245,6 +252,11 @@ class Areas:
         """(R,) length of each ring, mm."""
         return lengths(self.xy, self.ring_start)
 
+    def length(self) -> Float:
+        """(n_layers,) length of all rings of each layer, mm."""
+        weights = self.ring_length()
+        return np.bincount(self.ring_layer, weights, minlength=self.n_layers).astype(np.float64)
+
     def boxes(self) -> tuple[Float, Float]:
         """(n_layers, 2) mm, lowest and highest corner around each layer; infinite, inside out, where it is empty."""
         return boxes(self.xy, self.ring_start, self.ring_layer, self.n_layers)
@@ -264,9 +276,11 @@ class Areas:
         points = consecutive(self.ring_start[rings], sizes)
         return Areas(self.xy.take(points, axis=0), start, layer, n_layers)
 
-    def of_layers(self, layers: Bool) -> Areas:
-        """Only the rings of the layers for which `layers` (n_layers,) is true."""
-        keep = layers[self.ring_layer]
+    def of_layers(self, layers: Bool | Int) -> Areas:
+        """Only the rings of the layers for which `layers` (n_layers,) is true, or whose numbers it holds."""
+        wanted = np.zeros(self.n_layers, np.bool_)
+        wanted[layers] = True
+        keep = wanted[self.ring_layer]
         return self if keep.all() else self.select(keep)
 
     def for_each(self, layers: Int) -> Areas:

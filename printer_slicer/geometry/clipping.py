@@ -262,7 +262,7 @@ def _begins_inside(areas: Areas, lines: Polylines, which: Int) -> Bool:
     if len(near):
         from printer_slicer.geometry.nearest import Outlines  # noqa: PLC0415 - only few lines need a search tree
 
-        known = areas.select(np.isin(areas.ring_layer, layer[near]))
+        known = areas.of_layers(layer[near])
         outlines = Outlines(known, point[near].min(axis=0), point[near].max(axis=0))
         inside[near] = outlines.inside(point[near], layer[near])
     return inside

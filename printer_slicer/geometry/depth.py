@@ -39,7 +39,7 @@ def depths(areas: Areas, points: Float, layer: Int, reach: float) -> Float:
 
 def _note_depths(result: Float, areas: Areas, points: Float, layer: Int, reach: float) -> None:
     """Depths of some of the points, filled into `result` (P,)."""
-    areas = areas.select(np.isin(areas.ring_layer, layer))
+    areas = areas.of_layers(layer)
     if not areas.n_rings:
         return
     begin, end, of_layer = _asked_for(_short_edges(areas, _CELL * reach), points, layer, _CELL * reach)
@@ -73,7 +73,7 @@ def near_outlines(areas: Areas, points: Float, layer: Int, reach: float) -> Bool
 
 def _beside(areas: Areas, points: Float, layer: Int, reach: float) -> Bool:
     """The same for some of the points."""
-    areas = areas.select(np.isin(areas.ring_layer, layer))
+    areas = areas.of_layers(layer)
     if not areas.n_rings:
         return np.zeros(len(points), np.bool_)
     _, key, own = _cells(points, layer, _short_edges(areas, _CELL * reach), reach)

@@ -217,8 +217,7 @@ def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
     if outlines.n_layers != areas.n_layers:
         raise ValueError(f"stacks of {outlines.n_layers} and {areas.n_layers} layers")
     engine = _engine()
-    both = np.isin(outlines.ring_layer, areas.ring_layer)
-    found = engine.outlines_within(outlines.select(both), engine.load(areas))
+    found = engine.outlines_within(outlines.of_layers(areas.used), engine.load(areas))
     lines = [line for layer in found for line in layer]
     layer = np.repeat(np.arange(areas.n_layers), [len(layer) for layer in found])
     xy = np.concatenate([np.zeros((0, 2)), *lines])

@@ -24,7 +24,7 @@ class Outlines:
         self._begin, self._end = areas.xy, areas.xy[areas.following]
         self._n_layers = areas.n_layers
         self._layer = areas.point_layer
-        self._filled = np.bincount(self._layer, minlength=areas.n_layers) > 0
+        self._filled = areas.used
         self._right = float(self._begin[:, 0].max(initial=high[0]))
         room = np.maximum(high, self._begin.max(axis=0, initial=-np.inf))
         room -= np.minimum(low, self._begin.min(axis=0, initial=np.inf))

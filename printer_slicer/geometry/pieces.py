@@ -44,8 +44,7 @@ class Pieces:
 
     def mean_width(self) -> Float:
         """(P,) mm: what a long strip of the same area and outline is wide."""
-        around = np.bincount(self.areas.ring_layer, self.areas.ring_length(), minlength=self.count)
-        return np.asarray(2 * self.areas.area() / around)
+        return np.asarray(2 * self.areas.area() / self.areas.length())
 
     def beside(self, areas: Areas) -> Areas:
         """For each piece the rings of a stack, on its layer, whose boxes meet the box around it."""

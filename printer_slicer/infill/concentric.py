@@ -20,8 +20,7 @@ def concentric_lines(task: Task) -> tuple[Polylines, Float]:
     """
     outline, cut = task.area, np.zeros(task.area.n_layers, np.bool_)
     if outline.n_layers == task.regions.plan.n_layers:  # each layer by itself
-        outline = offset(task.regions.sparse, -task.inset)
-        outline = outline.of_layers(np.bincount(task.area.ring_layer, minlength=len(cut)) > 0)
+        outline = offset(task.regions.sparse, -task.inset).of_layers(task.area.used)
         cut = difference(outline, task.area).area() > _CUT
     loops, loop = [], offset(outline, -task.spacing / 2)
     while loop.n_rings:

@@ -46,8 +46,7 @@ def lightning_lines(task: Task) -> tuple[Polylines, Float]:
     # Entries that are filled by beads of several layers have the trees of the layer on which they are printed.
     size, first = np.diff(lines.start), np.searchsorted(lines.layer, np.arange(area.n_layers + 1))
     counts = np.diff(first)[task.layer]
-    used = np.bincount(task.area.ring_layer, minlength=task.area.n_layers) > 0
-    counts = np.where(used, counts, 0)
+    counts[~task.area.used] = 0
     chosen = consecutive(first[task.layer], counts)
     points = consecutive(lines.start[chosen], size[chosen])
     laid = Polylines.of(lines.xy[points], size[chosen], np.repeat(np.arange(len(counts)), counts))

@@ -23,7 +23,7 @@ def along_narrow(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) 
     gap = bead.spacing(profile.extrusion_width, plan.height)[pieces.layer]
     slim = np.flatnonzero(pieces.mean_width() < _BEADS * gap)
     core = offset(pieces.take(slim).areas, -_BEADS / 2 * gap[slim])
-    narrow = thin = slim[np.bincount(core.ring_layer, minlength=len(slim)) == 0]
+    narrow = thin = slim[~core.used]
     paths, unfilled = _well_filled(plan, pieces.take(thin), role, profile)
     parts, thin = [paths], thin[unfilled]
     for piece in thin[:_ALONE].tolist():

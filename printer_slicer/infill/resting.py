@@ -72,7 +72,7 @@ class _Rows:
 
 def carried_layers(regions: Regions) -> Int:
     """The layers whose sparse infill has to carry an internal bridge."""
-    return distinct(regions.internal_bridge.ring_layer) - 1
+    return np.flatnonzero(regions.internal_bridge.used) - 1
 
 
 def rested(regions: Regions, lines: Polylines, profile: Profile) -> Regions:
@@ -114,8 +114,7 @@ def rested(regions: Regions, lines: Polylines, profile: Profile) -> Regions:
 
 def _ground(regions: Regions, lines: Polylines, width: float, grip: float) -> _Ground:
     n = regions.plan.n_layers
-    used = np.zeros(n, np.bool_)
-    used[regions.internal_bridge.ring_layer] = True
+    used = regions.internal_bridge.used
     closed = regions.bottom_skin.merge(regions.bridge).merge(regions.top_skin).of_layers(used)
     inside = regions.inside
     if not inside.n_rings:
@@ -159,10 +158,9 @@ def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle:
 
 def _rows(pieces: Pieces, ground: _Ground, step: float, angle: float) -> _Rows:
     """Rows of one direction across the pieces, made longer until they rest at both ends."""
-    used = np.bincount(pieces.layer, minlength=ground.room.n_layers) > 0
     lines, room, air = (
         hatch(areas, angle=angle, spacing=step)
-        for areas in (pieces.areas, ground.room.of_layers(used), ground.air.of_layers(used))
+        for areas in (pieces.areas, ground.room.of_layers(pieces.layer), ground.air.of_layers(pieces.layer))
     )
     keys = _Keys.of(lines, room, air)
     own, rooms, gaps = (

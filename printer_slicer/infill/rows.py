@@ -114,8 +114,8 @@ def _share(areas: Areas, laid: Float, filled: Float, overlap: float) -> Float:
 
     What is pressed into the notches beside the walls counts, as far as that is little.
     """
-    area, around = areas.area(), np.bincount(areas.ring_layer, areas.ring_length(), minlength=areas.n_layers)
-    wanted = area + np.minimum(_PRESSED * overlap * around, _MOST_PRESSED * area) - filled
+    area = areas.area()
+    wanted = area + np.minimum(_PRESSED * overlap * areas.length(), _MOST_PRESSED * area) - filled
     share = np.divide(wanted, laid, out=np.ones_like(laid), where=laid > 0)
     return np.asarray(np.clip(share, _LESS, _MORE), dtype=np.float64)
 

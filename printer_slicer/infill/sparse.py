@@ -114,7 +114,7 @@ def _filled(
     quality, width = profile.quality, profile.extrusion_width
     limit = min(quality.sparse_every, profile.highest_bead)
     filled = fillings(sparse, regions.plan, limit, width, groups)
-    used = distinct(filled.area.ring_layer)
+    used = np.flatnonzero(filled.area.used)
     highest = float(filled.height[used].max(initial=0.0))
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
     across = float(bead.spacing(width, highest))
@@ -152,8 +152,7 @@ def _task(regions: Regions, profile: Profile, filled: Fillings, across: float, i
 
 def _around(area: Areas, inset: float) -> Float:
     """(E,) mm² of the area in whose middle, `inset` from its border, the centre lines lie; where there are any."""
-    outline = np.bincount(area.ring_layer, area.ring_length(), minlength=area.n_layers)
-    return np.asarray(area.area() + inset * outline)
+    return np.asarray(area.area() + inset * area.length())
 
 
 def _drawn(task: Task, pattern: Pattern) -> tuple[Polylines, Float]:
@@ -177,11 +176,11 @@ def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> tu
     Anchors follow the walls: their length hardly depends on the spacing, that of the lines is inverse to it. Both are
     measured on some of the entries; one spacing for the whole part keeps the lines above each other.
     """
-    used = distinct(task.area.ring_layer)
+    used = np.flatnonzero(task.area.used)
     if not len(used):
         return task, 1.0
     tried = used[distinct(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
-    some = replace(task, area=task.area.select(np.isin(task.area.ring_layer, tried)))
+    some = replace(task, area=task.area.of_layers(tried))
     bare, more = _drawn(some, pattern)
     lines, left, reach = float(_laid(some, bare, more).sum()), 0.0, 0.0
     for reach in _REACHES:

@@ -43,7 +43,7 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
     parts = []
     for each in (False, True):
         strips = pieces.take(left)
-        walls = regions.inside.select(np.isin(regions.inside.ring_layer, strips.layer))
+        walls = regions.inside.of_layers(strips.layer)
         if each:
             walls = strips.beside(walls)
             if len(walls.xy) > _MANY:
@@ -76,7 +76,7 @@ def _filled(
     kept = fits[piece]
     xy, size, piece = xy.compress(np.repeat(kept, size), axis=0), size[kept], piece[kept]
     covered = stroked(xy, np.append(0, np.cumsum(size)), piece, wide[piece] / 2, strips.count)
-    bare = offset_open(difference(strips.areas.select(fits[strips.areas.ring_layer]), covered), _SLIT)
+    bare = offset_open(difference(strips.areas.of_layers(fits), covered), _SLIT)
     fits &= bare.area() < _BARE * area
     kept = fits[piece]
     layer = strips.layer[piece[kept]]

@@ -89,5 +89,5 @@ def _boxes(area: Areas, waves: Waves) -> tuple[Int, Float, Float]:
     swapped = waves.swapped[area.point_layer]
     uv = np.stack([np.where(swapped, y, x), np.where(swapped, x, y)], axis=1)
     low, high = boxes(uv, area.ring_start, area.ring_layer, area.n_layers)
-    entry = np.unique(area.ring_layer)
+    entry = np.flatnonzero(area.used)
     return entry, low[entry], high[entry]

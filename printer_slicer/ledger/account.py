@@ -135,7 +135,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     side = bead.side_loss(stack.height)
     inner = difference(offset(sections, side - depth), open_to_air)
     wanted = np.maximum(offset(sections, -side).area() - inner.area(), 0.0)
-    inner = inner.select(~stack.rising[inner.ring_layer])
+    inner = inner.of_layers(~stack.rising)
     fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
     own, laid = of_part[source], slabs.beads.volume
     return Ledger(

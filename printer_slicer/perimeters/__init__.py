@@ -31,8 +31,7 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     if quality.single_top_perimeter and quality.perimeters > 1:
         top = _open_top(solid, profile.extrusion_width)
     # Outermost loops by themselves, and the others then in what they leave: borders that nobody sees may be simpler.
-    apart = np.full(plan.n_layers, quality.varying_walls and quality.perimeters > 0)
-    apart[top.ring_layer] = True
+    apart = top.used | (quality.varying_walls and quality.perimeters > 0)
     usual = shell(solid.of_layers(~apart), plan, profile, quality.perimeters)
     parts, inside, lost = [usual.paths], usual.rest, usual.lost
     if apart.any():

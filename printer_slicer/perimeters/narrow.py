@@ -90,10 +90,10 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
     if tolerance:
         simple = simplify(solid, tolerance)
         near = facing(simple, 2 * widest, _LEAN)
-        solid = normalize(simple.of_layers(_layers_of(near, solid.n_layers)))
+        solid = normalize(simple.of_layers(near.layer))
     else:
         near = facing(solid, 2 * widest, _LEAN)
-        solid = solid.of_layers(_layers_of(near, solid.n_layers))
+        solid = solid.of_layers(near.layer)
     if not len(near.layer):
         return Narrow.empty(solid.n_layers)
     narrow, broken = _filled(solid, near, beading, widest)
@@ -104,10 +104,6 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
         rest, _ = _filled(apart, None, beading, np.full_like(widest, np.inf))
         narrow = narrow.merge(rest)
     return narrow
-
-
-def _layers_of(boxes: Boxes, n_layers: int) -> Bool:
-    return np.bincount(boxes.layer, minlength=n_layers) > 0
 
 
 def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -> tuple[Narrow, Bool]:

@@ -35,6 +35,6 @@ def thin_areas(surface: Surface, sections: Sections) -> Float:
     everything = float(surface.up.area.sum() + surface.down.area.sum())
     passed = np.diff(np.concatenate([[0.0], below, [everything]]))
     pairs = (passed - np.append(changed, solid.area()[-1:])) / 2
-    length = np.bincount(solid.ring_layer, weights=solid.ring_length(), minlength=solid.n_layers)
+    length = solid.length()
     noise = _ROUNDING * np.append(length + np.append(0.0, length[:-1]), length[-1:])
     return np.asarray(np.where(pairs > noise, pairs, 0.0))

@@ -53,9 +53,8 @@ class Bands:
         window = window_intersection(
             self.standing, np.where(several, first + 1, own), np.where(several, last + 1, own + 1)
         )
-        window = window.select(several[window.ring_layer])
         hidden = self.seen.for_each(last)
-        return difference(window, hidden.select(several[hidden.ring_layer]))
+        return difference(window.of_layers(several), hidden.of_layers(several))
 
     def savings(self, lowest: Int) -> Float:
         """(n, L) mm of perimeters saved by laying `extra` (row) layers and the one after them (column) as one.

@@ -111,6 +111,25 @@ def test_layers_are_taken_as_often_as_they_are_named(stack: Areas, source: list[
         assert [ring.tolist() for ring in made.rings(layer)] == [ring.tolist() for ring in stack.rings(k)]
 
 
+@given(areas(3), st.lists(st.integers(0, 2), max_size=6))
+def test_layers_are_chosen_by_a_mask_or_by_their_numbers(stack: Areas, numbers: list[int]) -> None:
+    mask = np.array([layer in numbers for layer in range(3)])
+
+    for chosen in (stack.of_layers(mask), stack.of_layers(np.array(numbers, np.int64))):
+        assert chosen.area() == pytest.approx(np.where(mask, stack.area(), 0))
+        assert chosen.length() == pytest.approx(np.where(mask, stack.length(), 0))
+        assert chosen.used.tolist() == (mask & stack.used).tolist()
+
+
+@given(areas(3))
+def test_a_layer_is_used_if_it_has_rings_and_as_long_as_they_are_together(stack: Areas) -> None:
+    rings = [list(stack.rings(layer)) for layer in range(3)]
+    around = [sum(np.hypot(*(np.roll(ring, -1, axis=0) - ring).T).sum() for ring in layer) for layer in rings]
+
+    assert stack.used.tolist() == [len(layer) > 0 for layer in rings]
+    assert stack.length() == pytest.approx(np.array(around))
+
+
 def test_stacks_of_different_height_do_not_merge() -> None:
     with pytest.raises(ValueError, match="2 and 3 layers"):
         Areas.empty(2).merge(Areas.empty(3))

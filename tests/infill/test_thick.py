@@ -32,8 +32,7 @@ def filled(areas: Areas, tops: Float, limit: float = LIMIT) -> Fillings:
 
 def height_of(made: Fillings) -> Float:
     """(E,) with 0 where nothing is filled."""
-    used = np.isin(np.arange(made.area.n_layers), made.area.ring_layer)
-    return np.where(used, made.height, 0.0)
+    return np.where(made.area.used, made.height, 0.0)
 
 
 @settings(deadline=None, max_examples=40)
