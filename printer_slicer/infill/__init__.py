@@ -41,14 +41,13 @@ def infill_paths(regions: Regions, profile: Profile, groups: Int | None = None) 
     `groups` (L,) is the first of those layers with which each one's sparse infill is printed, if that is known already.
     """
     quality = profile.quality
-    limit = min(quality.sparse_every, profile.highest_bead)
-    groups = groups_of(regions.sparse, regions.plan, limit, groups)
     if quality.infill_density == 0:
         return Toolpaths.joined(regions.plan, solid_paths(regions, profile))
+    limit = min(quality.sparse_every, profile.highest_bead)
+    groups = groups_of(regions.sparse, regions.plan, limit, groups)
     # Trees have the density only where they hold something.
     measured = quality.infill != "lightning"
-    layout = laid_out(regions, profile, PATTERNS[quality.infill], measured=measured, groups=groups)
-    carrying = bare_lines(layout, carried_layers(regions), profile)
-    resting = rested(regions, carrying, profile)
+    layout = laid_out(regions, groups, PATTERNS[quality.infill], profile, measured=measured)
+    resting = rested(regions, bare_lines(layout, carried_layers(regions)), profile)
     parts = [*solid_paths(resting, profile), sparse_paths(layout, resting, profile)]
     return Toolpaths.joined(regions.plan, parts)

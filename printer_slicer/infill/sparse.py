@@ -14,7 +14,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.task import Pattern, Task
-from printer_slicer.infill.thick import Fillings, fillings
+from printer_slicer.infill.thick import fillings
 from printer_slicer.model import Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -32,57 +32,46 @@ class Layout:
     """Where the lines of a pattern lie, whatever of them is laid.
 
     Attributes:
-        regions: what the pattern was drawn for; trees grow in them.
+        task: what the pattern was drawn for, with the spacing for the whole part; trees grow in its regions.
         pattern: makes the lines.
-        spacing: mm, the same for the whole part.
         reach: share of the longest anchors that leaves room for lines.
         measured: whether the density is a share of the volume; else it is the pattern's affair.
-        groups: (L,) the first of those layers with which each one's sparse infill is printed; None: to be found.
+        groups: (L,) the first of those layers with which each one's sparse infill is printed.
     """
 
-    regions: Regions
+    task: Task
     pattern: Pattern
-    spacing: float
     reach: float
     measured: bool
-    groups: Int | None
+    groups: Int
 
 
-def laid_out(
-    regions: Regions,
-    profile: Profile,
-    pattern: Pattern,
-    *,
-    measured: bool = True,
-    groups: Int | None = None,
-) -> Layout:
+def laid_out(regions: Regions, groups: Int, pattern: Pattern, profile: Profile, *, measured: bool) -> Layout:
     """The spacing with which lines and anchors in the sparse regions together have the density asked for.
 
     Args:
         regions: what is inside the walls.
-        profile: density, anchors, and how high the beads may be.
+        groups: (L,) the first of those layers with which each one's sparse infill is printed.
         pattern: makes the lines.
+        profile: density and anchors.
         measured: whether the density is a share of the volume; else it is the pattern's affair.
-        groups: (L,) the first of those layers with which each one's sparse infill is printed; None: to be found.
     """
-    filled, _, task = _filled(regions, regions.sparse, profile, groups)
-    reach = 1.0
+    task, reach = _task(regions, regions.sparse, groups, profile), 1.0
     if measured:
-        task, reach = _spaced(task, pattern, _volume(task, regions.sparse, filled, profile), profile)
-    return Layout(regions, pattern, task.spacing, reach, measured, groups)
+        task, reach = _spaced(task, pattern, _volume(task, regions.sparse, profile), profile)
+    return Layout(task, pattern, reach, measured, groups)
 
 
-def bare_lines(layout: Layout, layers: Int, profile: Profile) -> Polylines:
+def bare_lines(layout: Layout, layers: Int) -> Polylines:
     """The lines that are printed on some of the layers, without the joints between them; on the layers of the part."""
-    filled, _, task = _filled(layout.regions, layout.regions.sparse, profile, layout.groups)
-    some = np.isin(filled.layer[task.area.ring_layer], layers)
-    task = replace(task, area=task.area.select(some), spacing=layout.spacing)
-    lines, _ = _drawn(task, layout.pattern)
+    task = layout.task
+    some = replace(task, area=task.area.of_layers(np.isin(task.layer, layers)))
+    lines, _ = _drawn(some, layout.pattern)
     # Loops as open lines that end where they begin.
     points = np.insert(
         np.arange(len(lines.xy)), lines.start[1:][lines.closed], lines.start[:-1][lines.closed]
     )
-    layer = filled.layer[lines.layer]
+    layer = task.layer[lines.layer]
     order = np.argsort(layer, kind="stable")
     return Polylines.of(lines.xy[points], lines.size + lines.closed, layer).take(order)
 
@@ -93,48 +82,28 @@ def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpath
     Args:
         layout: of the lines.
         regions: to be filled, and what lies beside them.
-        profile: density, anchors, and how high the beads may be.
+        profile: density, anchors, and width of the beads.
     """
-    sparse = regions.sparse
-    filled, across, task = _filled(layout.regions, sparse, profile, layout.groups)
-    volume = _volume(task, sparse, filled, profile)
+    own = _task(layout.task.regions, regions.sparse, layout.groups, profile)
     # Lines reach into the walls to hold on to them; the ends of bridges are there already and would lie under them.
-    bridges = offset(regions.bridge.merge(regions.internal_bridge), across / 2).for_each(filled.layer)
-    task = replace(task, spacing=layout.spacing, area=difference(task.area, bridges))
+    bridges = offset(regions.bridge.merge(regions.internal_bridge), own.bead / 2).for_each(own.layer)
+    task = replace(own, spacing=layout.task.spacing, area=difference(own.area, bridges))
     bare, more = _drawn(task, layout.pattern)
     lines = _anchored(task, bare, profile, layout.reach)
-    share = _share(_laid(task, lines, more), volume) if layout.measured else np.ones_like(more)
-    return _toolpaths(layout.regions, filled, lines, across * share / more)
+    share = np.ones_like(more)
+    if layout.measured:
+        share = _share(_laid(task, lines, more), _volume(own, regions.sparse, profile))
+    return _toolpaths(task, lines, task.bead * share / more)
 
 
-def _filled(
-    regions: Regions, sparse: Areas, profile: Profile, groups: Int | None
-) -> tuple[Fillings, float, Task]:
-    """What is filled, the spacing of its beads side by side, and the task of filling it with lines as usual."""
+def _task(regions: Regions, sparse: Areas, groups: Int, profile: Profile) -> Task:
+    """The task of filling sparse areas, within those of the regions, with lines as usual."""
     quality, width = profile.quality, profile.extrusion_width
-    limit = min(quality.sparse_every, profile.highest_bead)
-    filled = fillings(sparse, regions.plan, limit, width, groups)
-    used = np.flatnonzero(filled.area.used)
-    highest = float(filled.height[used].max(initial=0.0))
+    filled = fillings(sparse, regions.plan, groups, width)
+    highest = float(filled.height[filled.area.used].max(initial=0.0))
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
     across = float(bead.spacing(width, highest))
     inset = across / 2 - (quality.sparse_overlap * width if quality.perimeters else 0.0)
-    return filled, across, _task(regions, profile, filled, across, inset)
-
-
-def _volume(task: Task, sparse: Areas, filled: Fillings, profile: Profile) -> Float:
-    """(E,) mm³ that the density asks for."""
-    density, inset = profile.quality.infill_density, task.inset
-    volume = density * _around(task.area, inset) * filled.height
-    if filled.area is not sparse:
-        # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
-        each = density * _around(offset(sparse, -inset), inset) * task.regions.plan.height
-        volume *= each.sum() / max(float(volume.sum()), 1e-9)
-    return np.asarray(volume)
-
-
-def _task(regions: Regions, profile: Profile, filled: Fillings, across: float, inset: float) -> Task:
-    quality = profile.quality
     return Task(
         offset(filled.area, -inset),
         spacing=across / quality.infill_density,
@@ -148,6 +117,17 @@ def _task(regions: Regions, profile: Profile, filled: Fillings, across: float, i
         regions=regions,
         slope=float(np.tan(np.deg2rad(quality.lightning_angle_deg))),
     )
+
+
+def _volume(task: Task, sparse: Areas, profile: Profile) -> Float:
+    """(E,) mm³ that the density asks for."""
+    density, inset = profile.quality.infill_density, task.inset
+    volume = density * _around(task.area, inset) * task.height
+    if task.area.n_layers > sparse.n_layers:
+        # Between the outlines of layers filled together, strips stay empty that no bead fits in: the others make up.
+        each = density * _around(offset(sparse, -inset), inset) * task.regions.plan.height
+        volume *= each.sum() / max(float(volume.sum()), 1e-9)
+    return np.asarray(volume)
 
 
 def _around(area: Areas, inset: float) -> Float:
@@ -207,17 +187,17 @@ def _share(laid: Float, volume: Float) -> Float:
     return np.asarray(np.clip(each * float(volume.sum()) / there, low, high) if there else each)
 
 
-def _toolpaths(regions: Regions, filled: Fillings, lines: Polylines, across: Float) -> Toolpaths:
-    """The lines as paths, on the layers on which they are printed."""
-    width = np.maximum(np.round(bead.width_for_spacing(across, filled.height), 4), filled.height)
+def _toolpaths(task: Task, lines: Polylines, across: Float) -> Toolpaths:
+    """The lines as paths, on the layers on which they are printed; `across` (E,) is the spacing of their beads, mm."""
+    width = np.maximum(np.round(bead.width_for_spacing(across, task.height), 4), task.height)
     entry = lines.layer
     return Toolpaths.gathered(
-        regions.plan,
+        task.regions.plan,
         xy=lines.xy,
         size=lines.size,
-        layer=filled.layer[entry],
+        layer=task.layer[entry],
         role=np.full(len(entry), Role.SPARSE),
         width=width[entry],
         closed=lines.closed,
-        height=filled.height[entry],
+        height=task.height[entry],
     )

@@ -47,9 +47,7 @@ class Fillings:
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, (n,)))
 
 
-def fillings(
-    sparse: Areas, plan: LayerPlan, limit: float, narrowest: float, groups: Int | None = None
-) -> Fillings:
+def fillings(sparse: Areas, plan: LayerPlan, groups: Int, narrowest: float) -> Fillings:
     """The sparse areas of all layers, those of several layers together where they agree.
 
     What all layers of a group have in common is filled on its last layer; what only some of them have is filled layer
@@ -58,30 +56,25 @@ def fillings(
     Args:
         sparse: the sparse area of each layer.
         plan: the layers.
-        limit: see `groups_of`.
+        groups: (L,) the first layer of the group of each layer.
         narrowest: mm; common areas narrower than this are left to the layers, and what is left to layers of a group
             and narrower than this stays empty.
-        groups: see `groups_of`.
     """
-    n, own = plan.n_layers, np.arange(plan.n_layers)
-    first = groups_of(sparse, plan, limit, groups)
-    if (first == own).all():
+    own = np.arange(plan.n_layers)
+    if (groups == own).all():
         return Fillings(sparse, own, plan.height, own)
-    last = np.append(np.flatnonzero(np.diff(first)), n - 1)  # of each group
-    number = np.searchsorted(last, own)
-    grouped = last[first[last] < last]
-    window = own.copy()
-    window[grouped] = first[grouped]
-    common = window_intersection(sparse, window, own + 1)
-    common = offset_open(common.select(np.isin(common.ring_layer, grouped)), narrowest / 2)
-    rest = difference(sparse, common.for_each(last[number]))
-    strips = np.isin(rest.ring_layer, np.flatnonzero(first[last[number]] < last[number]))
-    wide = offset_open(rest.select(strips), narrowest / 2)
+    last = last_layers(groups)
+    several = groups < last
+    ends = several & (last == own)
+    common = window_intersection(sparse, np.where(ends, groups, own), own + 1)
+    common = offset_open(common.of_layers(ends), narrowest / 2)
+    rest = difference(sparse, common.for_each(last))
+    wide = offset_open(rest.of_layers(several), narrowest / 2)
     return Fillings(
-        _stacked(rest.select(~strips).merge(wide), common),
-        np.concatenate([own, own]),
-        np.concatenate([plan.height, plan.top - plan.bottom[first]]),
-        np.concatenate([turns(first), number]),
+        _stacked(rest.of_layers(~several).merge(wide), common),
+        np.tile(own, 2),
+        np.concatenate([plan.height, plan.top - plan.bottom[groups]]),
+        np.tile(turns(groups), 2),
     )
 
 

@@ -14,7 +14,7 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry import Areas, difference, intersection
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
-from printer_slicer.infill.thick import Fillings, fillings
+from printer_slicer.infill.thick import Fillings, fillings, groups_of
 from printer_slicer.model import Float, LayerPlan, Role
 from printer_slicer.pipeline import slice_stages
 from tests.infill.stacks import rectangle, sparse_only, sparse_stack, volumes
@@ -27,7 +27,8 @@ LIMIT = 0.32
 
 
 def filled(areas: Areas, tops: Float, limit: float = LIMIT) -> Fillings:
-    return fillings(areas, LayerPlan.from_tops(tops), limit, 0.4)
+    plan = LayerPlan.from_tops(tops)
+    return fillings(areas, plan, groups_of(areas, plan, limit), 0.4)
 
 
 def height_of(made: Fillings) -> Float:
