@@ -74,19 +74,22 @@ def following_around(start: Int, closed: bool | Bool = True) -> Int:
     """(N,) the item after each, in rings of items: after the last of a ring comes its first.
 
     Args:
-        start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`, one at least.
+        start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`, which may be none.
         closed: (R,) which are rings, or whether all are; in the others the last item is followed by itself.
     """
     first, last = start[:-1], start[1:] - 1
+    some = last >= first
     following = np.arange(1, int(start[-1]) + 1)
-    following[last] = np.where(closed, first, last)
+    following[last[some]] = np.where(closed, first, last)[some]
     return following
 
 
 def previous_around(start: Int) -> Int:
     """(N,) the item before each, in rings of items: the inverse of `following_around`."""
+    first, last = start[:-1], start[1:] - 1
+    some = last >= first
     previous = np.arange(-1, int(start[-1]) - 1)
-    previous[start[:-1]] = start[1:] - 1
+    previous[first[some]] = last[some]
     return previous
 
 

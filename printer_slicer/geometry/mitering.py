@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Bool, Float, Int
+from printer_slicer.geometry.areas import Bool, Float, Int, following_around
 from printer_slicer.geometry.polygons import MITER_LIMIT
 
 __all__ = ["mitered"]
@@ -49,11 +49,11 @@ def mitered(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) ->
         (n, 2) steps, and (R + 1,) where each ring begins: rings that may cross themselves and each other. Rings without
         area have no points.
     """
-    following = _following(start)
+    following = following_around(start)
     new = np.flatnonzero((xy[:, 0] != xy[:, 0].take(following)) | (xy[:, 1] != xy[:, 1].take(following)))
     if len(new) < len(xy):
         xy, start = xy.take(new, axis=0), np.searchsorted(new, start)
-        following = _following(start)
+        following = following_around(start)
     x, y = xy.T.astype(np.float64)
     by = np.repeat(distance, np.diff(start))
     corners = _corners((x, y), following)
@@ -71,14 +71,6 @@ def mitered(xy: Int, start: Int, distance: Float, limit: float = MITER_LIMIT) ->
         for place, points in enumerate(build(corners, some, by.take(some))):
             moved[end[some] - count[some] + place] = xy.take(some, axis=0) + np.column_stack(points)
     return np.rint(moved).astype(np.int64), np.append(0, end).take(start)
-
-
-def _following(start: Int) -> Int:
-    """(N,) the point after each around its ring."""
-    following = np.arange(1, int(start[-1]) + 1)
-    some = start[1:] > start[:-1]
-    following[start[1:][some] - 1] = start[:-1][some]
-    return following
 
 
 def _corners(points: tuple[Float, Float], following: Int) -> _Corners:

@@ -150,7 +150,7 @@ def test_values_that_are_not_one_per_layer_are_refused(value: float | np.ndarray
         per_layer(value, 2)
 
 
-@given(st.lists(st.tuples(st.integers(1, 5), st.booleans()), max_size=6))
+@given(st.lists(st.tuples(st.integers(0, 5), st.booleans()), max_size=6))
 def test_the_last_item_of_a_ring_is_followed_by_its_first_and_that_of_an_open_run_by_itself(
     runs: list[tuple[int, bool]],
 ) -> None:
