@@ -45,29 +45,25 @@ class Boxes:
         room = np.reshape(reach, (-1, 1))
         return Boxes(self.low - room, self.high + room, self.layer)
 
-    def take(self, items: Int | Bool) -> Boxes:
-        """Some of them."""
-        return Boxes(self.low[items], self.high[items], self.layer[items])
-
     def overlapping(self, other: Boxes) -> tuple[Int, Int]:
         """Pairs of one of these and one of the others that overlap or touch, on one layer; in no order."""
-        found = [(np.zeros(0, np.int64),) * 2]
-        for own, others in self._beside(other):
-            hit = (self.low[own, 1] <= other.high[others, 1]) & (other.low[others, 1] <= self.high[own, 1])
-            found.append((own[hit], others[hit]))
-        return np.concatenate([own for own, _ in found]), np.concatenate([others for _, others in found])
+        own_spans, other_spans = _on_one_axis(self, other)
+        # Along the axis, of two that overlap one begins within the other.
+        found = [self._meeting(other, own, others) for own, others in _begun_within(own_spans, other_spans)]
+        found += [
+            self._meeting(other, own, others)
+            for others, own in _begun_within(other_spans, own_spans, ties=False)
+        ]
+        return _joined(found)
 
     def neighbours(self) -> tuple[Int, Int]:
         """Pairs of different ones that overlap or touch, on one layer; each pair once, in no order."""
-        found = [(np.zeros(0, np.int64),) * 2]
-        if len(self.layer):
-            aside = self.layer * (float(self.high[:, 0].max() - self.low[:, 0].min()) + 1.0)
-            low, high = self.low[:, 0] + aside, self.high[:, 0] + aside
-            for a, b in _begun_within(low, high, low, "left"):
-                hit = (low[b] > low[a]) | (b > a)
-                hit &= (self.low[a, 1] <= self.high[b, 1]) & (self.low[b, 1] <= self.high[a, 1])
-                found.append((a[hit], b[hit]))
-        return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
+        (spans,) = _on_one_axis(self)
+        low, found = spans[0], []
+        for a, b in _begun_within(spans, spans):
+            once = (low[b] > low[a]) | (b > a)
+            found.append(self._meeting(self, a[once], b[once]))
+        return _joined(found)
 
     def touched(self, other: Boxes) -> Bool:
         """(B,) whether each overlaps or touches any of the others on its layer."""
@@ -75,28 +71,31 @@ class Boxes:
         result[self.overlapping(other)[0]] = True
         return result
 
-    def _beside(self, other: Boxes) -> Iterator[tuple[Int, Int]]:
-        """Pairs that overlap along the first axis, some at a time: one of both begins within the other."""
-        if not len(self.layer) or not len(other.layer):
-            return
-        # One axis for all layers, which stand apart from each other on it.
-        ends = np.concatenate([self.low[:, 0], other.low[:, 0], self.high[:, 0], other.high[:, 0]])
-        pitch = float(ends.max() - ends.min()) + 1.0
-        (low, high), (other_low, other_high) = (
-            (boxes.low[:, 0] + boxes.layer * pitch, boxes.high[:, 0] + boxes.layer * pitch)
-            for boxes in (self, other)
-        )
-        for own, others in _begun_within(low, high, other_low, "left"):
-            yield own, others
-        for others, own in _begun_within(other_low, other_high, low, "right"):
-            yield own, others
+    def _meeting(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
+        """Those of some pairs that overlap along the second axis, too."""
+        meet = (self.low[own, 1] <= other.high[others, 1]) & (other.low[others, 1] <= self.high[own, 1])
+        return own[meet], others[meet]
 
 
-def _begun_within(low: Float, high: Float, begin: Float, side: str) -> Iterator[tuple[Int, Int]]:
-    """Pairs of an interval and one that begins within it; where both begin alike only if `side` is left."""
-    order = np.argsort(begin, kind="stable")
-    begin = begin[order]
-    first = np.searchsorted(begin, low, side="left" if side == "left" else "right")
+_Spans = tuple[Float, Float]
+
+
+def _on_one_axis(*many: Boxes) -> list[_Spans]:
+    """From where to where boxes reach along the first axis, on which the layers stand apart from each other."""
+    ends = np.concatenate([end[:, 0] for one in many for end in (one.low, one.high)])
+    pitch = float(np.ptp(ends)) + 1.0 if len(ends) else 1.0
+    return [(one.low[:, 0] + one.layer * pitch, one.high[:, 0] + one.layer * pitch) for one in many]
+
+
+def _begun_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> Iterator[tuple[Int, Int]]:
+    """Pairs of a span and another one that begins within it; with `ties` also those that begin where it does.
+
+    They come some at a time.
+    """
+    low, high = spans
+    order = np.argsort(others[0], kind="stable")
+    begin = others[0][order]
+    first = np.searchsorted(begin, low, side="left" if ties else "right")
     count = np.maximum(np.searchsorted(begin, high, side="right") - first, 0)
     before = np.cumsum(count)
     start = 0
@@ -106,3 +105,9 @@ def _begun_within(low: Float, high: Float, begin: Float, side: str) -> Iterator[
         some = np.arange(start, stop)
         yield np.repeat(some, count[some]), order[consecutive(first[some], count[some])]
         start = stop
+
+
+def _joined(found: list[tuple[Int, Int]]) -> tuple[Int, Int]:
+    """All pairs that were found."""
+    none = np.zeros(0, np.int64)
+    return np.concatenate([none, *(a for a, _ in found)]), np.concatenate([none, *(b for _, b in found)])
