@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
 import numpy as np
 
 from printer_slicer import bead
@@ -18,7 +21,7 @@ from printer_slicer.geometry import (
     stroked,
 )
 from printer_slicer.geometry.areas import lengths
-from printer_slicer.model import Regions, Role, Toolpaths
+from printer_slicer.model import LayerPlan, Regions, Role, Toolpaths
 from printer_slicer.profile import Profile
 
 __all__ = ["strip_paths"]
@@ -29,6 +32,8 @@ _BARE = 0.02  # of a strip may stay uncovered
 _SLIT = 0.05  # mm: half the width of gaps that do not count
 _MANY = 300_000  # points of walls beside strips; with more each strip is not asked on its own
 
+_Lines = tuple[Float, Int, Int]  # points (N, 2), how many (M,) each line has, and the strip (M,) it lies in
+
 
 def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Toolpaths, Pieces]:
     """Beads along the walls in the strips that are evenly wide; and the pieces that such beads would not fill.
@@ -36,40 +41,62 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
     Strips as wide as a whole number of usual beads are found first. In others the beads are as much wider or narrower
     as the strip is wide in the mean.
     """
-    plan, width = regions.plan, profile.extrusion_width
-    gap = bead.spacing(width, plan.height)
-    left = np.flatnonzero(pieces.mean_width() < _WIDEST * gap[pieces.layer])
+    plan = regions.plan
+    usual = bead.spacing(profile.extrusion_width, plan.height)
+    left = np.flatnonzero(pieces.mean_width() < _WIDEST * usual[pieces.layer])
     others = np.setdiff1d(np.arange(pieces.count), left)
     parts = []
-    for each in (False, True):
+    for lines_along in (_usual_lines, _fitted_lines):
         strips = pieces.take(left)
-        walls = regions.inside.of_layers(strips.layer)
-        if each:
-            walls = strips.beside(walls)
-            if len(walls.xy) > _MANY:
-                break
-            wide = strips.mean_width()
-            step = wide / np.maximum(np.rint(wide / gap[strips.layer]), 1)
-        else:
-            step = gap[strips.layer]
-        paths, fits = _filled(regions, strips, _lines(walls, strips, step if each else gap), step)
+        lines, gap = lines_along(regions.inside.of_layers(strips.layer), strips, usual)
+        paths, fits = _filled(plan, strips, lines, gap)
         parts.append(paths)
         left = left[~fits]
     return Toolpaths.joined(plan, parts), pieces.take(np.union1d(others, left))
 
 
-def _filled(
-    regions: Regions, strips: Pieces, lines: tuple[Float, Int, Int], gap: Float
-) -> tuple[Toolpaths, Bool]:
+def _usual_lines(walls: Areas, strips: Pieces, usual: Float) -> tuple[_Lines, Float]:
+    """Lines along the walls as far apart as on all of the layer (L,), and (P,) mm of that."""
+    beside = (strips.beside(loop) for loop in _loops(walls, usual))
+    return _within(beside, strips), usual[strips.layer]
+
+
+def _fitted_lines(walls: Areas, strips: Pieces, usual: Float) -> tuple[_Lines, Float]:
+    """Lines so far apart that a whole number of them is as wide as the strip in the mean, and (P,) mm of that."""
+    wide, beside = strips.mean_width(), strips.beside(walls)
+    gap = wide / np.maximum(np.rint(wide / usual[strips.layer]), 1)
+    if len(beside.xy) > _MANY:
+        beside = Areas.empty(strips.count)
+    return _within(_loops(beside, gap), strips), gap
+
+
+def _loops(walls: Areas, gap: Float) -> Iterator[Areas]:
+    """What lies half a gap, one and a half and so on inside walls; as many as a strip has lines at most."""
+    loop, by = walls, gap / 2
+    for _ in range(math.ceil(_WIDEST)):
+        if not loop.n_rings:
+            return
+        loop, by = offset(loop, -by), gap
+        yield loop
+
+
+def _within(loops: Iterator[Areas], strips: Pieces) -> _Lines:
+    """The parts of loops (P entries each) within the strips, up to loops that are nowhere within one."""
+    found: list[_Lines] = [(np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64))]
+    for loop in loops:
+        found.append(outlines_within(loop, strips.areas))
+        if not len(found[-1][1]):
+            break
+    xy, size, strip = (np.concatenate([part[i] for part in found]) for i in range(3))
+    return xy, size, strip
+
+
+def _filled(plan: LayerPlan, strips: Pieces, lines: _Lines, gap: Float) -> tuple[Toolpaths, Bool]:
     """Lines as beads, scaled so that each strip holds what it should, and (P,) the strips that this fills."""
-    plan = regions.plan
     xy, size, piece = lines
     area, height = strips.areas.area(), plan.height[strips.layer]
-    full = (
-        np.bincount(piece, lengths(xy, np.append(0, np.cumsum(size)), closed=False), minlength=strips.count)
-        * gap
-        / np.maximum(area, 1e-9)
-    )
+    long = lengths(xy, np.append(0, np.cumsum(size)), closed=False)
+    full = np.bincount(piece, long, minlength=strips.count) * gap / np.maximum(area, 1e-9)
     fits = (full >= _FULL[0]) & (full <= _FULL[1])
     wide = np.round(bead.width_for_spacing(gap / np.where(fits, full, 1.0), height), 4)
     fits &= wide >= height
@@ -90,19 +117,3 @@ def _filled(
         closed=False,
     )
     return paths, fits
-
-
-def _lines(walls: Areas, strips: Pieces, step: Float) -> tuple[Float, Int, Int]:
-    """Points, sizes and strips of lines half a step, one and a half and so on from walls, of layers or of strips."""
-    loop, by = walls, step / 2
-    found: list[tuple[Float, Int, Int]] = []
-    while loop.n_rings and len(found) < _WIDEST:
-        loop, by = offset(loop, -by), step
-        beside = loop if loop.n_layers == strips.count else strips.beside(loop)
-        found.append(outlines_within(beside, strips.areas))
-        if not len(found[-1][1]):
-            break
-    if not found:
-        return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64)
-    xy, size, piece = (np.concatenate([part[i] for part in found]) for i in range(3))
-    return xy, size, piece
