@@ -167,6 +167,7 @@ def dry_run(job: Job, profile: Profile, *, on_event: Callable[[Event], None] = l
     ends: list[Event] = []
 
     def listen(event: Event) -> None:
+        """Keep how it ended; pass everything on."""
         if isinstance(event, (Finished, Halted)):
             ends.append(event)
         on_event(event)

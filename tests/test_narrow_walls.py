@@ -61,11 +61,10 @@ def corners(sections: Sections, image: Raster, reach: float = 0.3) -> Bool:
 def plastic(walls: Walls) -> Float:
     """(L,) mm² that the beads fill."""
     paths = walls.paths
-    nxt = np.arange(1, len(paths.xy) + 1)
-    nxt[paths.start[1:] - 1] = np.where(paths.closed, paths.start[:-1], paths.start[1:] - 1)
+    following = paths.following
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
-    length = np.hypot(*(paths.xy[nxt] - paths.xy).T)
-    spacing = bead.spacing((paths.width + paths.width[nxt]) / 2, paths.height[path])
+    length = np.hypot(*(paths.xy[following] - paths.xy).T)
+    spacing = bead.spacing((paths.width + paths.width[following]) / 2, paths.height[path])
     return np.bincount(paths.layer[path], length * spacing, walls.plan.n_layers)
 
 

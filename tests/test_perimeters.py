@@ -202,10 +202,8 @@ def test_what_lies_inside_and_the_walls_together_are_the_section(engine: str) ->
         walls = lay_walls(sections, plain(perimeters=3, single_top_perimeter=True))
 
     paths = walls.paths
-    ends = np.arange(1, len(paths.xy) + 1)
-    ends[paths.start[1:] - 1] = np.where(paths.closed, paths.start[:-1], paths.start[1:] - 1)
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
-    length = np.hypot(*(paths.xy[ends] - paths.xy).T)
+    length = np.hypot(*(paths.xy[paths.following] - paths.xy).T)
     laid = np.bincount(paths.layer[path], length * bead.spacing(paths.width, 0.2), minlength=10)
     room = sections.solid.area() - sections.solid.ring_length().reshape(10) * 0.2 * (1 - np.pi / 4) / 2
     assert laid + walls.inside.area() == pytest.approx(room, rel=2e-3)

@@ -151,6 +151,7 @@ def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
     begun = time.monotonic()
 
     def tell(stage: str) -> None:
+        """One line, with the time."""
         print(f"{time.monotonic() - begun:8.3f} s  {stage}", file=sys.stderr)
 
     if arguments.verbose and not arguments.quiet:

@@ -125,6 +125,7 @@ def _progress(report: Stages, path: Path) -> Any:
     told = -1
 
     def progress(share: float) -> None:
+        """So much of the file has been read, 0 to 1."""
         nonlocal told
         tenth = int(share * 10)
         if tenth > told:

@@ -79,6 +79,7 @@ def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
     """A function that imports its module when it is called."""
 
     def run(arguments: argparse.Namespace) -> int:
+        """Import it, and call it."""
         return int(getattr(import_module(f"printer_slicer.cli.{module}"), function)(arguments))
 
     return run

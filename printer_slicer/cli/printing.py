@@ -169,6 +169,7 @@ class _progress:  # noqa: N801 - used like a function
         last = self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
 
         def update(done: int) -> None:
+            """So many commands are done."""
             layer = self._job.layer_of(done)
             name = f"layer {layer} of {last}" if layer else "starting"
             bar.update(task, completed=done, description=name)
@@ -341,6 +342,7 @@ def _serve(arguments: argparse.Namespace, profile: Profile, comparison: Comparis
     signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
 
     def ready(name: str) -> None:
+        """Say where the printer is; who waits for it reads this through a pipe."""
         say(arguments, f"simulated {printer.name} at {arguments.pty} ({name}); Ctrl-C ends it")
         sys.stdout.flush()
 

@@ -204,11 +204,15 @@ def _move(state: _State, goal: list[float], index: int) -> None:
 
 
 def _line(state: _State, words: Mapping[str, float], index: int) -> None:
+    """G0 and G1: straight to where the words lead."""
     _move(state, _goal(state, words), index)
 
 
 def _arc(clockwise: bool) -> Callable[[_State, Mapping[str, float], int], None]:
+    """G2 or G3."""
+
     def run(state: _State, words: Mapping[str, float], index: int) -> None:
+        """An arc as straight moves, around a centre (I and J) or with a radius (R)."""
         x, y, z, e = state.position
         goal = _goal(state, words)
         unit = state.unit
@@ -235,12 +239,14 @@ def _set_position(state: _State, words: Mapping[str, float], _index: int) -> Non
 
 
 def _home(state: _State, words: Mapping[str, float], _index: int) -> None:
+    """G28: the axes that are named, or all but the filament, stand at their endstops, without offsets."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
         state.position[axis], state.offset[axis] = state.home[axis], 0.0
 
 
 def _dwell(state: _State, words: Mapping[str, float], _index: int) -> None:
+    """G4: S in seconds, or else P in milliseconds."""
     state.dwell += words["S"] if "S" in words else words.get("P", 0.0) / 1000
 
 
@@ -252,7 +258,10 @@ def _acceleration(state: _State, words: Mapping[str, float], _index: int) -> Non
 
 
 def _limit(kind: str) -> Callable[[_State, Mapping[str, float], int], None]:
+    """M201, M203 or M205."""
+
     def run(state: _State, words: Mapping[str, float], _index: int) -> None:
+        """The limits that are named hold from the next move on; those of 0 are passed over."""
         values = {letter: value for letter, value in words.items() if value > 0}
         state.changes.append((len(state.rows), kind, values))
 
@@ -273,11 +282,15 @@ def _volumetric(state: _State, words: Mapping[str, float], _index: int) -> None:
 
 
 def _tool(state: _State, words: Mapping[str, float], _index: int) -> None:
+    """T0, T1 and so on: another tool from now on."""
     state.tool = int(words["T"])
 
 
 def _mode(name: str, value: float) -> Callable[[_State, Mapping[str, float], int], None]:
+    """How numbers are read from now on: in mm or inches, from the origin or from where the machine is."""
+
     def run(state: _State, _words: Mapping[str, float], _index: int) -> None:
+        """Set this mode."""
         setattr(state, name, value)
         if name == "relative":  # G90 and G91 speak of all axes; M82 and M83 may differ afterwards
             state.relative_e = bool(value)

@@ -149,6 +149,7 @@ def _fault(source: Source) -> MeshError:
     place, inside, number, last_used = 0, False, 0, 1
 
     def fault(what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
+        """The error in the line that is being looked at."""
         return MeshError(f"{source.path}, line {number}: {what}", remedy=remedy)
 
     lines = (

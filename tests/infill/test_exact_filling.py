@@ -34,9 +34,7 @@ HEIGHTS = st.sampled_from([0.08, 0.12, 0.2, 0.28, 0.32])
 
 def strokes(paths: Toolpaths) -> Areas:
     """What the beads cover, as wide as they are, with round ends."""
-    following = np.arange(1, len(paths.xy) + 1)
-    last, first = paths.start[1:] - 1, paths.start[:-1]
-    following[last] = np.where(paths.closed, first, last)
+    following = paths.following
     begin = np.flatnonzero(following != np.arange(len(paths.xy)))
     xy = np.stack([paths.xy[begin], paths.xy[following[begin]]], axis=1).reshape(-1, 2)
     width = (paths.width[begin] + paths.width[following[begin]]) / 2
@@ -71,9 +69,7 @@ def one_layer(rings: list[Float]) -> Areas:
 
 def fills(paths: Toolpaths) -> Float:
     """(L,) mm³ of beads whose width changes evenly from point to point."""
-    following = np.arange(1, len(paths.xy) + 1)
-    last, first = paths.start[1:] - 1, paths.start[:-1]
-    following[last] = np.where(paths.closed, first, last)
+    following = paths.following
     owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
     long = np.hypot(*(paths.xy[following] - paths.xy).T)
     wide = (paths.width + paths.width[following]) / 2
