@@ -67,10 +67,14 @@ def move_seconds(program: Program, profile: Profile) -> Float:
     limits = limits_of(profile.printer)
     known = _timed.get(program)
     if known is None or known[0] != limits:
-        steps = np.column_stack([program.xyz - program.start, program.filament])
-        seconds = frozen_array(durations(steps, program.speed, limits), np.float64, (program.n_moves,))
+        seconds = frozen_array(durations(_steps(program), program.speed, limits), np.float64, (-1,))
         _timed[program] = known = limits, seconds
     return known[1]
+
+
+def _steps(program: Program) -> Float:
+    """(K, 4) x, y, z and filament of each move, mm."""
+    return np.column_stack([program.xyz - program.start, program.filament])
 
 
 _RETRACT, _LIFT, _TRAVEL, _DROP, _DERETRACT, _BEAD = range(6)
@@ -260,24 +264,34 @@ def _overhang_speeds(speeds: Speeds) -> tuple[float, ...]:
 
 def _slowed(program: Program, profile: Profile) -> Program:
     """The program with beads slowed down on layers that are too quick to cool."""
-    material, n_layers = profile.material, program.plan.n_layers
-    is_bead = program.role != Role.TRAVEL
+    material, layer, is_bead = profile.material, program.layer, program.role != Role.TRAVEL
+    speed, seconds = program.speed, move_seconds(program, profile)
     # What is slower already, a first layer say, is not made faster by the lower bound.
-    floor = np.minimum(program.speed, material.min_speed)
+    floor = np.minimum(speed, material.min_speed)
     for _ in range(_ROUNDS if material.min_layer_time else 0):
-        seconds = move_seconds(program, profile)
-        total = np.bincount(program.layer, weights=seconds, minlength=n_layers)
-        laying = np.bincount(program.layer, weights=seconds * is_bead, minlength=n_layers)
+        total, laying = (np.bincount(layer, weights=part) for part in (seconds, seconds * is_bead))
         room = material.min_layer_time - (total - laying)
         short = (total < material.min_layer_time * _NEARLY) & (laying > 0)
-        if not short.any():
+        factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[layer]
+        slower = np.where(is_bead & (factor < 1), np.maximum(speed * factor, floor), speed)
+        if (slower >= speed * _NEARLY).all():  # what is still too quick is as slow as it may be
             break
-        factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[program.layer]
-        slower = np.where(is_bead & (factor < 1), np.maximum(program.speed * factor, floor), program.speed)
-        if (slower >= program.speed * _NEARLY).all():  # what is still too quick is as slow as it may be
-            break
-        program = replace(program, speed=slower)
-    return program
+        around = layer[slower < speed][[0, -1]]
+        speed = slower
+        seconds = _timed_again(program, seconds, speed, around, limits_of(profile.printer))
+    return program if speed is program.speed else replace(program, speed=speed)
+
+
+def _timed_again(program: Program, seconds: Float, speed: Float, around: Int, limits: Limits) -> Float:
+    """(K,) how long moves take, where only those from the first to the last layer of `around` have another speed.
+
+    Braking for them may reach into the layers beside, no farther: at the step up to a layer the nozzle all but stops.
+    """
+    # One layer more on both sides: the first and the last of all would begin and end at rest.
+    first, begin, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
+    asked = slice(first, last)
+    again = durations(_steps(program)[asked], speed[asked], limits)[begin - first : end - first]
+    return np.concatenate([seconds[:begin], again, seconds[end:]])
 
 
 def _heat(program: Program, material: Material) -> list[Event]:
