@@ -42,10 +42,9 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
         inside, lost = inside.merge(rest), lost + outer.lost + inner.lost
         parts += [inner.paths, outer.paths]
     if quality.extra_perimeters and quality.perimeters:
-        extra = fill_narrow(
-            _hanging(solid, inside, profile.extrusion_width), plan, profile, beads=_OVERHANG_BEADS
-        )
-        inside = difference(inside, difference(_hanging(solid, inside, profile.extrusion_width), extra.rest))
+        hanging = _hanging(solid, inside, profile.extrusion_width)
+        extra = fill_narrow(hanging, plan, profile, beads=_OVERHANG_BEADS)
+        inside = difference(inside, difference(hanging, extra.rest))
         parts = [extra.paths, *parts]
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     return Walls(plan, width, Toolpaths.joined(plan, parts), inside, lost)
