@@ -116,7 +116,7 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
 
 def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
     following = paths.following
-    length = np.hypot(*(paths.xy.take(following, axis=0) - paths.xy).T)
+    length = paths.steps()
     count = np.where(near, np.maximum(np.ceil(length / longest), 1), 1).astype(np.int64)
     point, step = spread(count)
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
@@ -205,8 +205,7 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
 
 def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float) -> Toolpaths:
     """Paths with the points at which a stretch of one grade begins."""
-    whole = np.hypot(*(paths.xy.take(paths.following, axis=0) - paths.xy).T)
-    length = whole.take(pieces.point) / pieces.count
+    length = paths.steps().take(pieces.point) / pieces.count
     of_piece = np.digitize(carried, _GRADES)
     grade = _without_short(of_piece, pieces.path, length, _SHORTEST * float(paths.width.mean()))
     begins = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))

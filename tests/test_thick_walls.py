@@ -22,7 +22,7 @@ from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.thick_walls import SAME_PLACE, thickened
-from printer_slicer.thick_walls.stretches import areas_of, cut, lengths_of, spans_between, spans_within
+from printer_slicer.thick_walls.stretches import cut, spans_between, spans_within
 from tests.parts import box, box_with_hole, layers, plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import box as rectangle
 from tests.strategies import rectilinear_areas
@@ -300,8 +300,8 @@ def test_what_is_cut_out_of_a_path_and_what_is_left_make_up_the_path(
     if not len(inside.path):
         assert left.n_paths == 0
         return
-    assert (lengths_of(taken) >= 0.5 - 1e-6).all()
-    for measure in (lengths_of, areas_of):
+    assert (taken.length() >= 0.5 - 1e-6).all()
+    for measure in (Toolpaths.length, Toolpaths.area):
         assert measure(taken).sum() + measure(left).sum() == pytest.approx(measure(path).sum())
     assert not taken.closed.any() or left.n_paths == 0
 

@@ -58,15 +58,4 @@ def beads_amid(
     ring = rings_around(areas, middle, paths.layer)
     paths, ring = paths.take(np.flatnonzero(ring >= 0)), ring[ring >= 0]
     owner = pieces.areas.ring_layer[ring]
-    return paths, owner, np.bincount(owner, _filled(paths), minlength=pieces.count).astype(np.float64)
-
-
-def _filled(paths: Toolpaths) -> Float:
-    """(M,) mm² that each path fills, at the height of its beads."""
-    if not paths.n_paths:
-        return np.zeros(0)
-    following, first = paths.following, paths.start[:-1]
-    long = np.hypot(*(paths.xy[following] - paths.xy).T)
-    wide = (paths.width + paths.width[following]) / 2
-    height = np.repeat(paths.height, np.diff(paths.start))
-    return np.asarray(np.add.reduceat(long * bead.spacing(wide, height), first))
+    return paths, owner, np.bincount(owner, paths.area(), minlength=pieces.count).astype(np.float64)

@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer import bead
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive, distinct, following_around
+from printer_slicer.geometry.areas import consecutive, distinct, following_around, lengths
 from printer_slicer.model.layers import LayerPlan
 
 __all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
@@ -167,6 +168,21 @@ class Toolpaths:
     def following(self) -> Int:
         """(N,) the point after each; itself at the end of an open path."""
         return following_around(self.start, self.closed)
+
+    def steps(self) -> Float:
+        """(N,) mm from each point to the one after it; 0 at the end of an open path."""
+        return np.asarray(np.hypot(*(self.xy.take(self.following, axis=0) - self.xy).T))
+
+    def length(self) -> Float:
+        """(M,) length of each path, mm."""
+        return lengths(self.xy, self.start, self.closed)
+
+    def area(self) -> Float:
+        """(M,) mm² that the beads fill, seen from above: length times spacing, which changes evenly between points."""
+        if not self.n_paths:
+            return np.zeros(0)
+        spacing = bead.spacing(self.width, np.repeat(self.height, np.diff(self.start)))
+        return np.add.reduceat(self.steps() * (spacing + spacing.take(self.following)) / 2, self.start[:-1])
 
     def path(self, index: int) -> Float:
         """(n, 2) the points of one path."""

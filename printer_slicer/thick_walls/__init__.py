@@ -17,14 +17,7 @@ from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan, Regions, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.thick_walls.bands import SAME_PLACE, Bands, bands_of, common
-from printer_slicer.thick_walls.stretches import (
-    Spans,
-    areas_of,
-    cut,
-    lengths_of,
-    spans_between,
-    spans_within,
-)
+from printer_slicer.thick_walls.stretches import Spans, cut, spans_between, spans_within
 
 __all__ = ["SAME_PLACE", "thickened"]
 
@@ -111,10 +104,10 @@ def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
         return np.zeros(count, np.bool_)
     made, piece = made.take(known), piece[known]
     spacing = bead.spacing(made.width, np.repeat(made.height, np.diff(made.start)))
-    long = lengths_of(made)
+    long = made.length()
     least, most = np.full((4, count), np.inf), np.full((4, count), -np.inf)
     low, high = (ends.reduceat(spacing, made.start[:-1]) for ends in (np.minimum, np.maximum))
-    for row, values in enumerate((areas_of(made) / long, low, high)):
+    for row, values in enumerate((made.area() / long, low, high)):
         np.minimum.at(least[row], piece, values)
         np.maximum.at(most[row], piece, values)
     # Layers of one group follow each other.
@@ -135,12 +128,12 @@ def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
 def _as_one(made: Toolpaths, piece: Int, groups: Int) -> Toolpaths:
     """Of the stretches in each piece (M,) those on the last layer, with the plastic of all."""
     plan = made.plan
-    laid = np.bincount(piece, areas_of(made) * made.height)
+    laid = np.bincount(piece, made.area() * made.height)
     kept = np.flatnonzero(made.layer == last_layers(groups)[made.layer])
     made, piece = made.take(kept), piece[kept]
     size = np.diff(made.start)
     height = np.round(plan.top[made.layer] - plan.bottom[groups[made.layer]], 7)
-    more = laid / np.maximum(np.bincount(piece, areas_of(made) * height, minlength=len(laid)), 1e-12)
+    more = laid / np.maximum(np.bincount(piece, made.area() * height, minlength=len(laid)), 1e-12)
     own, high = np.repeat(made.height, size), np.repeat(height, size)
     width = bead.width_for_spacing(bead.spacing(made.width, own) * np.repeat(more[piece], size), high)
     return replace(made, height=height, width=np.maximum(np.round(width, 4), high))

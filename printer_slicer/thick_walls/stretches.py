@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Int, Polylines, frozen_array
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.geometry.clipping import spans
 from printer_slicer.model import Toolpaths
 
-__all__ = ["Spans", "areas_of", "cut", "lengths_of", "opened", "runs", "spans_between", "spans_within"]
+__all__ = ["Spans", "cut", "opened", "runs", "spans_between", "spans_within"]
 
 _NOTHING = 1e-6  # mm
 
@@ -73,7 +72,7 @@ def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> Spans:
     path, begin, end = spans(areas, lines)
     order = np.argsort(path, kind="stable")
     path, begin, end = path[order], begin[order], end[order]
-    long = lengths_of(paths)
+    long = paths.length()
     new = np.append(True, np.diff(path) != 0)[: len(path)]
     first = np.flatnonzero(new & paths.closed[path] & (begin <= _NOTHING))
     last = np.searchsorted(path, path[first], side="right") - 1
@@ -87,7 +86,7 @@ def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> Spans:
 
 def spans_between(paths: Toolpaths, inside: Spans) -> Spans:
     """What is left of the paths that have stretches cut out of them."""
-    long = lengths_of(paths)
+    long = paths.length()
     path, low, high = inside.path, inside.begin, inside.end
     is_first = np.append(True, np.diff(path) != 0)[: len(path)]
     is_last = np.append(np.diff(path) != 0, True)[: len(path)]
@@ -146,21 +145,3 @@ def cut(paths: Toolpaths, stretches: Spans) -> Toolpaths:
         height=paths.height[stretches.path],
         carried=paths.carried[point[segment]],
     )
-
-
-def areas_of(paths: Toolpaths) -> Float:
-    """(M,) mm² that the beads fill, seen from above: length times spacing, which changes evenly between points."""
-    if not paths.n_paths:
-        return np.zeros(0)
-    spacing = bead.spacing(paths.width, np.repeat(paths.height, np.diff(paths.start)))
-    return np.add.reduceat(_steps(paths) * (spacing + spacing.take(paths.following)) / 2, paths.start[:-1])
-
-
-def lengths_of(paths: Toolpaths) -> Float:
-    """(M,) mm of each path."""
-    return np.add.reduceat(_steps(paths), paths.start[:-1]) if paths.n_paths else np.zeros(0)
-
-
-def _steps(paths: Toolpaths) -> Float:
-    """(N,) mm from each point to the one after it."""
-    return np.asarray(np.hypot(*(paths.xy.take(paths.following, axis=0) - paths.xy).T))
