@@ -1,6 +1,8 @@
-"""The direction in which bridges rest on something at both ends."""
+"""Bridges: the direction in which they rest on something at both ends, and how far they reach onto it."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,10 +17,14 @@ from printer_slicer.geometry import (
     intersection,
     offset,
     pieces_of,
+    swept,
+    union,
 )
 from printer_slicer.geometry.areas import distinct
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.profile import Quality
 
-__all__ = ["bridge_angles"]
+__all__ = ["Bridges", "bridge_angles", "bridges_over"]
 
 _DIRECTIONS = 12  # 15° apart
 _FINER = (-np.pi / 36, np.pi / 36)  # tried beside the best of them: 5° to either side
@@ -29,6 +35,72 @@ _POSITIVE = 0.5  # added so that no line that rests counts less than none
 # By how much another direction has to be better: 7 % shorter lines, twice as much for one between those tried first.
 _BETTER, _FINELY_BETTER = 0.002, 0.004
 _NEAR = 1e-3  # mm: ends this close to a support lie on it; engines round to 0.01 µm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bridges:
+    """Bridges one by one.
+
+    Attributes:
+        areas: B entries instead of layers.
+        layer: (B,) ascending, on which each lies.
+        angle: (B,) radians, the direction of its lines.
+        loose: on the layers of the stack, what is open to the air below, but no line is held at any end.
+    """
+
+    areas: Areas
+    layer: Int
+    angle: Float
+    loose: Areas
+
+    def of_stack(self) -> tuple[Areas, Float]:
+        """The bridges on the layers of the stack, and (R,) the direction in each of their rings."""
+        own, entry = np.arange(self.areas.n_rings), self.areas.ring_layer
+        return self.areas.restacked(own, self.layer[entry], self.loose.n_layers), self.angle[entry]
+
+    def covered(self) -> Areas:
+        """All that is open to the air below, on the layers of the stack."""
+        return self.of_stack()[0].merge(self.loose)
+
+    def with_scraps(self, scraps: Pieces, near: Float) -> Bridges:
+        """Larger by the scraps within `near` (L,) mm of a bridge: each by those that have most of them next to it."""
+        around = offset(self.areas, near[self.layer])
+        own, scrap = Boxes(*around.boxes(), self.layer).overlapping(
+            Boxes(*scraps.areas.boxes(), scraps.layer)
+        )
+        shared = intersection(around.for_each(own), scraps.areas.for_each(scrap)).area()
+        order = np.lexsort((-shared, scrap))
+        order = order[shared[order] > 0]
+        order = order[np.diff(scrap[order], prepend=-1) != 0]
+        order = order[np.argsort(own[order], kind="stable")]
+        taken = scraps.areas.for_each(scrap[order])
+        rings, bridge = np.arange(taken.n_rings), own[order][taken.ring_layer]
+        return replace(self, areas=union(self.areas, taken.restacked(rings, bridge, self.areas.n_layers)))
+
+
+def bridges_over(air: Areas, grown: Areas, below: Areas, spacing: Float, quality: Quality) -> Bridges:
+    """Bridges over what is open to the air below, which reach along their lines onto what carries these.
+
+    Beside the outermost lines there is nothing to be bridged. What no line can bridge reaches to all sides.
+
+    Args:
+        air: open below.
+        grown: as far as bridges may reach.
+        below: what carries, below each layer.
+        spacing: (L,) mm between lines.
+        quality: how far lines reach onto what carries them, and the usual direction.
+    """
+    angle, held = bridge_angles(grown, below, spacing, float(np.deg2rad(quality.infill_angle_deg)))
+    pieces = pieces_of(grown)
+    loose = pieces.on_layers(grown.n_layers, np.setdiff1d(pieces.of_ring, pieces.of_ring[held]))
+    turn = np.zeros(pieces.count)
+    turn[pieces.of_ring] = angle
+    chosen = distinct(pieces.of_ring[held])
+    pieces, turn = pieces.take(chosen), turn[chosen]
+    # Half a line more on both sides of those over the air.
+    own = pieces.beside(offset(air, spacing / 2))
+    along = swept(own, quality.bridge_anchor * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
 
 
 def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> tuple[Float, Bool]:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.bridges import bridge_angles
+from printer_slicer.bridges import bridges_over
 from printer_slicer.geometry import (
     difference,
     intersection,
@@ -52,21 +52,27 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
         hollow = _below(sparse)
         carrying, open_below = difference(carrying, hollow), union(open_below, intersection(shell, hollow))
     down = _grown(open_below, inside, width, np.full(plan.n_layers, quality.bridge_anchor))
+    skin, hanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
+    bridges = bridges_over(offset_open(open_below, width / 4), hanging, carrying, width, quality)
+    down = skin.merge(bridges.covered())
     up = difference(_grown(open_above, inside, width, 2 * width), down)
-    open_to_air = down.merge(up)
-    sparse = _worth_it(difference(sparse, open_to_air), down, width, quality)
+    sparse, scraps = _worth_it(difference(sparse, down.merge(up)), width, quality)
+    scraps = _over(scraps, _below(sparse)).merge(
+        _narrow(difference(hanging, down.merge(up).merge(sparse)), width)
+    )
+    bridges = bridges.with_scraps(pieces_of(scraps), width / 4)
+    open_to_air = skin.merge(bridges.covered()).merge(up)
     internal, hidden = _over_sparse(difference(inside, sparse.merge(open_to_air)), sparse, width, quality)
-    bridge = down.select(down.ring_layer > 0)
-    angle, held = bridge_angles(bridge, carrying, width, np.deg2rad(quality.infill_angle_deg))
+    bridge, angle = bridges.of_stack()
     return Regions(
         plan,
-        bottom_skin=down.select(down.ring_layer == 0),
-        bridge=bridge.select(held),
+        bottom_skin=skin,
+        bridge=bridge,
         top_skin=up,
         # A disc on a smaller one is no bridge: threads would end in the air, pressed lines hold on to what is below.
-        solid=union(hidden, bridge.select(~held)),
+        solid=union(hidden, bridges.loose),
         sparse=sparse,
-        bridge_angle=angle[held],
+        bridge_angle=angle,
         internal_bridge=internal,
         inside=inside,
     )
@@ -143,27 +149,30 @@ def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Floa
     return np.clip(steep, half, np.maximum(depth, half))
 
 
-def _worth_it(sparse: Areas, bridge: Areas, width: Float, quality: Quality) -> Areas:
-    """Sparse areas without those too small or narrow for it, where these are to be solid."""
+def _worth_it(sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:
+    """Sparse areas without scraps, and these: too small or narrow for it, where such ones are not to be sparse."""
     if quality.infill_density == 0 or quality.min_sparse_area == 0:
-        return sparse
+        return sparse, Areas.empty(sparse.n_layers)
     # Opened, sharp corners are cut off: what is narrower than a bead there stays.
     narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
     pieces = pieces_of(difference(sparse, narrow))
     large = pieces.areas.area() >= quality.min_sparse_area
     kept = pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
-    return union(kept, _beside_bridges(difference(sparse, kept), sparse, bridge, width))
+    return kept, difference(sparse, kept)
 
 
-def _beside_bridges(scraps: Areas, sparse: Areas, bridge: Areas, width: Float) -> Areas:
-    """Scraps of sparse area that a bridge has cut off, over sparse infill: solid, they would hang over its cells."""
-    bridged = bridge.used
-    bridged[:1] = False
-    pieces = pieces_of(scraps.of_layers(bridged))
-    beside, below = bridge.for_each(pieces.layer), _below(sparse).for_each(pieces.layer)
-    touching = intersection(offset(pieces.areas, width[pieces.layer] / 4), beside).area() > 0
-    over = intersection(pieces.areas, below).area() > pieces.areas.area() / 2
-    return pieces.on_layers(scraps.n_layers, np.flatnonzero(touching & over))
+def _over(scraps: Areas, sparse: Areas) -> Areas:
+    """Those of the scraps of which the larger part lies over sparse infill: solid, they would hang over its cells."""
+    pieces = pieces_of(scraps)
+    area = intersection(pieces.areas, pieces.beside(sparse)).area()
+    return pieces.on_layers(scraps.n_layers, np.flatnonzero(area > pieces.areas.area() / 2))
+
+
+def _narrow(beside: Areas, width: Float) -> Areas:
+    """Pieces in which no two beads fit side by side."""
+    pieces = pieces_of(beside)
+    slim = pieces.mean_width() < 2 * width[pieces.layer]
+    return pieces.on_layers(beside.n_layers, np.flatnonzero(slim))
 
 
 def _over_sparse(solid: Areas, sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:

@@ -9,9 +9,10 @@ import pytest
 
 from benchmarks.gallery import ENTRIES
 from printer_slicer.bridges import bridge_angles
-from printer_slicer.geometry import Areas, hatch
+from printer_slicer.geometry import Areas, hatch, offset_open
+from printer_slicer.model import Mesh, Role
 from printer_slicer.pipeline import slice_stages
-from tests.parts import plain, shape, shapely
+from tests.parts import box, joined, plain, shape, shapely
 
 SPACING = np.array([0.45])
 USUAL = np.deg2rad(45)
@@ -122,10 +123,42 @@ def test_what_is_held_on_one_side_only_has_lines_that_run_out_from_there() -> No
     assert share < 0.1
 
 
-def test_scraps_beside_a_bridge_are_no_bridges_over_sparse_infill() -> None:
-    """Between a round room and a wall near it, what is left is too narrow for sparse infill and stays sparse."""
-    entry = ENTRIES["bridge"]
-    regions = slice_stages(entry.part(), plain(infill_density=0.15)).regions
+def covered_room(size: tuple[float, float, float], wall: float) -> Mesh:
+    """A lid 1 mm thick over a room of that size, with walls as thick all around."""
+    x, y, z = size
+    sides = [
+        box((x + 2 * wall, wall, z)),
+        box((x + 2 * wall, wall, z), (0, wall + y, 0)),
+        box((wall, y + 2 * wall, z)),
+        box((wall, y + 2 * wall, z), (wall + x, 0, 0)),
+    ]
+    return joined([*sides, box((x + 2 * wall, y + 2 * wall, 1), (0, 0, z))], "covered room")
 
-    assert regions.bridge.area()[entry.layer - 1] > 300
-    assert regions.internal_bridge.area()[entry.layer - 1] == 0
+
+def test_what_lies_beside_the_lines_of_a_bridge_is_not_bridged() -> None:
+    room, wall = (24.0, 10.0, 4.0), 8.0
+    stages = slice_stages(covered_room(room, wall), plain(infill_density=0.15, layer_height=0.2))
+
+    bridge = stages.regions.bridge
+    (layer,) = set(bridge.ring_layer.tolist())
+    low, high = bridge.xy.min(axis=0), bridge.xy.max(axis=0)
+    assert np.cos(stages.regions.bridge_angle) == pytest.approx(0, abs=1e-6)  # the short way
+    assert high[1] - low[1] == pytest.approx(room[1] + 2 * ANCHOR, abs=0.01)
+    # What is solid anyway, over the perimeters around the room, is bridged too, and no more.
+    assert room[0] < high[0] - low[0] < room[0] + 2 * 1.1
+    assert shape(stages.regions.sparse, layer).distance(shape(bridge, layer)) < 1e-3
+
+
+def test_no_dots_of_sparse_infill_are_laid_beside_bridges() -> None:
+    """Between a round room and a wall near it, what is left is too narrow for sparse infill."""
+    entry = ENTRIES["bridge"]
+    stages = slice_stages(entry.part(), plain(infill_density=0.15))
+    regions, paths, layer = stages.regions, stages.toolpaths, entry.layer - 1
+
+    assert regions.bridge.area()[layer] > 300
+    assert regions.internal_bridge.area()[layer] == 0
+    sparse = shape(regions.sparse, layer)
+    useful = shape(offset_open(regions.sparse, 1.4 * 0.45), layer)
+    assert all(part.intersects(useful) for part in shapely.get_parts(sparse))
+    here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
+    assert min(shapely.LineString(paths.path(int(i))).length for i in here) > 3

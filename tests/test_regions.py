@@ -236,10 +236,12 @@ def test_the_underside_of_a_table_is_a_bridge_with_air_below() -> None:
 
     assert set(regions.bridge.ring_layer.tolist()) == {4}
     bridge, post = shape(regions.bridge, 4), shape(sections.solid, 3)
-    # All that hangs, and as much of the post as the anchors hold on to.
+    # All that hangs, and as much of the post as the anchors hold on to, along lines that run across its corners.
     assert shapely.area(shapely.difference(shape(walls.inside, 4), shapely.union(bridge, post))) < 1e-3
+    assert np.abs(np.sin(2 * regions.bridge_angle)) == pytest.approx(1)
+    depth = WIDTH / 2 + 1.5 / np.sqrt(2)
     assert shapely.area(shapely.intersection(bridge, post)) == pytest.approx(
-        64 - (8 - 2 * 1.5) ** 2, abs=1e-3
+        64 - (8 - 2 * depth) ** 2, abs=1e-3
     )
 
 

@@ -31,6 +31,7 @@ from printer_slicer.geometry.pieces import Pieces, pieces_of
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.staircases import staircases
+from printer_slicer.geometry.sweeping import swept
 
 __all__ = [
     "Areas",
@@ -62,6 +63,7 @@ __all__ = [
     "simplify",
     "staircases",
     "stroked",
+    "swept",
     "union",
     "window_intersection",
     "window_intersections",

@@ -1,0 +1,32 @@
+"""Areas moved along a straight way: all that they pass over."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Float
+from printer_slicer.geometry.engine import normalize
+
+__all__ = ["swept"]
+
+
+def swept(areas: Areas, way: Float) -> Areas:
+    """What areas pass over that are moved from `way` behind to `way` ahead of where they are.
+
+    Args:
+        areas: clean areas.
+        way: (n_layers, 2) mm, of each layer.
+
+    The areas at both ends, and what each edge passes over: each of them winds around nothing but parts of the result.
+    """
+    if not areas.n_rings:
+        return areas
+    by = np.repeat(way[areas.ring_layer], np.diff(areas.ring_start), axis=0)
+    begin, end, layer = areas.xy, areas.xy[areas.following], areas.point_layer
+    quads = np.stack([begin - by, end - by, end + by, begin + by], axis=1)
+    side = end - begin
+    right = side[:, 0] * by[:, 1] - side[:, 1] * by[:, 0] < 0
+    quads[right] = quads[right, ::-1]
+    passed = Areas(quads.reshape(-1, 2), 4 * np.arange(len(quads) + 1), layer, areas.n_layers)
+    ends = [Areas(begin + step * by, areas.ring_start, areas.ring_layer, areas.n_layers) for step in (-1, 1)]
+    return normalize(ends[0].merge(ends[1]).merge(passed))
