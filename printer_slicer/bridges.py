@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +22,6 @@ from printer_slicer.geometry import (
     swept,
     union,
 )
-from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.profile import Quality
 
@@ -35,6 +36,9 @@ _POSITIVE = 0.5  # added so that no line that rests counts less than none
 # By how much another direction has to be better: 7 % shorter lines, twice as much for one between those tried first.
 _BETTER, _FINELY_BETTER = 0.002, 0.004
 _NEAR = 1e-3  # mm: ends this close to a support lie on it; engines round to 0.01 µm
+_NARROW = (
+    4  # threads: rows of another direction than that of its sides would leave a narrower strip half empty
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,60 +94,77 @@ def bridges_over(air: Areas, grown: Areas, below: Areas, spacing: Float, quality
         spacing: (L,) mm between lines.
         quality: how far lines reach onto what carries them, and the usual direction.
     """
-    angle, held = bridge_angles(grown, below, spacing, float(np.deg2rad(quality.infill_angle_deg)))
     pieces = pieces_of(grown)
-    loose = pieces.on_layers(grown.n_layers, np.setdiff1d(pieces.of_ring, pieces.of_ring[held]))
-    turn = np.zeros(pieces.count)
-    turn[pieces.of_ring] = angle
-    chosen = distinct(pieces.of_ring[held])
-    pieces, turn = pieces.take(chosen), turn[chosen]
+    turn, held = bridge_angles(pieces, below, spacing, float(np.deg2rad(quality.infill_angle_deg)))
+    loose = pieces.on_layers(grown.n_layers, np.flatnonzero(~held))
+    pieces, turn = pieces.take(np.flatnonzero(held)), turn[held]
     # Half a line more on both sides of those over the air.
     own = pieces.beside(offset(air, spacing / 2))
     along = swept(own, quality.bridge_anchor * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
 
 
-def bridge_angles(bridge: Areas, below: Areas, spacing: Float, usual: float) -> tuple[Float, Bool]:
-    """(R,) direction of the lines over each ring of `bridge`, radians, and whether any line is held at an end.
+def bridge_angles(pieces: Pieces, below: Areas, spacing: Float, usual: float) -> tuple[Float, Bool]:
+    """(P,) direction of the lines over each bridge, radians, and whether any line is held at an end.
 
-    Rings of one connected area have one direction.
-
-    Tries directions 15° apart, then 5° to either side of the best, and takes the one with the largest share of length
-    in lines that end on the layer below at both ends; lines that do at one end, as over a balcony, count half;
-    of nearly equals the one whose longest lines are shortest. What nothing carries gets the usual direction.
+    Tries directions 15° apart, then 5° to either side of the best and that of the longest side, and takes the one with
+    the largest share of length in lines that end on the layer below at both ends; lines that do at one end, as over a
+    balcony, count half; of nearly equals the one whose longest lines are shortest; in a narrow strip that of the side,
+    if it is as good. What nothing carries gets the usual direction.
 
     Args:
-        bridge: areas over air, grown onto their supports.
+        pieces: areas over air, grown onto their supports.
         below: what carries, below each layer.
         spacing: (L,) mm between lines.
         usual: radians.
     """
-    pieces = pieces_of(bridge)
     if not pieces.count:
         return np.zeros(0), np.zeros(0, np.bool_)
-    support = intersection(offset(bridge, _BESIDE), below)
+    support = intersection(offset(pieces.areas, _BESIDE), pieces.beside(below))
+    gap = spacing[pieces.layer]
+    score = partial(_score, pieces.areas, support, gap)
     best, record = np.full(pieces.count, usual), np.zeros(pieces.count)
     # Of nearly equals the first one is taken: those along the axes of the bed, as parts mostly are.
     whole = sorted(range(_DIRECTIONS), key=lambda turn: (turn % 6 != 0, turn % 3 != 0))
-    for angle in (np.array(whole) * np.pi / _DIRECTIONS).tolist():
-        score = _score(pieces, support, spacing, angle)
-        best = np.where(score > record + _BETTER, angle, best)
-        record = np.where(score > record + _BETTER, score, record)
-    coarse = best
-    for turn in _FINER:
-        # Pieces with the same best direction are looked at together.
-        for angle in distinct(coarse[record > 0]).tolist():
-            score = np.where(coarse == angle, _score(pieces, support, spacing, angle + turn), 0.0)
-            best = np.where(score > record + _FINELY_BETTER, angle + turn, best)
-            record = np.where(score > record + _FINELY_BETTER, score, record)
-    return best[pieces.of_ring], record[pieces.of_ring] > 0
+    tried = [(np.full(pieces.count, turn * np.pi / _DIRECTIONS), _BETTER) for turn in whole]
+    best, record = _best(score, (best, record), tried)
+    best, record = _best(score, (best, record), [(best + turn, _FINELY_BETTER) for turn in _FINER])
+    needed = np.where(pieces.mean_width() < _NARROW * gap, -_BETTER, _FINELY_BETTER)
+    best, record = _best(score, (best, record), [(_longest_sides(pieces.areas), needed)])
+    return best, record > 0
 
 
-def _score(pieces: Pieces, support: Areas, spacing: Float, angle: float) -> Float:
-    """(P,) how well the lines of this direction are held; 0 where none is."""
-    lines = hatch(pieces.areas, angle=angle, spacing=spacing[pieces.layer])
-    carried = _carried(lines, pieces.layer[lines.layer], hatch(support, angle=angle, spacing=spacing))
-    length, n = lines.length(), pieces.count
+def _longest_sides(areas: Areas) -> Float:
+    """(P,) radians, the direction of the longest side of each."""
+    side = areas.xy[areas.following] - areas.xy
+    order = np.lexsort((np.hypot(*side.T), areas.point_layer))
+    last = order[np.append(np.diff(areas.point_layer[order]) != 0, True)]
+    return np.asarray(np.arctan2(side[last, 1], side[last, 0]) % np.pi)
+
+
+def _best(
+    score: Callable[[Float], Float], found: tuple[Float, Float], tried: Sequence[tuple[Float, float | Float]]
+) -> tuple[Float, Float]:
+    """(P,) the best of directions, and how good it is.
+
+    Args:
+        score: of a direction (P,).
+        found: what is known already.
+        tried: directions (P,), and by how much each has to be better than those before it.
+    """
+    best, record = found
+    for angle, needed in tried:
+        reached = score(angle)
+        better = reached > record + needed
+        best, record = np.where(better, angle, best), np.where(better, reached, record)
+    return best, record
+
+
+def _score(bridge: Areas, support: Areas, spacing: Float, angle: Float) -> Float:
+    """(P,) how well lines of a direction are held in each piece; 0 where none is."""
+    lines = hatch(bridge, angle=angle, spacing=spacing)
+    carried = _carried(lines, hatch(support, angle=angle, spacing=spacing))
+    length, n = lines.length(), bridge.n_layers
     total = np.bincount(lines.layer, weights=length, minlength=n)
     held = np.bincount(lines.layer, weights=length * _WORTH[carried], minlength=n)
     # What sags is long: a mean in which hardly any but the longest lines weigh. Half as long is worth as much as 2 % of
@@ -153,13 +174,13 @@ def _score(pieces: Pieces, support: Areas, spacing: Float, angle: float) -> Floa
     return np.where(held > 0, held / np.maximum(total, 1e-9) + _POSITIVE - _SHORTER * sagging, 0.0)
 
 
-def _carried(lines: Lines, layer: Int, support: Lines) -> Int:
-    """(S,) how many ends of each line, on its `layer` (S,), lie on a support line of the same row: 0, 1 or 2."""
+def _carried(lines: Lines, support: Lines) -> Int:
+    """(S,) how many ends of each line lie on a support line of the same row: 0, 1 or 2."""
     if support.n_lines == 0 or lines.n_lines == 0:
         return np.zeros(lines.n_lines, np.int64)
     rows = np.concatenate([lines.row, support.row])
     row = rows - rows.min()
-    group = np.concatenate([layer, support.layer]) * (row.max() + 1) + row
+    group = np.concatenate([lines.layer, support.layer]) * (row.max() + 1) + row
     u = np.concatenate([lines.u, support.u])
     low, span = float(u.min()), float(u.max() - u.min()) + 1.0
     key = group[:, None] * span + (u - low)

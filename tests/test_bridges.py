@@ -9,7 +9,9 @@ import pytest
 
 from benchmarks.gallery import ENTRIES
 from printer_slicer.bridges import bridge_angles
-from printer_slicer.geometry import Areas, hatch, offset_open
+from printer_slicer.geometry import Areas, hatch, offset_open, pieces_of
+from printer_slicer.ledger import ledger_of
+from printer_slicer.ledger.stack import stack_of
 from printer_slicer.model import Mesh, Role
 from printer_slicer.pipeline import slice_stages
 from tests.parts import box, joined, plain, shape, shapely
@@ -50,7 +52,7 @@ def bridged(room: Any, support: Any) -> tuple[float, float, float]:
     bridge = stack(
         max(shapely.get_parts(grown), key=shapely.area)
     )  # turned, corners may be cut off by rounding
-    angle, held = bridge_angles(bridge, stack(support), SPACING, USUAL)
+    angle, held = bridge_angles(pieces_of(bridge), stack(support), SPACING, USUAL)
     assert held.all()
     assert np.ptp(angle) == 0
     lines = hatch(bridge, angle=angle[0], spacing=SPACING)
@@ -162,3 +164,26 @@ def test_no_dots_of_sparse_infill_are_laid_beside_bridges() -> None:
     assert all(part.intersects(useful) for part in shapely.get_parts(sparse))
     here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
     assert min(shapely.LineString(paths.path(int(i))).length for i in here) > 3
+
+
+def bare_beam(thickness: float, degrees: float) -> float:
+    """mm² that stay uncovered where a beam of that thickness spans the gap between two posts, all of it turned."""
+    beam = [box((5, thickness, 2)), box((5, thickness, 2), (9, 0, 0)), box((14, thickness, 1), (0, 0, 2))]
+    turn = np.deg2rad(degrees)
+    around = np.array([(np.cos(turn), np.sin(turn), 0), (-np.sin(turn), np.cos(turn), 0), (0, 0, 1)])
+    wanted = plain(layer_height=0.2, planner__kind="uniform")
+    stages = slice_stages(Mesh(joined(beam).triangles @ around, "beam"), wanted)
+
+    assert set(stages.regions.bridge.ring_layer.tolist()) == {10}
+    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    return float(ledger.uncovered.area()[10])
+
+
+@pytest.mark.parametrize("thickness", [2.6, 3.0, 3.6])
+def test_narrow_strips_are_as_full_however_they_are_turned(thickness: float) -> None:
+    """Rows a few degrees off their sides would leave them half empty."""
+    straight = bare_beam(thickness, 0)
+
+    assert [bare_beam(thickness, degrees) for degrees in (3, 33, 41, 88)] == pytest.approx(
+        [straight] * 4, abs=0.02
+    )
