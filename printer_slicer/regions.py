@@ -34,6 +34,7 @@ __all__ = ["classify"]
 
 _SMALLEST = 1e-6  # mm: heights that differ by less are the same
 _PROMISED = 0.97  # of the lesser of skin and depth of the walls
+_DOT = 5.0  # square beads
 _NARROW = 3.0  # beads: strips of sparse infill that are narrower hold only dots of it
 
 
@@ -124,7 +125,19 @@ def _shell(walls: Walls, near: tuple[Areas, Areas], quality: Quality) -> Areas:
         )
         for at, skin in ((highest, quality.top_thickness), (lowest, quality.bottom_thickness))
     )
-    return union(offset_open(near_air, walls.width / 4), union(over, under))
+    shell = union(offset_open(near_air, walls.width / 4), union(over, under))
+    chosen = quality.infill_density > 0 and quality.min_sparse_area > 0
+    return _without_dots(shell, walls.width) if chosen else shell
+
+
+def _without_dots(shell: Areas, width: Float) -> Areas:
+    """The shell without what a bead of few mm would fill, as faceted slopes leave it where solid strips end.
+
+    Beside sparse infill such beads hold nothing. Where there is none, the place is too small for it, and solid anyway.
+    """
+    pieces = pieces_of(shell)
+    large = pieces.areas.area() >= _DOT * width[pieces.layer] ** 2
+    return pieces.on_layers(shell.n_layers, np.flatnonzero(large))
 
 
 def _uncovered(inside: Areas, at: Int) -> Areas:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import offset_open
+from printer_slicer.geometry import intersection, offset_open, pieces_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
+from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Areas, LayerPlan, Mesh, Regions, Sections, Walls
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.profile import Profile
@@ -413,6 +415,18 @@ def test_small_and_narrow_areas_are_solid() -> None:
 
     assert regions.sparse.area()[10] == pytest.approx(100, abs=0.5)
     assert kept.sparse.area()[10] == pytest.approx(walls.inside.area()[10], abs=1e-3)
+
+
+def test_faceted_slopes_leave_no_solid_dots_beside_the_walls() -> None:
+    """Where a slope gets too steep for a solid strip beside its walls, corners of facets would leave bits of it."""
+    vase = load_mesh(Path(__file__).parents[1] / "sample_parts" / "vase.stl")
+    _, _, regions = classified(vase, layers(300, 0.2), plain())
+
+    pieces = pieces_of(regions.solid)
+    below = regions.sparse.raised(1).for_each(pieces.layer)
+    hanging = intersection(pieces.areas, below).area() > 0.3 * pieces.areas.area()
+    assert pieces.count > 200
+    assert pieces.areas.area()[hanging].min() >= 5 * WIDTH**2
 
 
 # --- over sparse infill ---
