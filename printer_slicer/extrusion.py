@@ -129,7 +129,19 @@ def _rows(paths: Toolpaths, sections: Sections, profile: Profile) -> _Rows:
     lead = start[:, None] + np.cumsum(n_lead, axis=1) - 1
     for one in range(_BEAD):
         kind[lead[there[one], one]] = one
-    return _Rows(path, kind, _points(paths, path, kind), begin, leave, hop)
+    point = _points(paths, path, kind)
+    # Where a bead's width changes at once, the same point stands twice.
+    moves = (kind != _BEAD) | (
+        paths.xy.take(point, axis=0) != paths.xy.take(_before(paths, path, point), axis=0)
+    ).any(axis=1)
+    kept = np.flatnonzero(moves)
+    return _Rows(path[kept], kind[kept], point[kept], begin, leave, hop)
+
+
+def _before(paths: Toolpaths, path: Int, point: Int) -> Int:
+    """(K,) the point at which the bead that ends at `point` (K,) of `path` (K,) begins."""
+    first = paths.start[:-1][path]
+    return np.asarray(np.where(point > first, point, paths.start[1:][path]) - 1)
 
 
 def _points(paths: Toolpaths, path: Int, kind: Int) -> Int:
@@ -185,7 +197,7 @@ class _Beads:
 def _beads_of(paths: Toolpaths, rows: _Rows, profile: Profile) -> _Beads:
     is_bead = rows.kind == _BEAD
     end, path = rows.point[is_bead], rows.path[is_bead]
-    begin = np.where(np.diff(path, prepend=-1) > 0, paths.start[:-1][path], np.append(0, end[:-1]))
+    begin = _before(paths, path, end)
     length = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T)
     first = np.where(paths.layer[path] == 0, profile.quality.first_layer_flow, 1.0)
     width = (paths.width[begin] + paths.width[end]) / 2

@@ -78,8 +78,9 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
         xy, width = paths.path(i), paths.width[paths.start[i] : paths.start[i + 1]]
         ends = np.concatenate([xy, xy[:1]]) if paths.closed[i] else xy
         wide = np.append(width, width[:1]) if paths.closed[i] else width
-        segments.append(np.stack([ends[:-1], ends[1:]], axis=1))
-        widths.append((wide[:-1] + wide[1:]) / 2)
+        moves = (ends[:-1] != ends[1:]).any(axis=1)  # else the width changes at once
+        segments.append(np.stack([ends[:-1], ends[1:]], axis=1)[moves])
+        widths.append(((wide[:-1] + wide[1:]) / 2)[moves])
 
     laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
     assert np.array_equal(laid[:, :, :2], np.concatenate(segments))

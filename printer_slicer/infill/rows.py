@@ -12,7 +12,6 @@ from printer_slicer.geometry import (
     Float,
     Lines,
     Pieces,
-    chain_rows,
     difference,
     hatch,
     offset,
@@ -20,18 +19,16 @@ from printer_slicer.geometry import (
     pieces_of,
     staircases,
 )
-from printer_slicer.geometry.areas import lengths
 from printer_slicer.infill.narrow import beads_amid
-from printer_slicer.infill.turns import zigzags
+from printer_slicer.infill.turns import LONGEST_TURN, Zigzags, zigzags
 from printer_slicer.model import LayerPlan, Role, Toolpaths
 from printer_slicer.profile import Profile
 
 __all__ = ["Beads", "rows_in"]
 
-# Spacings. A turn runs along the boundary, which meets the lines at any angle; under 27° it would be longer.
-_LONGEST_TURN = 2.2
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
+_THIN = 1 / 3  # of a row: less would be a stop and a start; where that is narrower than high, a round thread
 _IN_SWEEPS = (Role.TOP_SKIN, Role.IRONING)
 _SLIT = 0.06  # mm: half the width of gaps that are closed when beads are pressed flat
 _SPECK = 0.08  # mm²: smaller gaps are not worth a stop
@@ -63,50 +60,67 @@ class Beads:
 def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> list[Toolpaths]:
     """Beads side by side, a little nearer or farther than usual so that a whole number of them fills each piece."""
     overlap = profile.quality.infill_overlap * profile.extrusion_width if profile.quality.perimeters else 0.0
+    rows, area, gap = _hatched(pieces, beads, overlap)
+    shortest = np.minimum(gap, profile.extrusion_width) / 2
+    if beads.width.any():  # threads in the air have one width all along
+        threads = _without_dots(Zigzags.plain(rows, gap), shortest)
+        return [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
+    turn = _of_turns(gap, beads.height, profile)
+    lines = _without_dots(zigzags(rows, area, beads.angle, gap, turn), shortest)
+    between: list[Toolpaths] = []
+    filled = np.zeros(pieces.count)
+    if beads.role != Role.INTERNAL_BRIDGE:  # its rows rest at both ends; beads between them would not
+        amid, filled = _amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)
+        between = [amid]
+    long, turns = (np.bincount(lines.entry, part, minlength=pieces.count) for part in lines.length().T)
+    gap = gap * _share(pieces.areas, long * gap, filled + turns * turn, overlap)
+    piece = np.repeat(lines.entry, np.diff(lines.start))
+    fits = bead.width_for_spacing(np.where(lines.thin, turn[piece], gap[piece]), beads.height[piece])
+    width = np.maximum(fits, beads.height[piece]).round(4)  # what the file will say
+    return [_toolpaths(plan, pieces, beads, lines, width), *between]
+
+
+def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
+    """(P,) mm, the spacing of turns between rows `gap` (P,) mm apart; see `zigzags`."""
+    if not profile.quality.perimeters:  # round ends would be seen
+        return gap
+    return np.minimum(np.maximum(_THIN * gap, bead.spacing(height, height)), gap)
+
+
+def _hatched(pieces: Pieces, beads: Beads, overlap: float) -> tuple[Lines, Areas, Float]:
+    """Rows across the pieces; where their centre lines may be (P entries); and (P,) mm from row to row."""
     low, high = _across(pieces.areas, beads.angle)
     low, high = low - overlap, high + overlap
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
     gap = np.clip((high - low) / count, _NARROWEST * beads.gap, _WIDEST * beads.gap)
-    # The centre lines stay half a bead inside; the turns at their ends fill the half bead that is left. The outermost
-    # rows would lie on the border: a hair inside they are certain to be found.
+    # The centre lines stay half a bead inside. The outermost rows would lie on the border: a hair inside they are
+    # certain to be found.
     area = offset(pieces.areas, overlap - gap / 2)
     first = np.where(count > 1, low + gap / 2 + _HAIR, (low + high) / 2)
     step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
-    rows = hatch(area, angle=beads.angle, spacing=step, phase=first / step)
-    xy, start, piece = (
-        chain_rows(rows, max_turn=_LONGEST_TURN * gap)  # threads in the air stay straight
-        if beads.width.any()
-        else zigzags(rows, area, beads.angle, gap, _LONGEST_TURN)
-    )
-    # Between walls that nearly touch, rows shrink to dots that fill nothing and cost a stop each.
-    size = np.diff(start)
-    long = lengths(xy, np.append(0, np.cumsum(size)), closed=False)
-    seen = long >= np.minimum(gap, profile.extrusion_width)[piece] / 2
-    xy, size, piece, long = xy[np.repeat(seen, size)], size[seen], piece[seen], long[seen]
-    between: list[Toolpaths] = []
-    if not beads.width.any():
-        filled = np.zeros(pieces.count)
-        if beads.role != Role.INTERNAL_BRIDGE:  # its rows rest at both ends; beads between them would not
-            stairs = _stairs(rows, area, beads.angle, gap)
-            amid, filled = _amid(plan, pieces, stairs, beads.role, profile)
-            between = [amid]
-        laid = np.bincount(piece, long, minlength=pieces.count) * gap
-        gap = gap * _share(pieces.areas, laid, filled, overlap)
-    fits = np.maximum(bead.width_for_spacing(gap, beads.height), beads.height)
-    width = np.where(beads.width > 0, beads.width, np.round(fits, 4))  # what the file will say
-    paths = Toolpaths.gathered(
+    return hatch(area, angle=beads.angle, spacing=step, phase=first / step), area, gap
+
+
+def _without_dots(lines: Zigzags, shortest: Float) -> Zigzags:
+    """Those that are long enough (P,): between walls that nearly touch, rows shrink to dots that cost a stop each."""
+    return lines.take(np.flatnonzero(lines.length().sum(axis=1) >= shortest[lines.entry]))
+
+
+def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: Beads, lines: Zigzags, width: Float) -> Toolpaths:
+    """The zigzags as beads, of a width for each path or point."""
+    piece = lines.entry
+    return Toolpaths.gathered(
         plan,
-        xy=xy,
-        size=size,
+        xy=lines.xy,
+        size=np.diff(lines.start),
         layer=pieces.layer[piece],
         role=np.full(len(piece), beads.role),
-        width=width[piece],
+        width=width,
         height=beads.height[piece],
         closed=False,
         # Rows come from the lowest up: each is laid beside one that is there already, never between two.
         sweep=piece if beads.role in _IN_SWEEPS else None,
     )
-    return [paths, *between]
 
 
 def _share(areas: Areas, laid: Float, filled: Float, overlap: float) -> Float:
@@ -142,7 +156,7 @@ def _stairs(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
     side /= np.maximum(np.hypot(side[..., 0], side[..., 1]), 1e-12)[..., None]
     cos = np.abs((side * along[:, None]).sum(axis=2))
     sin = np.sqrt(np.maximum(1 - cos**2, 0.0))
-    steep = sin * _LONGEST_TURN >= 1
+    steep = sin * LONGEST_TURN >= 1
     beyond = np.where(steep, half[:, None] * (1 + cos) / np.maximum(sin, 1e-9), 0.0)
     return staircases(
         rows, rows.u + beyond * np.array([-1, 1]), angle=angle, half=gap / 2, n_layers=area.n_layers

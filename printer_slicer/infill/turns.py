@@ -1,4 +1,4 @@
-"""Rows joined into zigzags whose turns fill the corners that slanting borders leave beside them."""
+"""Rows joined into zigzags by thin turns, which hold just what is missing beyond the ends of the rows."""
 
 from __future__ import annotations
 
@@ -6,109 +6,96 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Lines, row_ends
+from printer_slicer.geometry import Areas, Bool, Float, Int, Lines, chain_rows, row_ends
+from printer_slicer.geometry.areas import consecutive, following_around, previous_around
 
-__all__ = ["zigzags"]
+__all__ = ["LONGEST_TURN", "Zigzags", "zigzags"]
 
-_AHEAD = 0.6  # spacings times the cosine of the angle between row and border: into the notch beside the turn
-_END = 0.5  # of what a row without a turn would need to fill its end to the border
-_BEND = 1.0  # spacings before its end from which on a row leaves its line
-_LEAST = 0.05  # spacings: smaller bends are not worth a move
+# Spacings. A turn runs along the border, which meets the rows at any angle; under 27° it would be longer.
+LONGEST_TURN = 2.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ends:
-    """Ends of rows in the order of the zigzags (N,).
+class Zigzags:
+    """Rows and turns, one after the other; where one goes over into the other the same point stands twice.
 
     Attributes:
         xy: (N, 2) mm.
-        out: (N, 2) the row's direction, outward.
-        edge: (N,) of the area, on which the end lies.
-        gap: (N,) mm between rows.
-        long: (N,) mm of the row.
+        start: (M + 1,) where each begins.
+        entry: (M,) of the area that each fills.
+        thin: (N,) whether the point is one of a turn.
     """
 
     xy: Float
-    out: Float
-    edge: Int
-    gap: Float
-    long: Float
+    start: Int
+    entry: Int
+    thin: Bool
+
+    @classmethod
+    def plain(cls, rows: Lines, gap: Float) -> Zigzags:
+        """Rows of a hatch with P entries, `gap` (P,) mm apart, joined as they are by turns like themselves."""
+        xy, start, entry = chain_rows(rows, max_turn=LONGEST_TURN * gap)
+        return cls(xy, start, entry, np.zeros(len(xy), np.bool_))
+
+    def take(self, chosen: Int) -> Zigzags:
+        """Some of them, by number."""
+        size = np.diff(self.start)[chosen]
+        point = consecutive(self.start[chosen], size)
+        return Zigzags(self.xy[point], np.append(0, np.cumsum(size)), self.entry[chosen], self.thin[point])
+
+    def length(self) -> Float:
+        """(M, 2) mm of rows and of turns in each."""
+        step = np.hypot(*(self.xy[following_around(self.start, False)] - self.xy).T)
+        owner = np.repeat(np.arange(len(self.entry)), np.diff(self.start))
+        kinds = (np.where(self.thin, 0.0, step), np.where(self.thin, step, 0.0))
+        return np.stack([np.bincount(owner, kind, len(self.entry)) for kind in kinds], axis=1)
 
 
-def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, longest: float) -> tuple[Float, Int, Int]:
-    """Zigzags, with more than one row where turns are no longer than `longest` spacings.
+def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float) -> Zigzags:
+    """Rows made longer toward the border, and joined along it.
 
-    Where the border slants, a turn along it has a sharp corner at the end of the longer row, and beyond that a notch
-    stays open, up to the next row. That row bends toward it. An end without a turn reaches on toward the border.
+    A turn as wide as the rows would lie on their ends with half of itself, and the place between it and the next turn
+    would stay half empty. Rows that end half a turn before the border, whatever its angle, leave just as much room
+    beyond them as every second gap's turn fills: all of it at any width, and the more evenly the narrower it is.
 
     Args:
         rows: of a hatch of `area`.
-        area: P entries; centre lines stay inside, but for ends without a turn.
+        area: P entries, half a row inside what is to be filled.
         angle: (P,) radians, of the rows.
         gap: (P,) mm from row to row.
-        longest: turn.
-
-    Returns:
-        xy (N, 2) mm, start (M + 1,) and entry (M,) of polylines.
+        turn: (P,) mm, spacing of the turns.
     """
-    end, start = row_ends(rows, max_turn=longest * gap)
+    end, start = row_ends(rows, max_turn=LONGEST_TURN * gap)
     entry = rows.layer[end // 2]
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1).take(entry, axis=0)
-    ends = _Ends(
-        rows.ends.reshape(-1, 2).take(end, axis=0),
-        np.where((end % 2 == 1)[:, None], along, -along),
-        rows.edge.ravel()[end],
-        gap[entry],
-        rows.length()[end // 2],
-    )
-    loose = np.zeros(len(end), np.bool_)
-    loose[start[:-1]] = loose[start[1:] - 1] = True
-    ahead = np.where(loose | _longer(ends), 1.0, 0.0)
-    xy, bent = _reaching(ends, area, ahead, loose)
-    return _with_bends(ends, xy, bent, start, entry)
+    out = np.where((end % 2 == 1)[:, None], along, -along)
+    xy = rows.ends.reshape(-1, 2).take(end, axis=0)
+    xy = xy + _room(xy, out, area, rows.edge.ravel()[end], (gap - turn)[entry] / 2)[:, None] * out
+    # All ends but the first and last of each zigzag are those of turns, too.
+    inner = np.ones(len(end), np.bool_)
+    inner[start[:-1]] = inner[start[1:] - 1] = False
+    point = np.repeat(np.arange(len(end)), 1 + inner)
+    first = np.diff(point, prepend=-1) > 0
+    # A row is left at its second end, then the turn begins; the turn ends at the first one of the next row.
+    thin = inner[point] & (first == (point % 2 == 0))
+    return Zigzags(xy[point], np.append(0, np.cumsum(1 + inner))[start], entry[start[:-1]], thin)
 
 
-def _longer(ends: _Ends) -> Bool:
-    """(N,) whether the row reaches farther out than the one that its turn leads to."""
-    partner = np.arange(len(ends.xy))
-    # Points 2 i + 1 and 2 i + 2 lie at both sides of a turn; first and last ones of a path are not asked.
-    partner[1::2] += 1
-    partner[2::2] -= 1
-    partner = np.minimum(partner, len(partner) - 1)
-    return np.asarray(((ends.xy - ends.xy[partner]) * ends.out).sum(axis=1) > 0)
-
-
-def _reaching(ends: _Ends, area: Areas, ahead: Float, loose: Bool) -> tuple[Float, Bool]:
-    """(N, 2) ends moved on along the border, where it leads outward, and (N,) whether they were."""
-    begin, after = area.xy[ends.edge], area.xy[area.following[ends.edge]]
-    side = after - begin
-    long = np.maximum(np.hypot(*side.T), 1e-12)
-    side /= long[:, None]
-    cosine = (side * ends.out).sum(axis=1)
-    by = ahead * _AHEAD * ends.gap * np.abs(cosine)
-    # On along this side of the border, no farther than to its end.
-    into = ((ends.xy - begin) * side).sum(axis=1)
-    room = np.maximum(np.where(cosine > 0, long - into, into), 0.0)
-    step = np.minimum(by, room) * np.sign(cosine)
-    xy = ends.xy + step[:, None] * side
-    sine = np.sqrt(np.maximum(1 - cosine**2, 0.0))
-    # Near a corner it would reach beyond the other side.
-    far = np.where(loose & (room > by), _END * ends.gap / 2 / np.maximum(sine, 0.5), 0.0)
-    xy += far[:, None] * ends.out
-    return xy, np.asarray(np.abs(step) > _LEAST * ends.gap)
-
-
-def _with_bends(ends: _Ends, xy: Float, bent: Bool, start: Int, entry: Int) -> tuple[Float, Int, Int]:
-    """The zigzags with the places where rows leave their lines."""
-    n = len(xy)
-    bend = ends.xy - np.minimum(_BEND * ends.gap, ends.long / 2)[:, None] * ends.out
-    # Before the second end of a row, after its first.
-    where = np.stack([xy, xy], axis=1)
-    first = np.arange(n) % 2 == 0
-    where[first, 1] = bend[first]
-    where[~first, 0] = bend[~first]
-    kept = np.ones((n, 2), np.bool_)
-    kept[first, 1] = bent[first]
-    kept[~first, 0] = bent[~first]
-    count = np.append(0, np.cumsum(kept.sum(axis=1)))
-    return where.reshape(-1, 2)[kept.ravel()], count[start], entry[start[:-1]]
+def _room(xy: Float, out: Float, area: Areas, edge: Int, deep: Float) -> Float:
+    """(N,) mm by which rows can go on without being `deep` (N,) mm beyond the edge they end on, or one beside it."""
+    begin = area.xy
+    side = begin[area.following] - begin
+    side /= np.maximum(np.hypot(*side.T), 1e-12)[:, None]
+    inward = np.stack([-side[:, 1], side[:, 0]], axis=1)
+    sine = -(inward[edge] * out).sum(axis=1)
+    # Where the border meets rows at a small angle they end as they are: beads along it fill what they leave.
+    room = np.where(sine * LONGEST_TURN >= 1, deep / np.maximum(sine, 1e-12), 0.0)
+    for other in (previous_around(area.ring_start)[edge], area.following[edge]):
+        # Only corners that stick out are in the way.
+        turned = side[edge, 0] * side[other, 1] - side[edge, 1] * side[other, 0]
+        convex = np.where(other == area.following[edge], turned, -turned) > 0
+        nearing = -(inward[other] * out).sum(axis=1)
+        left = ((xy - begin[other]) * inward[other]).sum(axis=1) + deep
+        limit = np.where(convex & (nearing > 1e-9), left / np.maximum(nearing, 1e-9), np.inf)
+        room = np.minimum(room, np.maximum(limit, 0.0))
+    return room

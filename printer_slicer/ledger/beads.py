@@ -14,7 +14,7 @@ from printer_slicer.gcode import Moves
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.model import Program, Role
 
-__all__ = ["Beads", "Purpose", "beads_of", "beads_of_moves", "spread_out"]
+__all__ = ["Beads", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
 
 _NOTHING: Final = 1e-9  # mm³ or mm: less is rounding
 
@@ -114,6 +114,11 @@ class Beads:
         """(B,) mm, from area and height; see `bead.width_for_section`."""
         return bead.width_for_section(self.area, self.height)
 
+    @property
+    def usual_width(self) -> float:
+        """Mm, of the bead in the middle of all length: files may have as many short turns as rows."""
+        return median_of(self.width, self.length)
+
     def take(self, chosen: Int | Bool) -> Beads:
         """Some of them, by index or by flags (B,)."""
         return Beads(
@@ -126,6 +131,13 @@ class Beads:
             self.purpose[chosen],
             self.line[chosen],
         )
+
+
+def median_of(values: Float, weights: Float) -> float:
+    """The value with half of the weight on either side; 0 of none."""
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0
 
 
 def spread_out(beads: Beads, count: int) -> tuple[Float, Int]:

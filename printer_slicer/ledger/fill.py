@@ -155,8 +155,7 @@ class _Ground:
 
 def _reach(beads: Beads, cell: float) -> int:
     """Cells to either side of the one in the middle of a window as wide as a usual bead."""
-    width = float(np.median(beads.width)) if beads.n_beads else cell
-    return max(round((width / cell - 1) / 2), 1)
+    return max(round((beads.usual_width / cell - 1) / 2), 1)
 
 
 def _window(cell: float, *several: Beads) -> Window:

@@ -108,7 +108,7 @@ class Ground:
         share = (consecutive(np.zeros(beads.n_beads, np.int64), count) + 0.5) / count[bead]
         middle = beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead]
         lowest = beads.z_top - np.maximum(beads.rise, 0) - beads.height * (1 + _SLACK)
-        reach = max(round(float(np.median(beads.width)) / window.cell), 1) if beads.n_beads else 1
+        reach = max(round(beads.usual_width / window.cell), 1)
         around = highest_around(self._top[window.within(self._window)], reach)
         hanging = around[window.cells(middle)] < lowest[bead]
         return Pieces(bead, middle, (beads.length / count)[bead], hanging)

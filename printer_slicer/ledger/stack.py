@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.areas import consecutive
-from printer_slicer.ledger.beads import Beads, Purpose, beads_of
+from printer_slicer.ledger.beads import Beads, Purpose, beads_of, median_of
 from printer_slicer.model import Program
 
 __all__ = ["Stack", "stack_of", "stacked", "through_layers"]
@@ -206,7 +206,7 @@ def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -
     width = bead.width_for_section(beads.area, own)
     walls = np.isin(beads.purpose, _WALLS)
     thin = walls & ~(np.abs(told - own) > _AGREES)
-    usual = _median(width, beads.length * (thin if thin.any() else walls if walls.any() else layer >= 0))
+    usual = median_of(width, beads.length * (thin if thin.any() else walls if walls.any() else layer >= 0))
     height, may = own.copy(), np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0)
     wide = may & (width > _WIDE * usual)
     may |= (beads.purpose == Purpose.INNER_PERIMETER) & (
@@ -224,10 +224,3 @@ def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -
     height = np.where(thread, np.maximum(np.minimum(told, np.sqrt(4 * beads.area / pi)), own), height)
     beside = (layer < 0) & ~np.isnan(told)
     return np.maximum(np.where(beside, told, height), _THINNEST_BEAD)
-
-
-def _median(values: Float, weights: Float) -> float:
-    """The value with half of the weight on either side."""
-    order = np.argsort(values)
-    reached = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0

@@ -70,8 +70,11 @@ def lengths(paths: Toolpaths) -> Float:
 
 def volumes(paths: Toolpaths) -> Float:
     """(L,) mm³ of the beads of each layer, as wide and high as they are."""
-    section = bead.cross_section(paths.width[paths.start[:-1]], paths.height)
-    return np.bincount(paths.layer, _each(paths) * section, minlength=paths.plan.n_layers).astype(np.float64)
+    owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    long = np.hypot(*(paths.xy[paths.following] - paths.xy).T)
+    wide = (paths.width + paths.width[paths.following]) / 2
+    laid = long * bead.cross_section(wide, paths.height[owner])
+    return np.bincount(paths.layer[owner], laid, paths.plan.n_layers).astype(np.float64)
 
 
 def rows(paths: Toolpaths, layer: int, angle: float) -> Float:

@@ -36,11 +36,13 @@ def test_neighbouring_solid_lines_lie_one_spacing_of_their_own_layer_apart(role:
         angle = 0.0 if role == Role.BRIDGE else np.pi / 2 * (layer % 2)
         gaps = np.diff(rows(paths, layer, angle))
         width = paths.width[np.repeat(paths.layer, np.diff(paths.start)) == layer]
+        turns = width != width[0]
+        assert len(set(width[turns].tolist())) == (role != Role.BRIDGE)
+        assert (width[turns] < width[0]).all()
         # A bridge's beads have as much plastic as usual, however near the next one is.
         # Of other beads, by what the turns at their ends lay too little or too much.
         near = 0.05 if role == Role.BRIDGE else 0.015
         assert gaps == pytest.approx(width[0] - height[layer] * (1 - np.pi / 4), rel=near, abs=1e-4)
-        assert (width == width[0]).all()
         assert width[0] == pytest.approx(WIDTH, rel=0.05)  # so that a whole number of beads fills 12 or 9 mm
 
 
@@ -79,7 +81,7 @@ def test_bridges_run_in_their_own_direction() -> None:
     assert all(len(rows(paths, layer, float(angle))) > 10 for layer, angle in enumerate(angles))
 
 
-def test_centre_lines_stay_half_a_bead_inside_but_for_the_overlap_and_a_quarter_at_their_ends() -> None:
+def test_centre_lines_stay_half_a_bead_inside_but_for_the_overlap_and_their_ends() -> None:
     for overlap in (0.0, 0.15):
         regions = solid_only([rectangle(12, 9)])
         paths = infill_paths(regions, plain(infill_overlap=overlap))
@@ -87,8 +89,9 @@ def test_centre_lines_stay_half_a_bead_inside_but_for_the_overlap_and_a_quarter_
             gap = float(bead.spacing(paths.width[paths.start[i]], paths.plan.height[paths.layer[i]]))
             inset = gap / 2 - overlap * WIDTH
             low, high = paths.path(i).min(axis=0), paths.path(i).max(axis=0)
-            assert (low >= inset - 0.26 * gap).all()
-            assert (high <= np.array([12, 9]) - inset + 0.26 * gap).all()
+            # Rows end half a turn before the border: a fifth of a spacing.
+            assert (low >= inset - 0.3 * gap - 1e-3).all()
+            assert (high <= np.array([12, 9]) - inset + 0.3 * gap + 1e-3).all()
 
 
 def test_areas_too_thin_for_a_bead_get_none() -> None:

@@ -177,6 +177,15 @@ def test_a_bead_laid_twice_overlaps_along_its_length() -> None:
     assert overlapping(twice, 0).area()[0] == pytest.approx(twice.fill.overlap[0], abs=0.01)
 
 
+def test_short_beads_however_many_do_not_change_how_overlap_is_judged() -> None:
+    twice = joined(*[beads_along([(0, 5), (18, 5)])] * 2)
+    dots = joined(*(beads_along([(x / 5, 15), (x / 5 + 0.1, 15)], width=HEIGHT) for x in range(80)))
+    alone, among = account(twice, [square(20)]), account(joined(twice, dots), [square(20)])
+
+    assert among.fill.overlap == pytest.approx(alone.fill.overlap)
+    assert among.fill.most == pytest.approx(alone.fill.most)
+
+
 # --- beads in the air ---
 
 
