@@ -15,9 +15,11 @@ from printer_slicer.geometry import (
     Int,
     Lines,
     Pieces,
+    difference,
     hatch,
     intersection,
     offset,
+    offset_open,
     pieces_of,
     swept,
     union,
@@ -25,7 +27,7 @@ from printer_slicer.geometry import (
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.profile import Quality
 
-__all__ = ["Bridges", "bridge_angles", "bridges_over"]
+__all__ = ["Bridges", "bridge_angles", "bridges_over", "over_sparse"]
 
 _DIRECTIONS = 12  # 15° apart
 _FINER = (-np.pi / 36, np.pi / 36)  # tried beside the best of them: 5° to either side
@@ -102,6 +104,25 @@ def bridges_over(air: Areas, grown: Areas, below: Areas, spacing: Float, quality
     own = pieces.beside(offset(air, spacing / 2))
     along = swept(own, quality.bridge_anchor * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
+
+
+def over_sparse(solid: Areas, below: Areas, width: float | Float, anchor: float) -> Areas:
+    """What of solid areas lies over sparse infill, with what carries it at its sides.
+
+    Args:
+        solid: areas.
+        below: the sparse areas of the layer below each.
+        width: mm, of beads, of all layers or of each (L,).
+        anchor: mm of solid infill beside it that it reaches onto.
+    """
+    over = intersection(solid, below)
+    if not over.n_rings:
+        return over
+    # A strip that two beads bridge rests on the solid infill beside it.
+    over = intersection(offset(offset_open(over, width), anchor), solid)
+    # What would be left beside it, but is too narrow for a bead, goes with it.
+    beside = offset_open(difference(solid, over), width / 2)
+    return intersection(difference(solid, beside), offset(over, width))
 
 
 def bridge_angles(pieces: Pieces, below: Areas, spacing: Float, usual: float) -> tuple[Float, Bool]:

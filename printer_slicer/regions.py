@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.bridges import bridges_over
+from printer_slicer.bridges import bridges_over, over_sparse
 from printer_slicer.geometry import (
     difference,
     intersection,
@@ -63,7 +63,8 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     )
     bridges = bridges.with_scraps(pieces_of(scraps), width / 4)
     open_to_air = skin.merge(bridges.covered()).merge(up)
-    internal, hidden = _over_sparse(difference(inside, sparse.merge(open_to_air)), sparse, width, quality)
+    covered = difference(inside, sparse.merge(open_to_air))
+    internal = over_sparse(covered, _below(sparse), width, quality.bridge_anchor)
     bridge, angle = bridges.of_stack()
     return Regions(
         plan,
@@ -71,7 +72,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
         bridge=bridge,
         top_skin=up,
         # A disc on a smaller one is no bridge: threads would end in the air, pressed lines hold on to what is below.
-        solid=union(hidden, bridges.loose),
+        solid=union(difference(covered, internal), bridges.loose),
         sparse=sparse,
         bridge_angle=angle,
         internal_bridge=internal,
@@ -186,19 +187,6 @@ def _narrow(beside: Areas, width: Float) -> Areas:
     pieces = pieces_of(beside)
     slim = pieces.mean_width() < 2 * width[pieces.layer]
     return pieces.on_layers(beside.n_layers, np.flatnonzero(slim))
-
-
-def _over_sparse(solid: Areas, sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:
-    """What of the solid areas lies over sparse infill, with what carries it at its sides; and the rest of them."""
-    over = intersection(solid, _below(sparse))
-    if not over.n_rings:
-        return over, solid
-    # A strip that two beads bridge rests on the solid infill beside it.
-    over = intersection(offset(offset_open(over, width), quality.bridge_anchor), solid)
-    # What would be left beside it, but is too narrow for a bead, goes with it.
-    beside = offset_open(difference(solid, over), width / 2)
-    over = intersection(difference(solid, beside), offset(over, width))
-    return over, difference(solid, over)
 
 
 def _below(solid: Areas) -> Areas:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from printer_slicer.bridges import over_sparse
 from printer_slicer.geometry import (
     Areas,
     Bool,
@@ -86,35 +87,60 @@ def rested(regions: Regions, lines: Polylines, profile: Profile) -> Regions:
         lines: of the sparse infill, on the layers `carried_layers` at least.
         profile: width of beads, and how far bridges reach onto what carries them.
     """
-    pieces, width = pieces_of(regions.internal_bridge), profile.extrusion_width
-    if not pieces.count:
-        return regions
-    ground = _ground(regions, lines, width, profile.quality.bridge_anchor)
+    bridge, width = regions.internal_bridge, profile.extrusion_width
+    used, second = _by_turns(bridge)
+    regions = _laid(regions, bridge.of_layers(used & ~second), lines, profile, used & ~second)
+    # Those of the layer below have grown: what they carry by now is solid, and none has to rest on it.
+    below = regions.sparse.raised(1).of_layers(second)
+    own = over_sparse(bridge.of_layers(second), below, width, profile.quality.bridge_anchor)
+    return _laid(regions, own, lines, profile, second)
+
+
+def _by_turns(bridge: Areas) -> tuple[Bool, Bool]:
+    """(L,) the layers with bridges; and of those that lie one on the other every second one."""
+    own, used = np.arange(bridge.n_layers), np.zeros(bridge.n_layers, np.bool_)
+    used[bridge.ring_layer] = True
+    since = own - np.maximum.accumulate(np.where(used, -1, own))
+    return used, used & (since % 2 == 0)
+
+
+def _laid(regions: Regions, own: Areas, lines: Polylines, profile: Profile, here: Bool) -> Regions:
+    """The regions when the bridges of some layers (L,) rest: `own`; what else was to be bridged there is solid."""
+    width, wanted = profile.extrusion_width, regions.internal_bridge.of_layers(here)
+    pieces, ground = pieces_of(own), _ground(regions, lines, width, profile.quality.bridge_anchor, here)
     # In between those of the usual pattern, to which any other is compared.
     usual = np.deg2rad(profile.quality.infill_angle_deg + 45)
-    angle = _best_angles(pieces, ground, width, float(usual))
-    room, done = ground.room, Areas.empty(regions.plan.n_layers)
-    of_ring = np.zeros(0)
-    for turn in distinct(angle).tolist():
-        chosen = np.flatnonzero(angle == turn)
-        own = pieces.on_layers(room.n_layers, chosen)
-        others = union(done, pieces.on_layers(room.n_layers, np.flatnonzero(angle != turn)))
-        grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
-        order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
-        of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]
-        done = done.merge(grown)
+    done, turn = _grown(pieces, _best_angles(pieces, ground, width, float(usual)), ground, width)
+    elsewhere = ~here[regions.internal_bridge.ring_layer]
+    layer = np.concatenate([regions.internal_bridge.ring_layer[elsewhere], done.ring_layer])
+    turns = np.concatenate([regions.internal_bridge_angle[elsewhere], turn])
     return replace(
         regions,
-        internal_bridge=done,
-        internal_bridge_angle=of_ring,
-        solid=difference(regions.solid, done),
+        internal_bridge=regions.internal_bridge.select(elsewhere).merge(done),
+        internal_bridge_angle=turns[np.argsort(layer, kind="stable")],
+        solid=difference(union(regions.solid, difference(wanted, own)), done),
         sparse=difference(regions.sparse, done),
     )
 
 
-def _ground(regions: Regions, lines: Polylines, width: float, grip: float) -> _Ground:
+def _grown(pieces: Pieces, angle: Float, ground: _Ground, width: float) -> tuple[Areas, Float]:
+    """All pieces on their layers, made long enough, and (R,) the direction of each ring; none overlap."""
+    n = ground.room.n_layers
+    done, of_ring = Areas.empty(n), np.zeros(0)
+    for turn in distinct(angle).tolist():
+        chosen = np.flatnonzero(angle == turn)
+        own = pieces.on_layers(n, chosen)
+        others = union(done, pieces.on_layers(n, np.flatnonzero(angle != turn)))
+        grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
+        order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
+        of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]
+        done = done.merge(grown)
+    return done, of_ring
+
+
+def _ground(regions: Regions, lines: Polylines, width: float, grip: float, used: Bool) -> _Ground:
+    """Room and air on some of the layers (L,)."""
     n = regions.plan.n_layers
-    used = regions.internal_bridge.used
     closed = regions.bottom_skin.merge(regions.bridge).merge(regions.top_skin).of_layers(used)
     inside = regions.inside
     if not inside.n_rings:

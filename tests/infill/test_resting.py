@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Polylines
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.resting import rested
@@ -16,7 +17,7 @@ from printer_slicer.ledger import Purpose, ledger_of
 from printer_slicer.ledger.stack import stack_of
 from printer_slicer.model import LayerPlan, Mesh, Regions, Role
 from printer_slicer.pipeline import slice_stages
-from tests.infill.stacks import WIDTH, rectangle
+from tests.infill.stacks import WIDTH, lengths, rectangle
 from tests.parts import plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import star_rings
 
@@ -60,6 +61,20 @@ def test_no_bead_over_sparse_infill_ends_in_the_air(pattern: str) -> None:
 @pytest.mark.parametrize("pattern", ["grid", "lightning"])
 def test_no_bead_under_a_round_top_ends_in_the_air(pattern: str) -> None:
     assert longest_in_the_air(sphere(9), pattern) < 1.0
+
+
+def test_one_bridge_is_enough_to_carry_the_next_layers() -> None:
+    """Stairs so flat that each layer has a new strip over sparse infill: the one before may reach under it."""
+    wanted = plain(infill_density=0.15)
+    stairs = step_pyramid([30, 28, 26, 24, 22, 20, 18], [1.2] + 6 * [0.2])
+    stages = slice_stages(stairs, wanted)
+    paths, asked = stages.toolpaths, stages.regions.internal_bridge
+
+    assert len(set(asked.ring_layer.tolist())) == 5
+    chosen = paths.take(np.flatnonzero(paths.role == Role.INTERNAL_BRIDGE))
+    bridged = lengths(chosen).sum() * bead.spacing(WIDTH, 0.2)
+    assert bridged < 1.1 * asked.area().sum()
+    assert longest_in_the_air(stairs, "grid") < 1.0
 
 
 def test_a_patch_between_two_lines_reaches_across_to_both() -> None:
