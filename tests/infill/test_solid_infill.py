@@ -89,9 +89,9 @@ def test_centre_lines_stay_half_a_bead_inside_but_for_the_overlap_and_their_ends
             gap = float(bead.spacing(paths.width[paths.start[i]], paths.plan.height[paths.layer[i]]))
             inset = gap / 2 - overlap * WIDTH
             low, high = paths.path(i).min(axis=0), paths.path(i).max(axis=0)
-            # Rows end half a turn before the border: a fifth of a spacing.
-            assert (low >= inset - 0.3 * gap - 1e-3).all()
-            assert (high <= np.array([12, 9]) - inset + 0.3 * gap + 1e-3).all()
+            # Rows end half a turn before the border, and turns are a third of a row: a third of a spacing nearer.
+            assert (low >= inset - gap / 3 - 1e-3).all()
+            assert (high <= np.array([12, 9]) - inset + gap / 3 + 1e-3).all()
 
 
 def test_areas_too_thin_for_a_bead_get_none() -> None:
