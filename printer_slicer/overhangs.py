@@ -21,7 +21,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
-from printer_slicer.geometry.areas import boxes
+from printer_slicer.geometry.areas import boxes, run_begins
 from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
@@ -239,6 +239,6 @@ def _without_short(grade: Int, path: Int, length: Float, shortest: float) -> Int
     stretch = np.cumsum(begins) - 1
     first = np.flatnonzero(begins)
     long = np.bincount(stretch, length) >= shortest
-    long |= np.append(True, np.diff(path[first]) != 0)  # the first of a path has none before it
+    long |= run_begins(path[first])  # the first of a path has none before it
     source = np.maximum.accumulate(np.where(long, np.arange(len(first)), 0))
     return np.asarray(grade[first][source][stretch])

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, previous_around
+from printer_slicer.geometry.areas import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    consecutive,
+    distinct,
+    previous_around,
+    run_begins,
+)
 from printer_slicer.geometry.joints import chain_steps
 from printer_slicer.geometry.polylines import Polylines
 
@@ -120,7 +129,7 @@ def _ways(lines: Polylines, outline: _Outline, ends: Int) -> _Ways:
     place = np.minimum(outline.place[edge] + into, outline.place[edge + 1])
     order = np.lexsort((place, edge))
     end, place, ring = ends[order], place[order], outline.ring[edge[order]]
-    first = np.flatnonzero(np.append(True, np.diff(ring) != 0))
+    first = np.flatnonzero(run_begins(ring))
     count = np.diff(np.append(first, len(ring)))
     last = first + count - 1
     next_end, next_place = np.roll(end, -1), np.roll(place, -1)
@@ -170,7 +179,7 @@ def _place_of_greatest(values: Float, first: Int, number: Int) -> Int:
 
 def _alternate(run: Int, length: Float, around: Bool) -> Bool:
     """(n,) which members of each run are taken; `around` for members of rings of an even number, all of one run."""
-    begin = np.flatnonzero(np.append(True, np.diff(run) != 0))
+    begin = np.flatnonzero(run_begins(run))
     size = np.diff(np.append(begin, len(run)))
     owner = np.repeat(np.arange(len(begin)), size)
     step = np.arange(len(run)) - begin[owner]
@@ -267,7 +276,7 @@ def _assembled(
     hook_of[hooks.end] = np.arange(len(hooks.end))
 
     vertices = _Vertices(lines, outline, hooks)
-    first = np.append(True, np.diff(path) != 0)
+    first = run_begins(path)
     leave = entry ^ 1
     chunks = [
         vertices.stretch(hooks, np.where(first, hook_of[entry], -1), backward=True),
@@ -362,9 +371,8 @@ class _Vertices:
         first = np.stack([at + np.cumsum(c) - c for at, (_, c) in zip(begins, chunks, strict=True)], axis=1)
         pool = np.concatenate([index for index, _ in chunks])
         index = pool[consecutive(first.ravel(), counts.ravel())]
-        number = np.cumsum(np.append(False, np.diff(path) != 0))
-        size = np.bincount(number, weights=counts.sum(axis=1)).astype(np.int64)
-        heads = np.flatnonzero(np.append(True, np.diff(path) != 0))
+        heads = run_begins(path)
+        size = np.bincount(np.cumsum(heads) - 1, weights=counts.sum(axis=1)).astype(np.int64)
         layer = self.lines.layer[entry[heads] // 2]
         made = _without_repeats(self.xy[index], size, layer)
         return made.take(np.argsort(made.layer, kind="stable"))

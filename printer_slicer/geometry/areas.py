@@ -25,6 +25,7 @@ __all__ = [
     "placed",
     "previous_around",
     "renumbered",
+    "run_begins",
 ]
 
 Float = NDArray[np.float64]
@@ -129,9 +130,14 @@ def lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float:
 def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
     """(m,) each of the values (n,) once, ascending: `numpy.unique`, which loads masked arrays to do it."""
     ordered = np.sort(values)
-    new = np.ones(len(ordered), np.bool_)
-    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
-    return ordered.compress(new)
+    return ordered.compress(run_begins(ordered))
+
+
+def run_begins(values: NDArray[_Number]) -> Bool:
+    """(n,) whether each value differs from the one before; the first one does."""
+    begins = np.ones(len(values), np.bool_)
+    np.not_equal(values[1:], values[:-1], out=begins[1:])
+    return begins
 
 
 def renumbered(items: Int, n_items: int) -> tuple[Int, Int]:

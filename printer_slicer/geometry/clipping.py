@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, run_begins
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.vectors import cross
@@ -241,7 +241,7 @@ def _assembled(lines: Polylines, begin: _Cuts, end: _Cuts) -> tuple[Polylines, I
 def _depths(areas: Areas, lines: Polylines, line: Int, change: Int) -> tuple[Int, Int]:
     """(C,) in how many areas a line lies after each of its crossings, and (M,) in how many each begins."""
     total = np.cumsum(change)
-    first = np.flatnonzero(np.append(True, np.diff(line) != 0)[: len(line)])
+    first = np.flatnonzero(run_begins(line))
     counts = np.diff(np.append(first, len(line)))
     own = total - np.repeat(total[first] - change[first], counts) if len(line) else total
     before = np.zeros(lines.n_lines, np.int64)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Bool, Float, Int
+from printer_slicer.geometry.areas import Bool, Float, Int, run_begins
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["Diagram", "diagram_of"]
@@ -54,7 +54,7 @@ def diagram_of(ends: Float, layer: Int) -> Diagram:
         ends: (S, 2, 2) mm, where sides begin and end; sides of a layer meet at their ends only.
         layer: (S,) ascending, at least one.
     """
-    starts = np.flatnonzero(np.concatenate([[True], layer[1:] != layer[:-1]]))
+    starts = np.flatnonzero(run_begins(layer))
     low = np.minimum.reduceat(ends.min(axis=1), starts)
     high = np.maximum.reduceat(ends.max(axis=1), starts)
     middle = np.rint((low + high) / 2)  # whole mm, so that nothing is rounded anew

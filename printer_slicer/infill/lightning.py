@@ -25,7 +25,7 @@ from printer_slicer.geometry import (
     offset,
     union,
 )
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, run_begins
 from printer_slicer.geometry.joints import chain_ends, chain_steps
 from printer_slicer.infill.task import Task
 from printer_slicer.infill.trees import AT_WALL, Tree, Wall, grown, retracted, rooted, within
@@ -126,7 +126,7 @@ def _branches(trees: list[Tree]) -> Polylines:
     depth, heir = _heirs(xy, parent)
     tip = chain_ends(np.where(heir >= 0, heir, np.arange(len(heir))))
     order = np.lexsort((-depth, tip))
-    head = np.append(True, np.diff(tip[order]) != 0)
+    head = run_begins(tip[order])
     last = order[np.append(head[1:], True)]
     joint = np.where(parent[last] >= 0, parent[last], last)
     size = np.diff(np.append(np.flatnonzero(head), len(order)))

@@ -19,6 +19,7 @@ from printer_slicer.geometry import (
     offset_open,
     window_intersection,
 )
+from printer_slicer.geometry.areas import run_begins
 from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan
 
@@ -100,7 +101,7 @@ def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None =
 def turns(groups: Int) -> Int:
     """(L,) which turn it is on each layer: groups are counted, and the layers of one take turns up to its own."""
     own = np.arange(len(groups))
-    number = np.cumsum(np.append(True, np.diff(groups) != 0)[: len(groups)]) - 1
+    number = np.cumsum(run_begins(groups)) - 1
     return np.asarray(number + last_layers(groups) - own, np.int64)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines
+from printer_slicer.geometry.areas import run_begins
 from printer_slicer.geometry.clipping import clipped
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.geometry.planar import SegmentTree
@@ -177,7 +178,7 @@ def _joined(tree: Tree, node: Int, branch: Int, share: Float, foot: Float) -> Tr
     order, xy, number = order[~same], xy[~same], number[~same]
     goes_on = np.append(np.diff(branch[order]) == 0, False)[: len(order)] & (branch[order] >= 0)
     above = np.where(goes_on, np.append(number[1:], -1), np.where(branch[order] >= 0, up[order], -1))
-    first = (branch[order] >= 0) & np.append(True, np.diff(branch[order]) != 0)[: len(order)]
+    first = (branch[order] >= 0) & run_begins(branch[order])
     parent[branch[order][first]] = number[first]
     return Tree(np.concatenate([tree.xy, xy]), np.concatenate([parent, above]))
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, run_begins
 from printer_slicer.ledger.beads import Beads
 from printer_slicer.ledger.raster import Window, highest_around
 from printer_slicer.ledger.zones import lines_of
@@ -129,7 +129,7 @@ def air_of(beads: Beads, layer: int, pieces: Pieces) -> Air:
     """
     path = lines_of(beads, np.zeros(beads.n_beads, np.int64))
     own = path[pieces.bead]
-    new_path = np.append(True, np.diff(own) != 0)[: len(own)]
+    new_path = run_begins(own)
     begins = pieces.hanging & (new_path | ~np.append(False, pieces.hanging)[: len(own)])
     first = np.flatnonzero(begins)
     last_of_path = np.append(np.diff(own) != 0, True)[: len(own)]

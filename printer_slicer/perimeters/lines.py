@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import distinct, lengths
+from printer_slicer.geometry.areas import distinct, lengths, run_begins
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
 from printer_slicer.perimeters.beading import Beading
@@ -138,7 +138,7 @@ def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
     """(h,) for half-pieces that leave points (h,) the one that goes on straightest, -1 without; and where others do."""
     order = np.argsort(point, kind="stable")
     point = point[order]
-    starts = np.flatnonzero(np.concatenate([[True], point[1:] != point[:-1]]))
+    starts = np.flatnonzero(run_begins(point))
     degree = np.diff(np.append(starts, len(point)))
     way = way[order] / np.maximum(np.hypot(*way[order].T), 1e-12)[:, None]
     group, pair = spread(degree * degree)
@@ -170,7 +170,7 @@ class _Chosen:
 def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
     """Lines through half-pieces that stand in order; ends at the side of another line are cut back."""
     graph, half, line = layout.graph, chosen.half, chosen.line
-    begins = np.flatnonzero(np.concatenate([[True], line[1:] != line[:-1]]))
+    begins = np.flatnonzero(run_begins(line))
     size = np.diff(np.append(begins, len(line)))
     last = begins + size - 1
     port = np.take_along_axis(layout.port[half >> 1], (half & 1)[:, None], axis=1)[:, 0]
@@ -187,7 +187,8 @@ def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
     ]
     xy, width = _trimmed(xy, width, size + 1, trim[0], trim[1])
     owner = np.repeat(np.arange(len(size)), size + 1)
-    new = np.concatenate([[True], (owner[1:] != owner[:-1]) | (np.abs(xy[1:] - xy[:-1]) > _SAME).any(axis=1)])
+    new = run_begins(owner)
+    new[1:] |= (np.abs(xy[1:] - xy[:-1]) > _SAME).any(axis=1)
     ring = chosen.closed[begins]
     new[end[ring]] = False
     size = np.bincount(owner[new], minlength=len(size))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive, distinct
+from printer_slicer.geometry.areas import consecutive, distinct, run_begins
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.vectors import feet
@@ -178,7 +178,7 @@ def _gathered(
     index = consecutive(-(first[order] + counts - 1), counts)  # each item's points backward too
     xy, width = (column[-index] for column in points)
     owner = np.repeat(lowest[order], counts)
-    begins = np.concatenate([[True], owner[1:] != owner[:-1]]) if len(owner) else np.zeros(0, np.bool_)
+    begins = run_begins(owner)
     ring = np.cumsum(begins) - 1
     starts = np.flatnonzero(begins)
     before = np.arange(len(owner)) - 1
@@ -255,9 +255,9 @@ class _Ordinary:
         n = len(self.ring)
         if not n:
             return np.zeros(0, np.int64), self.lost
-        starts = np.flatnonzero(np.concatenate([[True], self.ring[1:] != self.ring[:-1]]))
+        starts = np.flatnonzero(run_begins(self.ring))
         ends = np.append(starts[1:], n) - 1
-        of_ring = np.cumsum(np.isin(np.arange(n), starts)) - 1
+        of_ring = np.repeat(np.arange(len(starts)), ends - starts + 1)
         after, before = np.arange(n) + 1, np.arange(n) - 1
         after[ends], before[starts] = starts, ends
         # The mouth at or before each item, going back around its ring.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Areas, Float, Int, Polylines, frozen_array
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, run_begins
 from printer_slicer.geometry.clipping import spans
 from printer_slicer.model import Toolpaths
 
@@ -73,7 +73,7 @@ def spans_within(paths: Toolpaths, areas: Areas, shortest: float) -> Spans:
     order = np.argsort(path, kind="stable")
     path, begin, end = path[order], begin[order], end[order]
     long = paths.length()
-    new = np.append(True, np.diff(path) != 0)[: len(path)]
+    new = run_begins(path)
     first = np.flatnonzero(new & paths.closed[path] & (begin <= _NOTHING))
     last = np.searchsorted(path, path[first], side="right") - 1
     goes_on = (end[last] >= long[path[last]] - _NOTHING) & (last > first)
@@ -88,7 +88,7 @@ def spans_between(paths: Toolpaths, inside: Spans) -> Spans:
     """What is left of the paths that have stretches cut out of them."""
     long = paths.length()
     path, low, high = inside.path, inside.begin, inside.end
-    is_first = np.append(True, np.diff(path) != 0)[: len(path)]
+    is_first = run_begins(path)
     is_last = np.append(np.diff(path) != 0, True)[: len(path)]
     first, last = np.flatnonzero(is_first), np.flatnonzero(is_last)
     around = paths.closed[path[first]]

@@ -17,6 +17,7 @@ from printer_slicer.geometry.areas import (
     lengths,
     per_layer,
     previous_around,
+    run_begins,
 )
 from tests.strategies import areas, box
 
@@ -133,6 +134,13 @@ def test_a_layer_is_used_if_it_has_rings_and_as_long_as_they_are_together(stack:
 def test_stacks_of_different_height_do_not_merge() -> None:
     with pytest.raises(ValueError, match="2 and 3 layers"):
         Areas.empty(2).merge(Areas.empty(3))
+
+
+@given(st.lists(st.integers(0, 2)))
+def test_runs_begin_where_a_value_differs_from_the_one_before(values: list[int]) -> None:
+    begins = run_begins(np.array(values, np.int64))
+
+    assert begins.tolist() == [i == 0 or value != values[i - 1] for i, value in enumerate(values)]
 
 
 def test_consecutive_numbers_follow_from_first_and_count() -> None:
