@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.geometry import Areas, Bool, Float, Int, rings_around
 from printer_slicer.geometry.areas import consecutive, distinct, run_begins
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
@@ -279,19 +279,9 @@ class _Ordinary:
 
 
 def _begin_in(rings: Areas, places: Areas) -> Bool:
-    """(R,) whether rings begin within places: a ray to the right leaves them an odd time."""
-    begin = rings.xy.take(rings.ring_start[:-1], axis=0)
-    right = max(begin[:, 0].max(initial=0.0), places.xy[:, 0].max(initial=0.0))
-    rays = Boxes(begin, np.column_stack([np.full(len(begin), right), begin[:, 1]]), rings.ring_layer)
-    ray, side = rays.overlapping(Boxes.of_sides(places))
-    (x, y), (ax, ay), (bx, by) = (
-        xy.take(one, axis=0).T
-        for xy, one in ((begin, ray), (places.xy, side), (places.xy, places.following[side]))
-    )
-    # Each end belongs to the part of the side above it, so that a ray through a corner counts once.
-    left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-    crossed = ((ay <= y) & (by > y) & (left > 0)) | ((ay > y) & (by <= y) & (left < 0))
-    return np.asarray(np.bincount(ray[crossed], minlength=len(begin)) % 2 == 1)
+    """(R,) whether rings begin within places."""
+    around = rings_around(places, rings.xy.take(rings.ring_start[:-1], axis=0), rings.ring_layer)
+    return np.append(places.ring_area() > 0, False)[around]
 
 
 def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
