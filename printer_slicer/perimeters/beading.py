@@ -21,9 +21,7 @@ __all__ = ["Beading"]
 _ROUNDING = 1e-4  # mm; it should not decide over walls of exactly the least thickness
 _TWO_FROM = 1.5  # spacings: from this room on two beads take the place of one
 _THIN = 0.6  # of the thinnest feature: a dip in a thin wall that is bridged goes no further
-_LEAST_MIDDLE = (
-    0.3  # spacings: a middle bead thinner than this share is not worth it, whatever the limits say
-)
+_LEAST_MIDDLE = 0.3  # spacings: a thinner middle bead is not worth it, whatever the limits say
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,10 +21,8 @@ _SHARPEST = np.sin(np.deg2rad(25) / 2)  # in corners wider than this loops turn 
 _SHORTEST_CENTRAL = 0.6  # spacings; a shorter stretch in front of a wider place is part of a corner
 _SHORTEST_RUN = 1.0  # mm
 _GIVE = 0.25  # spacings by which beads of a short run may leave their limits
-_LONGER_RUN, _GIVE_LONGER = (
-    5.0,
-    0.12,
-)  # mm and spacings: what hardly differs is not worth beads that begin and end
+_LONGER_RUN = 5.0  # mm
+_GIVE_LONGER = 0.12  # spacings; what hardly differs is not worth beads that begin and end
 _GIVE_ON_TOP = 0.6  # the same where stretches meet
 _ROUNDS = 6
 _TIP = 1e-6  # mm of radius
@@ -62,17 +60,7 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
         beading: beads by thickness.
         widest: (L,) radius beyond which pieces are wide.
     """
-    radius, layer = graph.radius[graph.ends], graph.piece_layer
-    # Down to the tip of a corner the count is that of the place from which the way leads there.
-    above = np.flatnonzero((radius.min(axis=1) > _TIP) | (graph.steepness <= _SHARPEST))
-    cuts = [crossings(radius, widest[layer])]
-    single = np.flatnonzero(radius.max(axis=1) <= beading.thresholds()[min(1, beading.full - 1)][layer])
-    piece, share = crossings(radius[single], _spur_floor(beading)[layer[single]])
-    cuts.append((single[piece], share))
-    for limit in beading.thresholds():
-        piece, share = crossings(radius[above], limit[layer[above]])
-        cuts.append((above[piece], share))
-    graph = graph.divided(np.concatenate([cut[0] for cut in cuts]), np.concatenate([cut[1] for cut in cuts]))
+    graph = graph.divided(*_cuts(graph, beading, widest))
     real, layer, radius = real[graph.origin], graph.piece_layer, graph.middle_radius
     wide = real & (radius > widest[layer])
     used = real & ~wide
@@ -82,8 +70,7 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
         own += radius > limit[layer]
     count = _without_short_runs(graph, central, np.where(central, own, 0), wide, beading)
     # What leads up from a stretch goes on as the stretch while the thickness allows; then the wider place decides.
-    top = np.zeros(len(graph.xy), np.int64)
-    np.maximum.at(top, graph.ends[central].ravel(), np.repeat(count[central], 2))
+    top = _highest(graph, central, count)
     rising = np.flatnonzero(used & ~central & (base >= 0))
     below = top[base[rising]]
     bulge = _on_top(graph, rising, below, central | wide, beading)
@@ -96,6 +83,26 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
     return Counted(graph, used, central, corner, wide, count)
 
 
+def _cuts(graph: Graph, beading: Beading, widest: Float) -> tuple[Int, Float]:
+    """Pieces (n,), and the shares (n,) of the way along each, where the count may change."""
+    radius, layer, limits = graph.radius[graph.ends], graph.piece_layer, beading.thresholds()
+    cuts = [crossings(radius, widest[layer])]
+    single = np.flatnonzero(radius.max(axis=1) <= limits[min(1, beading.full - 1)][layer])
+    # Down to the tip of a corner the count is that of the place from which the way leads there.
+    above = np.flatnonzero((radius.min(axis=1) > _TIP) | (graph.steepness <= _SHARPEST))
+    for some, limit in ((single, _spur_floor(beading)), *((above, limit) for limit in limits)):
+        piece, share = crossings(radius[some], limit[layer[some]])
+        cuts.append((some[piece], share))
+    return np.concatenate([piece for piece, _ in cuts]), np.concatenate([share for _, share in cuts])
+
+
+def _highest(graph: Graph, central: Bool, count: Int) -> Int:
+    """(V,) the highest count of the central pieces that meet in each point, 0 where none does."""
+    top = np.zeros(len(graph.xy), np.int64)
+    np.maximum.at(top, graph.ends[central].ravel(), np.repeat(count[central], 2))
+    return top
+
+
 def _spur_floor(beading: Beading) -> Float:
     """(L,) radius down to which a bead goes into a corner."""
     return np.asarray(np.maximum(beading.thresholds()[0], _SPUR_FLOOR * beading.narrowest))
@@ -104,8 +111,7 @@ def _spur_floor(beading: Beading) -> Float:
 def _spurs(graph: Graph, corner: Bool, central: Bool, count: Int, floor: Float) -> Int:
     """Pieces into corners that a bead on its own leaves open by more than a trifle, as it ends or goes by."""
     ends, radius, length = graph.ends, graph.radius, graph.length
-    top = np.zeros(len(radius), np.int64)
-    np.maximum.at(top, ends[central].ravel(), np.repeat(count[central], 2))
+    top = _highest(graph, central, count)
     piece = np.flatnonzero(corner)
     up = np.argmax(radius[ends[piece]], axis=1)[:, None]
     high, low = (np.take_along_axis(ends[piece], end, axis=1)[:, 0] for end in (up, 1 - up))
@@ -209,12 +215,14 @@ def _without_short_runs(graph: Graph, central: Bool, count: Int, wide: Bool, bea
 
 
 def _extreme(which: np.ufunc, group: Int, values: Float, n: int, start: float) -> Float:
+    """(n,) least or greatest of the values (m,) of each group (m,); `start` where there is none."""
     result = np.full(n, start)
     which.at(result, group, values)
     return result
 
 
 def _of_run(run: Int, values: Int, n: int) -> Int:
+    """(n,) what all pieces (m,) of a run have."""
     result = np.zeros(n, np.int64)
     result[run] = values
     return result

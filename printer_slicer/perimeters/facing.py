@@ -33,18 +33,9 @@ def facing(areas: Areas, distance: Float, lean: float) -> Boxes:
     boxes = Boxes.of_sides(areas)
     low, high, layer = boxes.low, boxes.high, boxes.layer
     a, b = boxes.grown(distance[layer] / 2).neighbours()
-    begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
-    way = end - begin
-    way = way / np.maximum(np.hypot(*way.T), 1e-12)[:, None]
-    normal = np.column_stack([-way[:, 1], way[:, 0]])
-    before = areas.previous
-    turn = cross(way.take(before, axis=0), way)
-    sides = _Sides(begin, end, normal, normal.take(before, axis=0), turn < -_SMALL_TURN)
-    reach = distance[layer[a]]
-    found = sides.lean(a, b, np.cos(lean), reach)
-    found |= sides.corner_to_side(a, b, reach) | sides.corner_to_side(b, a, reach)
-    found |= sides.corner_to_corner(a, b, reach)
-    a, b, reach = a[found], b[found], reach[found, None]
+    found = _Sides.of(areas).face(a, b, lean, distance[layer[a]])
+    a, b = a[found], b[found]
+    reach = distance[layer[a], None]
     small = _of_small_rings(areas, distance)
     between_low = np.maximum(low[a], low[b] - reach), np.maximum(low[b], low[a] - reach)
     between_high = np.minimum(high[a], high[b] + reach), np.minimum(high[b], high[a] + reach)
@@ -54,18 +45,17 @@ def facing(areas: Areas, distance: Float, lean: float) -> Boxes:
         np.maximum.at(box_high, side, some_high)
     box_low[small], box_high[small] = np.minimum(box_low, low)[small], np.maximum(box_high, high)[small]
     chosen = np.flatnonzero(box_low[:, 0] < np.inf)
-    if not len(chosen):
-        return Boxes(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.int64))
-    # Neighbours share a box as long as it stays short.
-    cell = np.column_stack(
-        [layer[chosen], *(np.floor(one[chosen] / distance.max()) for one in (box_low, box_high))]
-    )
-    first = np.flatnonzero(np.concatenate([[True], (np.diff(cell, axis=0) != 0).any(axis=1)]))
-    return Boxes(
-        np.minimum.reduceat(box_low[chosen], first),
-        np.maximum.reduceat(box_high[chosen], first),
-        layer[chosen][first],
-    )
+    return _merged(Boxes(box_low[chosen], box_high[chosen], layer[chosen]), float(distance.max(initial=0.0)))
+
+
+def _merged(boxes: Boxes, size: float) -> Boxes:
+    """Boxes that follow each other as one as long as it stays short: within one cell of `size` mm at both ends."""
+    if not len(boxes.layer):
+        return boxes
+    cell = np.column_stack([boxes.layer, np.floor(boxes.low / size), np.floor(boxes.high / size)])
+    first = np.flatnonzero(np.append(True, (np.diff(cell, axis=0) != 0).any(axis=1)))
+    low, high = np.minimum.reduceat(boxes.low, first), np.maximum.reduceat(boxes.high, first)
+    return Boxes(low, high, boxes.layer[first])
 
 
 def _of_small_rings(areas: Areas, distance: Float) -> Bool:
@@ -95,6 +85,23 @@ class _Sides:
     normal: Float
     normal_before: Float
     inward: Bool
+
+    @classmethod
+    def of(cls, areas: Areas) -> _Sides:
+        """In the order of the points at which they begin."""
+        begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
+        way = end - begin
+        way = way / np.maximum(np.hypot(*way.T), 1e-12)[:, None]
+        normal = np.column_stack([-way[:, 1], way[:, 0]])
+        before = areas.previous
+        turn = cross(way.take(before, axis=0), way)
+        return cls(begin, end, normal, normal.take(before, axis=0), turn < -_SMALL_TURN)
+
+    def face(self, a: Int, b: Int, lean: float, reach: Float) -> Bool:
+        """(n,) whether sides, or the corners at which they begin, face each other within `reach` (n,) mm."""
+        found = self.lean(a, b, np.cos(lean), reach)
+        found |= self.corner_to_side(a, b, reach) | self.corner_to_side(b, a, reach)
+        return found | self.corner_to_corner(a, b, reach)
 
     def lean(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
         """(n,) whether two sides face each other nearly parallel."""

@@ -5,7 +5,7 @@ Values belong to ports. A port is a point seen from the pieces of one count: whe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,37 +53,24 @@ class Layout:
 
 def laid_out(given: Counted, beading: Beading) -> Layout:
     """The beads of a graph whose pieces know their counts."""
-    ports = _Ports.of(given, beading)
-    graph, layer = given.graph, given.graph.piece_layer
-    half = beading.spacing[layer] / 2
-    cuts = [ports.passing(distance) for distance in (np.full(len(layer), _TRANSITION), half)]
-    given = _divided(given, cuts)
-    ports = _Ports.of(given, beading)
-    graph = given.graph
-    room = graph.radius[graph.ends]
+    # Where beads have come to their new places, and where loops of levels that end turn around.
+    ports, half = _Ports.of(given, beading), beading.spacing[given.graph.piece_layer] / 2
+    given = _divided(given, [ports.passing(far) for far in (np.full(len(half), _TRANSITION), half)])
+    # Where the room for a level ends.
+    ports, room = _Ports.of(given, beading), given.graph.radius[given.graph.ends]
     inset, _ = ports.beads(beading)
-    cuts = [crossings(room - level[ports.port], np.zeros(len(room))) for level in inset]
-    given = _divided(given, cuts)
-    ports = _Ports.of(given, beading)
-    return ports.layout(beading)
+    given = _divided(given, [crossings(room - level[ports.port], np.zeros(len(room))) for level in inset])
+    return _Ports.of(given, beading).layout(beading)
 
 
 def _divided(given: Counted, cuts: list[tuple[Int, Float]]) -> Counted:
-    graph = given.graph
-    n = len(graph.steepness)
-    numbered = Graph(
-        graph.xy,
-        graph.radius,
-        graph.layer,
-        graph.start,
-        graph.foot,
-        graph.following,
-        graph.steepness,
-        np.arange(n),
-    ).divided(np.concatenate([cut[0] for cut in cuts]), np.concatenate([cut[1] for cut in cuts]))
-    part = numbered.origin
+    """With new points where pieces (n,) are cut, at a share (n,) of the way along each."""
+    numbered = replace(given.graph, origin=np.arange(len(given.used)))
+    piece, share = (np.concatenate(column) for column in zip(*cuts, strict=True))
+    parts = numbered.divided(piece, share)
+    part = parts.origin
     return Counted(
-        numbered,
+        parts,
         given.used[part],
         given.central[part],
         given.corner[part],

@@ -6,15 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.geometry import (
-    Areas,
-    Bool,
-    Float,
-    Int,
-    normalize,
-    offset,
-    simplify,
-)
+from printer_slicer.geometry import Areas, Bool, Float, Int, normalize, offset, simplify
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
@@ -32,7 +24,7 @@ __all__ = ["Narrow", "fill_narrow_places"]
 
 _LEAN = np.deg2rad(26)  # a little more than sides of corners that have beads in the middle
 _BEYOND = (
-    0.02  # mm of radius by which places are followed into wider ones, so that short bulges can be bridged
+    0.02  # mm of radius: so far places are followed into wider ones, so that short bulges can be bridged
 )
 _CELL = 0.4  # mm
 _APART = 2e-5  # mm; two steps of the grid that areas are rounded to
@@ -119,18 +111,9 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
         broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
     layout = laid_out(given, beading)
     walk = walked(layout, layout.active, layout.inset, layout.width)
-    nowhere = replace(layout, wide=np.zeros(len(layout.wide), np.bool_))
     width = beading.spacing + beading.rounding
-    places, _ = closed_rings(
-        walked(nowhere, layout.used[None], np.zeros((1, len(layout.count))), layout.width[:1]),
-        [],
-        Areas.empty(solid.n_layers),
-        width,
-    )
-    inset = np.arange(beading.loops + 1)[:, None] * beading.spacing + beading.margin
-    inset[:-1] += beading.spacing / 2
-    ordinary = [offset(solid.of_layers(layers), -one, join="round") for one in inset]
-    rings, failed = closed_rings(walk, ordinary, _areas(places, solid.n_layers), width)
+    ordinary, places = _ordinary(solid.of_layers(layers), beading), _places(layout, width, solid.n_layers)
+    rings, failed = closed_rings(walk, ordinary, places, width)
     broken[failed] = True
     layers &= ~broken
     lines = middle_lines(layout, beading)
@@ -145,6 +128,24 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
         ),
         broken,
     )
+
+
+def _ordinary(solid: Areas, beading: Beading) -> list[Areas]:
+    """The loops of each level, and the border of what is left inside, as they are where there is room for all.
+
+    With round joints these are the points of one distance from the outline, which loops around the medial axis come to.
+    """
+    inset = np.arange(beading.loops + 1)[:, None] * beading.spacing + beading.margin
+    inset[:-1] += beading.spacing / 2
+    return [offset(solid, -one, join="round") for one in inset]
+
+
+def _places(layout: Layout, width: Float, n_layers: int) -> Areas:
+    """The narrow places, from outline to outline: what a loop along the outline itself goes around, without mouths."""
+    without_mouths = replace(layout, wide=np.zeros(len(layout.wide), np.bool_))
+    walk = walked(without_mouths, layout.used[None], np.zeros((1, len(layout.count))), layout.width[:1])
+    rings, _ = closed_rings(walk, [], Areas.empty(n_layers), width)
+    return _areas(rings, n_layers)
 
 
 def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:

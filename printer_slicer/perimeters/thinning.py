@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.areas import following_around, previous_around
 
 __all__ = ["kept_points"]
 
@@ -23,12 +24,10 @@ def kept_points(xy: Float, width: Float, size: Int, closed: Bool, tolerance: flo
         tolerance: mm, of place and of width.
     """
     n = len(xy)
-    start = np.cumsum(size) - size
-    ends = start + size - 1
-    before, after = np.arange(n) - 1, np.arange(n) + 1
-    before[start], after[ends] = ends, start
+    start = np.append(0, np.cumsum(size))
+    before, after = previous_around(start), following_around(start)
     fixed = np.zeros(n, np.bool_)
-    fixed[start[~closed]] = fixed[ends[~closed]] = True
+    fixed[start[:-1][~closed]] = fixed[start[1:][~closed] - 1] = True
     left = np.array(size)
     path = np.repeat(np.arange(len(size)), size)
     kept, moved = np.ones(n, np.bool_), np.zeros(n)  # of the side that begins at each point
@@ -40,13 +39,7 @@ def kept_points(xy: Float, width: Float, size: Int, closed: Bool, tolerance: flo
         total = off + np.maximum(moved[prior], moved[ask])
         good = total <= tolerance
         ask, off, total = ask[good], off[good], total[good]
-        rank = np.full(n, np.inf)
-        rank[ask] = off
-        low, high = rank[before[ask]], rank[after[ask]]
-        # Of equals the one with the lower number goes.
-        first = ((off < low) | ((off == low) & (ask < before[ask]))) & (
-            (off < high) | ((off == high) & (ask < after[ask]))
-        )
+        first = _least(ask, off, before, after)
         going = np.bincount(path[ask[first]], minlength=len(size))
         first &= (left - going >= 3)[path[ask]] | ~closed[path[ask]]
         gone = ask[first]
@@ -58,6 +51,16 @@ def kept_points(xy: Float, width: Float, size: Int, closed: Bool, tolerance: flo
         left = left - np.bincount(path[gone], minlength=len(size))
         ask = ask[~first]
     return kept
+
+
+def _least(ask: Int, off: Float, before: Int, after: Int) -> Bool:
+    """(n,) which points `ask` (n,) are off by less than both of their neighbours; of equals the lower number is."""
+    rank = np.full(len(before), np.inf)
+    rank[ask] = off
+    prior, next_one = before[ask], after[ask]
+    low, high = rank[prior], rank[next_one]
+    under_prior = (off < low) | ((off == low) & (ask < prior))
+    return np.asarray(under_prior & ((off < high) | ((off == high) & (ask < next_one))))
 
 
 def _off(point: Float, begin: Float, end: Float) -> Float:

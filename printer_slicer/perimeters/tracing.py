@@ -132,40 +132,25 @@ def closed_rings(walk: Walk, ordinary: list[Areas], places: Areas, width: Float)
     Returns:
         The loops, and the layers on which they could not be joined; those have none.
     """
-    n_steps = len(walk.level)
-    items = [_Ordinary.of(areas, level, walk, places) for level, areas in enumerate(ordinary)]
-    following = walk.following.copy()
-    xy, of_width = [walk.xy.reshape(-1, 2)], [walk.width.ravel()]
-    item_level, item_layer = [walk.level], [walk.layer]
-    bad = [walk.layer[walk.following == -2]]
-    after = [following]
-    n = n_steps
-    for item in items:
-        links, lost = item.links(n, following)
-        bad.append(lost)
+    # Items of loops: the steps, with two points each, and then the points of the ordinary loops.
+    loops = [_Ordinary.of(areas, level, walk, places) for level, areas in enumerate(ordinary)]
+    after, bad = [walk.following.copy()], [walk.layer[walk.following == -2]]
+    for loop in loops:
+        links, lost = loop.links(sum(map(len, after)), after[0])
         after.append(links)
-        xy.append(item.xy)
-        of_width.append(width[item.layer])
-        item_level.append(np.full(len(item.layer), item.level))
-        item_layer.append(item.layer)
-        n += len(links)
-    level, layer = np.concatenate(item_level), np.concatenate(item_layer)
-    broken = distinct(np.concatenate(bad))
-    step = np.concatenate(after)
-    usable = ~np.isin(layer, broken) & (step >= 0)
-    chosen = np.flatnonzero(usable)
-    place = np.full(len(step), -1)
-    place[chosen] = np.arange(len(chosen))
-    n_points = np.where(np.arange(len(step)) < n_steps, 2, 1)
-    first_point = np.cumsum(n_points) - n_points
-    rings = _gathered(
-        place[step[chosen]],
-        first_point[chosen],
-        n_points[chosen],
-        (np.concatenate(xy), np.concatenate(of_width)),
-        (level[chosen], layer[chosen]),
-    )
-    return rings, broken
+        bad.append(lost)
+    following, broken = np.concatenate(after), distinct(np.concatenate(bad))
+    level = np.concatenate([walk.level, *(np.full(len(loop.layer), loop.level) for loop in loops)])
+    layer = np.concatenate([walk.layer, *(loop.layer for loop in loops)])
+    xy = np.concatenate([walk.xy.reshape(-1, 2), *(loop.xy for loop in loops)])
+    widths = np.concatenate([walk.width.ravel(), *(width[loop.layer] for loop in loops)])
+    chosen = np.flatnonzero(~np.isin(layer, broken) & (following >= 0))
+    number = np.full(len(following), -1)
+    number[chosen] = np.arange(len(chosen))
+    size = np.where(np.arange(len(following)) < len(walk.level), 2, 1)
+    first = np.cumsum(size) - size
+    labels = level[chosen], layer[chosen]
+    return _gathered(number[following[chosen]], first[chosen], size[chosen], (xy, widths), labels), broken
 
 
 def _gathered(
