@@ -13,18 +13,21 @@ from printer_slicer.geometry.areas import (
     Int,
     consecutive,
     distinct,
+    following_around,
     previous_around,
     run_begins,
 )
+from printer_slicer.geometry.blunting import blunted, reach_of_corner
 from printer_slicer.geometry.joints import chain_steps
 from printer_slicer.geometry.polylines import Polylines
 
 __all__ = ["anchor"]
 
 _SHORTEST_HOOK = 0.01  # mm
+_LEANS = 0.05  # cosine of the angle between line and outline: under that it stands upright
 
 
-def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float) -> Polylines:
+def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float, apart: float = 0.0) -> Polylines:
     """The lines with their ends joined along the outlines they lie on.
 
     Each end is joined to one of its two neighbours on the outline where the way to it is no longer than `longest`: as
@@ -33,24 +36,29 @@ def anchor(areas: Areas, lines: Polylines, *, longest: float, hook: float) -> Po
     along the outline, toward the side with more room, at most to the middle between it and its neighbour. No line is
     joined to itself; lines that together come out as a loop end where they begin.
 
+    Where a line meets the outline at a sharp angle, what runs along it on that side would lie on the line at first:
+    the corner is cut off. Ways that consist of nothing else are not taken, and that much of a hook does not count.
+
     Args:
         areas: what the lines were cut by; their `edge` says where they end.
         lines: open lines.
         longest: mm, of a way from end to end; 0 joins none.
         hook: mm, of a hook; 0 makes none.
+        apart: mm from line to line, where they lie side by side; 0 keeps sharp corners.
     """
     ends = np.flatnonzero(lines.edge.ravel() >= 0)
     if not len(ends):
         return lines
     outline = _Outline.of(areas)
-    ways = _ways(lines, outline, ends)
+    ways = _ways(lines, outline, ends, apart)
     mate = np.full(2 * lines.n_lines, -1)
     chosen = np.flatnonzero(_chosen(ways, longest))
     mate[ways.end[chosen]], mate[ways.next_end[chosen]] = ways.next_end[chosen], ways.end[chosen]
     joints = _Stretches(ways.end[chosen], ways.place[chosen], ways.next_place[chosen])
     hooks = _hooks(ways, mate, hook)
     mate, hooks = _loops_opened(mate, joints, hooks)
-    return _assembled(lines, outline, mate, joints, hooks)
+    joined, corner = _assembled(lines, outline, mate, joints, hooks)
+    return blunted(joined, corner, areas, apart) if apart else joined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,6 +109,7 @@ class _Ways:
         count: (R,) how many that ring has.
         place: (E,) of the end.
         next_place: (E,) of the next; behind the end of the ring where the way passes its first point.
+        cut: (E, 2) mm that are cut off of what runs along the outline from the end, forward and backward.
     """
 
     end: Int
@@ -110,6 +119,7 @@ class _Ways:
     count: Int
     place: Float
     next_place: Float
+    cut: Float
 
     @property
     def length(self) -> Float:
@@ -121,8 +131,13 @@ class _Ways:
         """(E,) the way before it around the ring."""
         return previous_around(np.append(self.first, len(self.end)))
 
+    @property
+    def following(self) -> Int:
+        """(E,) the way after it around the ring."""
+        return following_around(np.append(self.first, len(self.end)))
 
-def _ways(lines: Polylines, outline: _Outline, ends: Int) -> _Ways:
+
+def _ways(lines: Polylines, outline: _Outline, ends: Int, apart: float) -> _Ways:
     edge = lines.edge.ravel()[ends]
     point = np.stack([lines.start[:-1], lines.start[1:] - 1], axis=1).ravel()[ends]
     into = np.hypot(*(lines.xy[point] - outline.areas.xy[edge]).T)
@@ -136,7 +151,19 @@ def _ways(lines: Polylines, outline: _Outline, ends: Int) -> _Ways:
     next_end[last] = end[first]
     around = outline.ring_place[ring[first] + 1] - outline.ring_place[ring[first]]
     next_place[last] = place[first] + around
-    return _Ways(end, next_end, ring, first, count, place, np.maximum(next_place, place))
+    cut = _cut(lines, outline.areas, end, edge[order], apart)
+    return _Ways(end, next_end, ring, first, count, place, np.maximum(next_place, place), cut)
+
+
+def _cut(lines: Polylines, areas: Areas, end: Int, edge: Int, apart: float) -> Float:
+    """(E, 2) mm from each end to where the line and what runs along the outline, both ways, are `apart`."""
+    last = end % 2 == 1
+    point = np.where(last, lines.start[end // 2 + 1] - 1, lines.start[end // 2])
+    back = lines.xy[np.where(last, point - 1, point + 1)] - lines.xy[point]
+    along = areas.xy[areas.following[edge]] - areas.xy[edge]
+    cosine = (back * along).sum(axis=1) / np.maximum(np.hypot(*back.T) * np.hypot(*along.T), 1e-12)
+    both = np.stack([cosine, -cosine], axis=1)
+    return np.where(both > _LEANS, reach_of_corner(both, apart), 0.0)
 
 
 def _chosen(ways: _Ways, longest: float) -> Bool:
@@ -148,6 +175,9 @@ def _chosen(ways: _Ways, longest: float) -> Bool:
     over, and the longest way is one of the two beside it.
     """
     may = (ways.length <= longest) & (ways.end // 2 != ways.next_end // 2)
+    here, there = ways.cut[:, 0], ways.cut[ways.following, 1]
+    # Lines that lean over the way from both sides cross before it: a small loop would lie on the crossing.
+    may &= ways.length >= here + there + 2 * np.minimum(here, there)
     place, number = np.arange(len(may)), np.repeat(np.arange(len(ways.first)), ways.count)
     first, count = ways.first[number], ways.count[number]
     full = np.logical_and.reduceat(may, ways.first)
@@ -226,10 +256,13 @@ def _hooks(ways: _Ways, mate: Int, hook: float) -> _Stretches:
     """The hooks of the ends that are left over."""
     length = ways.length
     free = np.flatnonzero(mate[ways.end] < 0)
-    ahead, behind = length[free], length[ways.previous[free]]
-    reach = np.minimum(np.maximum(ahead, behind) / 2, hook)
-    long = reach > _SHORTEST_HOOK
-    free, reach = free[long], np.where(ahead >= behind, reach, -reach)[long]
+    room = np.stack([length[free], length[ways.previous[free]]], axis=1) / 2
+    # Hooks as long are equally good, and then more room is.
+    good = np.minimum(room, hook) - ways.cut[free]
+    forward = np.where(np.isclose(*good.T), room[:, 0] >= room[:, 1], good[:, 0] > good[:, 1])
+    reach = np.minimum(np.where(forward, *room.T), hook)
+    long = (reach > _SHORTEST_HOOK) & (good.max(axis=1, initial=-np.inf) > 0)
+    free, reach = free[long], np.where(forward, reach, -reach)[long]
     return _Stretches(ways.end[free], ways.place[free], ways.place[free] + reach)
 
 
@@ -263,8 +296,8 @@ def _following(mate: Int) -> Int:
 
 def _assembled(
     lines: Polylines, outline: _Outline, mate: Int, joints: _Stretches, hooks: _Stretches
-) -> Polylines:
-    """The lines one after the other, with the stretches between and at the ends."""
+) -> tuple[Polylines, Int]:
+    """The lines one after the other, with the stretches between and at the ends; and which points may be cut off."""
     entry, path = _walks(mate)
     # Between lines: the joint at the end each line is left by. Before the first and after the last: hooks.
     joint_of, hook_of = np.full(len(mate), -1), np.full(len(mate), -1)
@@ -313,6 +346,7 @@ class _Vertices:
         tips = outline.xy(tip, outline.edge_at(tip, ring))
         self.xy = np.concatenate([lines.xy, outline.areas.xy, tips])
         self._tip = len(lines.xy) + len(outline.areas.xy)
+        self._corner = self._corners(len(tips))
         self._hooks = hooks
 
     def _ring_of(self, stretches: _Stretches) -> Int:
@@ -364,8 +398,11 @@ class _Vertices:
             np.repeat(first, count) + consecutive(np.zeros_like(count), count) * np.repeat(step, count)
         )
 
-    def gathered(self, chunks: list[tuple[Int, Int]], path: Int, entry: Int) -> Polylines:
-        """The chunks of every line one after the other, as many polylines as there are paths."""
+    def gathered(self, chunks: list[tuple[Int, Int]], path: Int, entry: Int) -> tuple[Polylines, Int]:
+        """The chunks of every line one after the other, as many polylines as there are paths; and the corners.
+
+        Those are points on the outline with the area on the inner side of the angle.
+        """
         counts = np.stack([count for _, count in chunks], axis=1)
         begins = np.cumsum([0, *(len(index) for index, _ in chunks)])[:-1]
         first = np.stack([at + np.cumsum(c) - c for at, (_, c) in zip(begins, chunks, strict=True)], axis=1)
@@ -374,16 +411,16 @@ class _Vertices:
         heads = run_begins(path)
         size = np.bincount(np.cumsum(heads) - 1, weights=counts.sum(axis=1)).astype(np.int64)
         layer = self.lines.layer[entry[heads] // 2]
-        made = _without_repeats(self.xy[index], size, layer)
-        return made.take(np.argsort(made.layer, kind="stable"))
+        made, kept = Polylines.of(self.xy[index], size, layer).without_repeats()
+        return made, np.flatnonzero(self._corner[index[kept]])
 
-
-def _without_repeats(xy: Float, size: Int, layer: Int) -> Polylines:
-    """Polylines without points that repeat the one before; those with fewer than two points are left out."""
-    first = np.cumsum(size) - size
-    keep = np.hypot(*np.diff(xy, axis=0, prepend=np.nan).T) > 1e-6
-    keep[first] = True
-    owner = np.repeat(np.arange(len(size)), size)
-    count = np.bincount(owner[keep], minlength=len(size))
-    keep &= (count >= 2)[owner]
-    return Polylines.of(xy[keep], count[count >= 2], layer[count >= 2])
+    def _corners(self, n_tips: int) -> Bool:
+        """(V,) whether a vertex is the end of a line on an outline, or a place of the outline that sticks out."""
+        lines, areas = self.lines, self.outline.areas
+        of_lines = np.zeros(len(lines.xy), np.bool_)
+        of_lines[lines.start[:-1]] |= lines.edge[:, 0] >= 0
+        of_lines[lines.start[1:] - 1] |= lines.edge[:, 1] >= 0
+        after = areas.xy[areas.following] - areas.xy
+        before = after[previous_around(areas.ring_start)]
+        convex = before[:, 0] * after[:, 1] > before[:, 1] * after[:, 0]
+        return np.concatenate([of_lines, convex, np.zeros(n_tips, np.bool_)])

@@ -20,6 +20,8 @@ from printer_slicer.geometry.areas import (
 
 __all__ = ["Polylines"]
 
+_SAME = 1e-6  # mm
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Polylines:
@@ -103,3 +105,15 @@ class Polylines:
     def length(self) -> Float:
         """(M,) mm of each line."""
         return lengths(self.xy, self.start, self.closed)
+
+    def without_repeats(self) -> tuple[Polylines, Int]:
+        """Open lines without points that repeat the one before, and (N,) which points are left.
+
+        Lines with fewer than two points are left out.
+        """
+        keep = np.hypot(*np.diff(self.xy, axis=0, prepend=np.nan).T) > _SAME
+        keep[self.start[:-1]] = True
+        owner = np.repeat(np.arange(self.n_lines), self.size)
+        count = np.bincount(owner[keep], minlength=self.n_lines)
+        kept = np.flatnonzero(keep & (count >= 2)[owner])
+        return Polylines.of(self.xy[kept], count[count >= 2], self.layer[count >= 2]), kept

@@ -145,7 +145,8 @@ def _drawn(task: Task, pattern: Pattern) -> tuple[Polylines, Float]:
 def _anchored(task: Task, lines: Polylines, profile: Profile, reach: float) -> Polylines:
     """The lines joined along the walls, by ways of that share of the longest allowed."""
     longest = reach * profile.quality.infill_anchor_max
-    return anchor(task.area, lines, longest=longest, hook=min(reach * profile.quality.infill_anchor, longest))
+    hook = min(reach * profile.quality.infill_anchor, longest)
+    return anchor(task.area, lines, longest=longest, hook=hook, apart=task.bead)
 
 
 def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> tuple[Task, float]:

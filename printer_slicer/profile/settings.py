@@ -285,7 +285,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0.09
     sparse_overlap: Annotated[
         float, meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
-    ] = 0.25
+    ] = 0.15
     infill_anchor: Annotated[
         float, meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50)
     ] = 2.5

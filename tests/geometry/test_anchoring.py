@@ -123,6 +123,79 @@ def test_hooks_turn_to_the_side_with_more_room_and_leave_half_of_it() -> None:
     assert added == pytest.approx(175 / 360 * areas.ring_length()[0], rel=1e-3)
 
 
+@few
+@given(areas=clean_areas(2), longest=st.sampled_from([0.5, 8.0]), apart=st.sampled_from([0.3, 1.2]))
+def test_cut_corners_stay_inside_and_make_nothing_longer(areas: Areas, longest: float, apart: float) -> None:
+    lines = hatched(areas, 2.3, 0.3, 1.4)
+
+    joined = anchor(areas, lines, longest=longest, hook=1.0, apart=apart)
+
+    assert (np.diff(joined.layer) >= 0).all()
+    assert (joined.size >= 2).all()
+    for i in range(joined.n_lines):
+        room = shape(areas, int(joined.layer[i])).buffer(1e-4)
+        assert shapely.LineString(path(joined, i)).difference(room).length < 1e-3
+    # However sharp a corner is, the way past it is shorter than the way around it.
+    ends = lines.n_lines * 2
+    assert joined.length().sum() <= lines.length().sum() + ends * max(longest, 1.0) + 1e-6
+
+
+def slanting(x: float, *, up: bool) -> list[tuple[float, float]]:
+    """A line from 5 mm above the lower side of a square to it, at 45°."""
+    return [(x - 5 if up else x + 5, 5.0), (x, 0.0)]
+
+
+def square_with(*lines: list[tuple[float, float]]) -> tuple[Areas, Polylines]:
+    """A square of 20 mm, and lines that end on its lower side."""
+    areas = Areas.from_rings([[box(0, 0, 20, 20)]])
+    edge, n = np.tile([-1, 0], (len(lines), 1)), len(lines)
+    return areas, Polylines.of(np.concatenate(lines), np.full(n, 2), np.zeros(n, np.int64), edge)
+
+
+def test_a_corner_is_cut_where_its_legs_are_a_bead_apart() -> None:
+    areas, lines = square_with(slanting(6, up=False), slanting(14, up=True))  # they lean over what is between
+
+    sharp, blunt = (anchor(areas, lines, longest=10, hook=0, apart=apart) for apart in (0, 0.4))
+
+    far = 0.2 / np.sin(np.pi / 8)
+    assert path(sharp, 0).tolist() == [[11, 5], [6, 0], [14, 0], [9, 5]]
+    slant = far / np.sqrt(2)
+    wanted = [(11, 5), (6 + slant, slant), (6 + far, 0), (14 - far, 0), (14 - slant, slant), (9, 5)]
+    assert path(blunt, 0) == pytest.approx(np.array(wanted))
+    assert np.hypot(*(path(blunt, 0)[1] - path(blunt, 0)[2])) == pytest.approx(0.4)
+
+
+def test_lines_that_cross_just_before_the_outline_are_not_joined_there() -> None:
+    areas, lines = square_with(slanting(9.5, up=False), slanting(10.5, up=True))
+
+    assert anchor(areas, lines, longest=10, hook=0).n_lines == 1
+    assert anchor(areas, lines, longest=10, hook=0, apart=0.4).n_lines == 2
+
+
+def test_a_hook_turns_away_from_its_line() -> None:
+    areas, lines = square_with(slanting(12, up=True))  # there is as much room on both sides
+
+    for line, tip in ((slanting(12, up=True), 14.0), (slanting(12, up=False), 10.0)):
+        areas, lines = square_with(line)
+        hooked = anchor(areas, lines, longest=1, hook=2, apart=0.4)
+        assert path(hooked, 0)[-1].tolist() == pytest.approx([tip, 0])
+
+
+def test_corners_around_a_wall_are_not_cut() -> None:
+    """A way along a thin spike that stands into the area is as sharp as the spike."""
+    spike = np.array([(0, 0), (9.8, 0), (10, 6), (10.2, 0), (20, 0), (20, 9), (0, 9)], np.float64)
+    areas = Areas.from_rings([[spike]])
+    xy = np.array([(8, 9), (8, 0), (12, 0), (12, 9)], np.float64)
+    edge = np.array([(-1, 0), (3, -1)])
+    lines = Polylines.of(xy, np.array([2, 2]), np.zeros(2, np.int64), edge)
+
+    joined = anchor(areas, lines, longest=20, hook=0, apart=0.4)
+
+    assert joined.n_lines == 1
+    assert [10, 6] in path(joined, 0).tolist()
+    assert shapely.LineString(path(joined, 0)).difference(shape(areas, 0).buffer(1e-6)).length < 1e-6
+
+
 def test_a_loop_ends_where_it_begins() -> None:
     areas = Areas.from_rings([[box(0, 0, 9, 2)]])
     lines = Polylines.hatched(hatch(areas, angle=np.pi / 2, spacing=4, phase=0.5))  # at x = 2 and 6

@@ -12,17 +12,20 @@ from printer_slicer import bead
 from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
+from printer_slicer.ledger import ledger_of, stack_of
 from printer_slicer.model import Float, Mesh, Role, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from tests.infill.stacks import UNEVEN, WIDTH, lengths, outside, rectangle, slots, sparse_only, volumes
-from tests.parts import box_with_hole, layers, plain, shape, sphere
+from tests.parts import box, box_with_hole, layers, plain, prism, shape, sphere
 from tests.strategies import clean_areas, star_rings
 
 patterns = pytest.mark.parametrize("pattern", list(PATTERNS))
 measured = pytest.mark.parametrize("pattern", [name for name in PATTERNS if name != "lightning"])
 engines = pytest.mark.parametrize("engine", list(ENGINES))
 UNEVENER = np.array([0.08, 0.40, 0.5, 0.82, 0.9, 1.02, 1.34])  # 0.08 to 0.32 mm
+TURN = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+ROUND = prism(9 * np.stack([np.cos(TURN), np.sin(TURN)], axis=1), 6)
 
 
 def large(density: float) -> float:
@@ -232,8 +235,23 @@ def test_an_end_without_a_neighbour_gets_a_hook() -> None:
 
     assert {len(bare.path(int(i))) for i in np.flatnonzero(bare.layer == 0)} == {2}
     for i in np.flatnonzero(hooked.layer == 0):
-        first, *_, last = np.hypot(*np.diff(hooked.path(int(i)), axis=0).T)
-        assert (first, last) == pytest.approx((2.0, 2.0))
+        xy = hooked.path(int(i))
+        row = np.argmax(np.hypot(*np.diff(xy, axis=0).T))  # along x
+        assert np.abs(xy[[0, -1], 1] - xy[row, 1]) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    "mesh", [box((20, 20, 6)), box_with_hole((20, 20, 6)), ROUND], ids=lambda mesh: mesh.name
+)
+@pytest.mark.parametrize("degrees", [0, 20, 45])
+def test_no_line_lies_on_a_wall_or_on_what_joins_it_to_the_next(mesh: Mesh, degrees: float) -> None:
+    wanted = plain(infill="rectilinear", infill_angle_deg=degrees, layer_height=0.2)
+    stages = slice_stages(mesh, wanted)
+    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+
+    sparse = np.unique(stages.regions.sparse.ring_layer)
+    assert len(sparse) > 10
+    assert ledger.fill.overlap[sparse].max() < 0.2
 
 
 def test_anchors_run_beside_the_innermost_perimeter() -> None:
