@@ -23,15 +23,15 @@ def along_narrow(plan: LayerPlan, pieces: Pieces, role: Role, profile: Profile) 
     gap = bead.spacing(profile.extrusion_width, plan.height)[pieces.layer]
     slim = np.flatnonzero(pieces.mean_width() < _BEADS * gap)
     core = offset(pieces.take(slim).areas, -_BEADS / 2 * gap[slim])
-    narrow = thin = slim[~core.used]
-    paths, unfilled = _well_filled(plan, pieces.take(thin), role, profile)
-    parts, thin = [paths], thin[unfilled]
-    for piece in thin[:_ALONE].tolist():
+    narrow = slim[~core.used]
+    paths, unfilled = _well_filled(plan, pieces.take(narrow), role, profile)
+    parts, bare = [paths], narrow[unfilled]
+    for piece in bare[:_ALONE].tolist():
         # A piece that cannot be traced takes the others of its layer with it.
         paths, unfilled = _well_filled(plan, pieces.take(np.array([piece])), role, profile)
         parts.append(paths)
-        thin = thin if len(unfilled) else thin[thin != piece]
-    left = np.setdiff1d(np.arange(pieces.count), np.setdiff1d(narrow, thin))
+        bare = bare if len(unfilled) else bare[bare != piece]
+    left = np.setdiff1d(np.arange(pieces.count), np.setdiff1d(narrow, bare))
     return Toolpaths.joined(plan, parts), pieces.take(left)
 
 

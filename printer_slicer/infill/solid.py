@@ -50,6 +50,7 @@ def _ironed(plan: LayerPlan, skins: Pieces, turned: Float, profile: Profile) -> 
 
 
 def _usual(plan: LayerPlan, pieces: Pieces, role: Role, angle: Float, profile: Profile) -> Beads:
+    """Beads as far apart as their width says, and as wide as fits."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(wide[pieces.layer], height)

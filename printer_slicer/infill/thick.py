@@ -23,7 +23,7 @@ from printer_slicer.geometry.areas import run_begins
 from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan
 
-__all__ = ["Fillings", "fillings", "groups_of", "turns"]
+__all__ = ["Fillings", "fillings", "groups_of"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +75,7 @@ def fillings(sparse: Areas, plan: LayerPlan, groups: Int, narrowest: float) -> F
         _stacked(rest.of_layers(~several).merge(wide), common),
         np.tile(own, 2),
         np.concatenate([plan.height, plan.top - plan.bottom[groups]]),
-        np.tile(turns(groups), 2),
+        np.tile(_turns(groups), 2),
     )
 
 
@@ -98,7 +98,7 @@ def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None =
     return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))
 
 
-def turns(groups: Int) -> Int:
+def _turns(groups: Int) -> Int:
     """(L,) which turn it is on each layer: groups are counted, and the layers of one take turns up to its own."""
     own = np.arange(len(groups))
     number = np.cumsum(run_begins(groups)) - 1
