@@ -110,7 +110,7 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
 
     def combined(subjects: Rings, clips: Rings) -> Rings:
         """One layer, or what lies apart from the rest of it."""
-        if (subjects or operation == "union") and (clips or operation != "intersection"):
+        if (subjects or (clips and operation == "union")) and (clips or operation != "intersection"):
             clipper.clear()
             clipper.add_subject(subjects)
             clipper.add_clip(clips)

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.errors import UsageError
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, per_layer
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, per_layer
 from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows
 
@@ -147,8 +147,9 @@ def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Ar
     Raises:
         ValueError: `distance` has another length or is not finite.
     """
-    engine = _engine()
-    return engine.store(engine.offset(engine.load(areas), _distances(distance, areas.n_layers), join))
+    engine, by, some = _engine(), _distances(distance, areas.n_layers), distinct(areas.ring_layer)
+    layers = engine.load(_picked(areas, some))
+    return _put_back(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
 
 
 def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMIT) -> Areas:
@@ -168,8 +169,9 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     by = _distances(distance, areas.n_layers)
     if (by < 0).any():
         raise ValueError("an opening needs distances of 0 or more")
-    engine = _engine()
-    return engine.store(engine.opened(engine.load(areas), by, limit))
+    engine, some = _engine(), distinct(areas.ring_layer)
+    layers = engine.load(_picked(areas, some))
+    return _put_back(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
 
 
 def stroked(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
@@ -338,6 +340,18 @@ def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
     meets = np.all((low_a <= high_b) & (low_b <= high_a), axis=1)
     if not meets.any():
         return Areas.empty(a.n_layers), meets
-    engine = _engine()
-    layers_a, layers_b = engine.load(a.of_layers(meets)), engine.load(b.of_layers(meets))
-    return engine.store(engine.combine(operation, layers_a, layers_b)), meets
+    engine, some = _engine(), np.flatnonzero(meets)
+    layers_a, layers_b = engine.load(_picked(a, some)), engine.load(_picked(b, some))
+    return _put_back(engine.store(engine.combine(operation, layers_a, layers_b)), some, a.n_layers), meets
+
+
+def _picked(areas: Areas, some: Int) -> Areas:
+    """Some of the layers (n,), ascending, as a stack of their own: empty ones need not be visited one by one."""
+    return areas if len(some) == areas.n_layers else areas.for_each(some)
+
+
+def _put_back(areas: Areas, some: Int, n_layers: int) -> Areas:
+    """A stack of picked layers, each where it was in one of `n_layers`."""
+    if len(some) == n_layers:
+        return areas
+    return Areas(areas.xy, areas.ring_start, some[areas.ring_layer], n_layers)
