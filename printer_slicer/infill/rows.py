@@ -64,7 +64,10 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     shortest = np.minimum(gap, profile.extrusion_width) / 2
     if beads.width.any():  # threads in the air have one width all along
         threads = _without_dots(Zigzags.plain(rows, gap), shortest)
-        return [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
+        laid = [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
+        if beads.role == Role.BRIDGE:  # beside it, walls hold beads
+            laid.append(_amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)[0])
+        return laid
     turn = _of_turns(gap, beads.height, profile)
     lines = _without_dots(zigzags(rows, area, beads.angle, gap, turn), shortest)
     between: list[Toolpaths] = []

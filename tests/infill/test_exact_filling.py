@@ -22,10 +22,11 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.infill import infill_paths
 from printer_slicer.ledger import ledger_of, stack_of
-from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Regions, Role, Sections, Toolpaths
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.regions import classify
+from tests.infill.stacks import solid_only
 from tests.parts import box, plain, sphere
 from tests.strategies import star_rings
 
@@ -121,6 +122,15 @@ def test_no_bead_of_solid_infill_leaves_the_section(rings: list[Float], height: 
     # Nor does it lie on the walls: round ends reach in, which rows do not fill.
     beyond = difference(laid, offset(inside, 0.2))
     assert float(beyond.area().sum()) < 0.002 * float(inside.area().sum()) + 0.1
+
+
+def test_threads_of_a_bridge_leave_no_wedges_beside_a_slanting_wall() -> None:
+    regions = solid_only([np.array([(0, 0), (20, 0), (20, 5), (0, 8.5)])], Role.BRIDGE)
+    paths = infill_paths(regions, plain())
+
+    bare = difference(offset(regions.bridge, -0.1), strokes(paths))
+    assert (paths.role == Role.BRIDGE).all()
+    assert float(offset_open(bare, 0.05).area().max()) < 0.1
 
 
 @pytest.mark.parametrize("height", [0.1, 0.2, 0.32])
