@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.errors import UsageError
-from printer_slicer.geometry import Areas, Bool, difference
+from printer_slicer.geometry import Areas, Bool, difference, offset_open
 from printer_slicer.ledger import (
     Beads,
     Deposit,
@@ -41,6 +41,8 @@ _RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer 
 _BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
 _DIFFERENT: Final = 1.0  # mm² by which those two differ where there is a flat
 _NEAR: Final = 3.0  # mm around the part: beads farther away make no layers
+_ROUNDED: Final = 0.01  # mm of heights in files
+_SEEN: Final = 1.0  # mm²; a smaller tip may be left out
 _FITS: Final = 0.5  # of the length of the outer perimeters: with less the file is of another part
 
 
@@ -128,7 +130,7 @@ def check_gcode(
         float(part.bounds[0, 2] - mesh.bounds[0, 2]),
         part.height,
         findings(ledger, asked.limits),
-        tuple(_problems(ledger, match, part.height)),
+        tuple(_problems(ledger, match, part)),
         tuple(_notes(deposit, ledger)),
         deposit,
     )
@@ -253,7 +255,7 @@ def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
     return low.of_layers(~upper).merge(high.of_layers(upper))
 
 
-def _problems(ledger: Ledger, match: Match, part_top: float) -> Iterator[str]:
+def _problems(ledger: Ledger, match: Match, part: Mesh) -> Iterator[str]:
     """What is wrong with the whole."""
     stack = ledger.stack
     if match.share < _FITS:
@@ -265,10 +267,20 @@ def _problems(ledger: Ledger, match: Match, part_top: float) -> Iterator[str]:
         lines = stack.beads.line[ledger.astray]
         many = f"{len(lines)} beads lie" if len(lines) > 1 else "1 bead lies"
         yield f"{many} far from the part, the first in line {lines[0]}"
-    over = part_top - float(stack.top[-1])
-    if abs(over) > float(stack.height[-1]) + 0.01:
+    over, height = part.height - float(stack.top[-1]), float(stack.height[-1])
+    if abs(over) > height + _ROUNDED or _left_out(part, stack, over):
         where = "under" if over > 0 else "over"
         yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
+
+
+def _left_out(part: Mesh, stack: Stack, over: float) -> bool:
+    """Whether the part has room for beads in the middle of one more layer, which slicers then print."""
+    height = float(stack.height[-1])
+    if over <= height / 2 + _ROUNDED:
+        return False
+    top = float(stack.top[-1]) + height
+    above = cut(part, LayerPlan(np.array([top]), np.array([top - height / 2])), _RESOLUTION).solid
+    return bool(offset_open(above, stack.beads.usual_width / 2).area().sum() > _SEEN)
 
 
 def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:

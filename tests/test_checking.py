@@ -20,7 +20,7 @@ from printer_slicer.gcode import write_gcode
 from printer_slicer.geometry import Bool
 from printer_slicer.ledger import Limits, Purpose, Rules
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.model import Mesh, Program, Role
+from printer_slicer.model import LayerPlan, Mesh, Program, Role
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import Placement
 from tests.parts import box, box_with_hole, plain, sphere
@@ -187,11 +187,21 @@ def test_a_skipped_layer_is_found() -> None:
     assert "0.6 mm" in under.text
 
 
-def test_missing_layers_at_the_top_are_found() -> None:
-    made = program()
-    last = made.plan.n_layers - 1
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_missing_layers_at_the_top_are_found(missing: int) -> None:
+    even = LayerPlan.from_tops(np.arange(1, 41) * PART.height / 40)
+    made = slice_part(PART, PROFILE, plan=even)
 
-    problems = checked(without(made, made.layer >= last - 1)).problems
+    problems = checked(without(made, made.layer >= 40 - missing)).problems
+    assert any("under the top of the part" in one for one in problems) == (missing > 0)
+
+
+def test_a_skipped_layer_with_all_above_it_lowered_is_found() -> None:
+    made = program()
+    lower = np.where(made.layer > 5, made.plan.height[5], 0.0)
+    lowered = replace(made, xyz=made.xyz - lower[:, None] * [0, 0, 1])
+
+    problems = checked(without(lowered, made.layer == 5)).problems
     assert any("under the top of the part" in one for one in problems)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from printer_slicer import bead
@@ -33,9 +35,10 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
         return paths_of(plan, [], np.zeros(0, np.int64), Role.SKIRT, 0.0)
     hull = simplify(hull, coarse)
     usual = bead.layer_widths(tall, profile.width_on_bed, profile.extrusion_width)
-    # A bead is at least as wide as high: the first one over the air of a raft is higher than others.
-    width = np.maximum(usual, plan.height[:tall])
-    (heights, wide), which = np.unique(np.stack([plan.height[:tall], width]), axis=1, return_inverse=True)
+    # The first bead over the air of a raft is higher than others, up to what the nozzle can press.
+    high = np.minimum(plan.height[:tall], profile.highest_bead)
+    width = np.maximum(usual, high)
+    (heights, wide), which = np.unique(np.stack([high, width]), axis=1, return_inverse=True)
     stack = hull.take(np.zeros(len(heights), np.int64))
     stack = Areas(stack.xy, stack.ring_start, np.arange(len(heights)), len(heights))
     loops: list[Areas] = []
@@ -47,7 +50,7 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
             break
         loops.append(loop)
     lines, layer = _stacked(loops, which.ravel(), quality.skirt_loops)
-    return paths_of(plan, lines, layer, Role.SKIRT, width[layer])
+    return replace(paths_of(plan, lines, layer, Role.SKIRT, width[layer]), height=high[layer])
 
 
 def _layers(bottom: Float, height: float) -> int:

@@ -178,6 +178,8 @@ def test_every_bead_rests_on_plastic_or_the_air_of_the_gap() -> None:
     over = paths.role > Role.RAFT
 
     air = np.where((paths.layer == n) & over, 0.16, 0.0)
+    # Of layer and gap, 0.36 mm, the nozzle can press 0.32 down to the shield's last bead.
+    air[(paths.layer == n) & (paths.role == Role.SKIRT)] = 0.04
     assert bottom - below == pytest.approx(air, abs=1e-6)
     assert (paths.width[paths.start[:-1]] >= paths.height - 1e-9).all()  # the shield spans the air too
     shield = plastic(paths, Role.SKIRT, 0)
@@ -272,3 +274,14 @@ def test_settings_that_contradict_a_raft_are_refused(changes: dict[str, float], 
 def test_a_raft_too_thin_for_two_layers_is_refused() -> None:
     with pytest.raises(PlanError, match="no base and interface"):
         slice_stages(box((20, 20, 2)), plain(raft_height=0.1))
+
+
+@pytest.mark.parametrize("gap", [0.16, 1.0])
+def test_a_draft_shield_over_the_air_is_no_higher_than_the_nozzle_can_press(gap: float) -> None:
+    chosen = profile(raft_height=1, raft_gap=gap, skirt_height=10000)
+
+    paths = slice_stages(box((8, 8, 3)), chosen).toolpaths
+
+    shield = paths.height[paths.role == Role.SKIRT]
+    assert shield.max() <= 0.8 * chosen.printer.nozzle_diameter + 1e-9
+    assert shield.max() > paths.plan.height.min() + 0.05  # and higher than elsewhere
