@@ -24,6 +24,7 @@ __all__ = ["extrude", "move_seconds"]
 _APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
 _ROUNDS = 12  # of slowing down at most: with acceleration, half the speed is not quite twice the time
 _NEARLY = 0.995  # of the minimum layer time is enough
+_SHORTEST = 0.003  # mm, of a bead
 _HALF = 0.5  # of its width: a perimeter's bead that is carried by less hangs
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # carried, for which there are settings
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
@@ -130,11 +131,9 @@ def _rows(paths: Toolpaths, sections: Sections, profile: Profile) -> _Rows:
     for one in range(_BEAD):
         kind[lead[there[one], one]] = one
     point = _points(paths, path, kind)
-    # Where a bead's width changes at once, the same point stands twice.
-    moves = (kind != _BEAD) | (
-        paths.xy.take(point, axis=0) != paths.xy.take(_before(paths, path, point), axis=0)
-    ).any(axis=1)
-    kept = np.flatnonzero(moves)
+    # Where a bead's width changes at once, the same point stands twice; and files are written in steps of 1 µm.
+    step = paths.xy.take(point, axis=0) - paths.xy.take(_before(paths, path, point), axis=0)
+    kept = np.flatnonzero((kind != _BEAD) | (np.hypot(*step.T) > _SHORTEST))
     return _Rows(path[kept], kind[kept], point[kept], begin, leave, hop)
 
 

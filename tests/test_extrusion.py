@@ -10,8 +10,9 @@ import pytest
 
 from printer_slicer import bead
 from printer_slicer.errors import PartError
-from printer_slicer.extrusion import move_seconds
+from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.model import (
+    Areas,
     Bool,
     Fan,
     Float,
@@ -20,6 +21,8 @@ from printer_slicer.model import (
     Mesh,
     Program,
     Role,
+    Sections,
+    Toolpaths,
 )
 from printer_slicer.pipeline import Stages, slice_part, slice_stages
 from printer_slicer.profile import Profile
@@ -27,6 +30,7 @@ from tests.parts import (
     box,
     box_with_hole,
     joined,
+    layers,
     plain,
     profile,
     shape,
@@ -78,7 +82,7 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
         xy, width = paths.path(i), paths.width[paths.start[i] : paths.start[i + 1]]
         ends = np.concatenate([xy, xy[:1]]) if paths.closed[i] else xy
         wide = np.append(width, width[:1]) if paths.closed[i] else width
-        moves = (ends[:-1] != ends[1:]).any(axis=1)  # else the width changes at once
+        moves = np.hypot(*np.diff(ends, axis=0).T) > 0.003  # else the width changes at once
         segments.append(np.stack([ends[:-1], ends[1:]], axis=1)[moves])
         widths.append(((wide[:-1] + wide[1:]) / 2)[moves])
 
@@ -91,6 +95,23 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
     assert set(given[hangs].tolist()) <= {Role.INNER_PERIMETER, Role.OUTER_PERIMETER}
     assert np.array_equal(role[~hangs], given[~hangs])
     assert program.width[is_bead(program)] == pytest.approx(np.concatenate(widths))
+
+
+def test_steps_too_short_to_be_written_are_no_moves() -> None:
+    xy = np.array([(0, 0), (10, 0), (10.0012, 0), (20, 0), (20, 0.0014)], np.float64)
+    plan = layers(1, 0.2)
+    paths = Toolpaths.gathered(
+        plan,
+        xy=xy,
+        size=np.array([5]),
+        layer=np.zeros(1, np.int64),
+        role=np.array([Role.SOLID]),
+        width=np.full(5, 0.45),
+        closed=False,
+    )
+    program = extrude(paths, Sections(plan, Areas.empty(1)), usual("marlin_220"))
+
+    assert program.xyz[is_bead(program), 0].tolist() == [10, 20]
 
 
 @each_printer
