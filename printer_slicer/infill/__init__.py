@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 from printer_slicer.infill.concentric import concentric_lines
@@ -10,7 +11,7 @@ from printer_slicer.infill.cubic import cubic_lines
 from printer_slicer.infill.grid import grid_lines
 from printer_slicer.infill.gyroid import gyroid_lines
 from printer_slicer.infill.honeycomb import honeycomb_lines
-from printer_slicer.infill.lightning import lightning_lines
+from printer_slicer.infill.lightning import lightning_lines, planted
 from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.resting import carried_layers, rested
 from printer_slicer.infill.solid import solid_paths
@@ -48,6 +49,8 @@ def infill_paths(regions: Regions, profile: Profile, groups: Int | None = None) 
     # Trees have the density only where they hold something.
     measured = quality.infill != "lightning"
     layout = laid_out(regions, groups, PATTERNS[quality.infill], profile, measured=measured)
+    if not measured:
+        layout = replace(layout, pattern=planted(layout.task))
     resting = rested(regions, bare_lines(layout, carried_layers(regions)), profile)
     parts = [*solid_paths(resting, profile), sparse_paths(layout, resting, profile)]
     return Toolpaths.joined(regions.plan, parts)

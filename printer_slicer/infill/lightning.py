@@ -10,6 +10,8 @@ what holds a roof may shrink from layer to layer; trees instead of ribs as in th
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from printer_slicer.geometry import (
@@ -27,10 +29,10 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.geometry.areas import consecutive, run_begins
 from printer_slicer.geometry.joints import chain_ends, chain_steps
-from printer_slicer.infill.task import Task
+from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.trees import AT_WALL, Tree, Wall, grown, retracted, rooted, within
 
-__all__ = ["lightning_lines"]
+__all__ = ["lightning_lines", "planted"]
 
 _AROUND = 0.5  # spacings: so far around an internal bridge its threads find something to end on
 _HELD = 0.5  # spacings: who is nearer to a branch or wall is held
@@ -40,16 +42,22 @@ _BEYOND = 0.02  # mm by which roots are prolonged, so that they surely meet the 
 
 def lightning_lines(task: Task) -> tuple[Polylines, Float]:
     """Branches of the trees; the density is that right below a large roof."""
-    area = offset(task.regions.sparse, -task.inset)
-    trees = _trees(task, area)
-    lines = _branches(trees)
+    return planted(task)(task)
+
+
+def planted(task: Task) -> Pattern:
+    """The same with trees that have grown for good, in the regions of this task: they are not grown again."""
+    return partial(_standing, _branches(_trees(task, offset(task.regions.sparse, -task.inset))))
+
+
+def _standing(branches: Polylines, task: Task) -> tuple[Polylines, Float]:
+    """The branches in the areas of a task."""
     # Entries that are filled by beads of several layers have the trees of the layer on which they are printed.
-    size, first = np.diff(lines.start), np.searchsorted(lines.layer, np.arange(area.n_layers + 1))
-    counts = np.diff(first)[task.layer]
-    counts[~task.area.used] = 0
-    chosen = consecutive(first[task.layer], counts)
-    points = consecutive(lines.start[chosen], size[chosen])
-    laid = Polylines.of(lines.xy[points], size[chosen], np.repeat(np.arange(len(counts)), counts))
+    first, last = (np.searchsorted(branches.layer, task.layer, side=side) for side in ("left", "right"))
+    counts = np.where(task.area.used, last - first, 0)
+    chosen = consecutive(first, counts)
+    points = consecutive(branches.start[chosen], branches.size[chosen])
+    laid = Polylines.of(branches.xy[points], branches.size[chosen], np.repeat(np.arange(len(counts)), counts))
     return clip_lines(task.area, laid), np.ones(len(task.z))
 
 
