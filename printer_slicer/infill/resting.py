@@ -98,8 +98,7 @@ def rested(regions: Regions, lines: Polylines, profile: Profile) -> Regions:
 
 def _by_turns(bridge: Areas) -> tuple[Bool, Bool]:
     """(L,) the layers with bridges; and of those that lie one on the other every second one."""
-    own, used = np.arange(bridge.n_layers), np.zeros(bridge.n_layers, np.bool_)
-    used[bridge.ring_layer] = True
+    own, used = np.arange(bridge.n_layers), bridge.used
     since = own - np.maximum.accumulate(np.where(used, -1, own))
     return used, used & (since % 2 == 0)
 

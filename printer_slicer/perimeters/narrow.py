@@ -23,9 +23,7 @@ from printer_slicer.perimeters.tracing import Rings, closed_rings, walked
 __all__ = ["Narrow", "fill_narrow_places"]
 
 _LEAN = np.deg2rad(26)  # a little more than sides of corners that have beads in the middle
-_BEYOND = (
-    0.02  # mm of radius: so far places are followed into wider ones, so that short bulges can be bridged
-)
+_BEYOND = 0.02  # mm of radius: so far places are followed into wider ones, to bridge short bulges
 _CELL = 0.4  # mm
 _APART = 2e-5  # mm; two steps of the grid that areas are rounded to
 _ROOM = 0.5  # mm around narrow places within which the medial axis must be known
