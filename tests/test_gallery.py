@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from math import pi
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks.gallery import ENTRIES, commands, write_part
+from printer_slicer import cli
 from printer_slicer.healing import repair
 from printer_slicer.mesh_io import load_mesh
 
@@ -52,3 +54,18 @@ def test_every_picture_of_the_page_is_one_of_the_gallery_and_small() -> None:
         title = ET.fromstring(text).findtext("{http://www.w3.org/2000/svg}title") or ""
         assert len(text) < LARGEST
         assert title.startswith(f"{name}.gcode: layer {ENTRIES[name].layer} of ")
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_every_picture_is_the_one_its_commands_draw_today(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs" / "gallery").mkdir(parents=True)
+    write_part(name, tmp_path / "gallery")
+
+    for command in commands(name):
+        assert cli.main([*shlex.split(command)[1:], "--quiet"]) == 0
+
+    drawn = tmp_path / "docs" / "gallery" / f"{name}.svg"
+    assert drawn.read_bytes() == (ROOT / "docs" / "gallery" / f"{name}.svg").read_bytes()
