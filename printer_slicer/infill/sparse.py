@@ -161,17 +161,28 @@ def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> tu
     if not len(used):
         return task, 1.0
     tried = used[distinct(np.linspace(0, len(used) - 1, _TRIED).astype(np.int64))]
-    some = replace(task, area=task.area.of_layers(tried))
-    bare, more = _drawn(some, pattern)
-    lines, left, reach = float(_laid(some, bare, more).sum()), 0.0, 0.0
+    some, wanted = replace(task, area=task.area.of_layers(tried)), float(volume[tried].sum())
+    drawn = _drawn(some, pattern)
+    lines, left, reach = float(_laid(some, *drawn).sum()), 0.0, 0.0
     for reach in _REACHES:
-        both = float(_laid(some, _anchored(some, bare, profile, reach), more).sum())
-        left = float(volume[tried].sum()) - (both - lines)
+        left = wanted - (_with_anchors(some, drawn, profile, reach) - lines)
         if left * _WIDEST_STEP * (1 + _BEAD_CHANGE) >= lines:
             break
     step = lines / left if left * _WIDEST_STEP > lines else _WIDEST_STEP
     spacing = task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing
-    return replace(task, spacing=spacing), reach
+    # With few lines in a room the anchors of the new ones may be quite others.
+    some = replace(some, spacing=spacing)
+    drawn = _drawn(some, pattern)
+    for shorter in _REACHES:
+        laid = _with_anchors(some, drawn, profile, min(shorter, reach))
+        if laid * (1 - _BEAD_CHANGE) <= wanted:
+            break
+    return replace(task, spacing=spacing), min(shorter, reach)
+
+
+def _with_anchors(task: Task, drawn: tuple[Polylines, Float], profile: Profile, reach: float) -> float:
+    """Mm³ of the usual bead in lines and anchors."""
+    return float(_laid(task, _anchored(task, drawn[0], profile, reach), drawn[1]).sum())
 
 
 def _laid(task: Task, lines: Polylines, more: Float) -> Float:
