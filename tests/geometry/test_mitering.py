@@ -70,8 +70,8 @@ def test_offsets_cover_what_those_of_the_other_way_cover(
     ours, expected = load(offset(areas, by)), theirs(areas, by)
 
     apart = area_of(combine("difference", ours, expected)) + area_of(combine("difference", expected, ours))
-    # Both round to the grid; all outlines together are some 100 mm long.
-    assert apart <= 1e-3
+    # Both round to the grid, and the second engine its tips to its own: outlines of some 100 mm, 0.05 µm apart.
+    assert apart <= 5e-3
 
 
 def test_the_corners_of_a_square_stay_corners() -> None:
