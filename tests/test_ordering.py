@@ -23,6 +23,7 @@ from tests.parts import (
     box_with_hole,
     joined,
     plain,
+    prism,
     pyramid,
     shape,
     shapely,
@@ -49,21 +50,33 @@ def ordered(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, T
 
 
 def identity(paths: Toolpaths, index: int) -> tuple[object, ...]:
-    """The same for a path however it is turned around or, if closed, wherever it begins."""
+    """The same for a path however it is turned around or, if closed, wherever it begins.
+
+    Points of loops in the midst of a straight line do not count: a seam puts one there.
+    """
     points = [tuple(point) for point in paths.path(index).tolist()]
     if paths.closed[index]:
-        lowest = min(points)
-        starts = [k for k, point in enumerate(points) if point == lowest]
-        points = min(points[k:] + points[:k] for k in starts)
+        points = corners(paths.path(index))
+        starts = [k for k, point in enumerate(points) if point == min(points)]
+        points = min((points[k:] + points[:k] for k in starts), default=[])
     else:
         points = min(points, points[::-1])
     return (
         *paths.layer[[index]],
         *paths.role[[index]],
-        *np.unique(paths.width[paths.start[index] : paths.start[index + 1]]),
+        *np.round(np.unique(paths.width[paths.start[index] : paths.start[index + 1]])[[0, -1]], 9),
         *paths.closed[[index]],
         *points,
     )
+
+
+def corners(ring: Float) -> list[tuple[float, ...]]:
+    """The points at which a loop turns."""
+    kept = ring[np.hypot(*(ring - np.roll(ring, 1, axis=0)).T) > 1e-9]
+    into, out = kept - np.roll(kept, 1, axis=0), np.roll(kept, -1, axis=0) - kept
+    across = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
+    straight = (np.abs(across) < 1e-7) & ((into * out).sum(axis=1) > 0)
+    return [tuple(point) for point in (np.round(kept[~straight], 6) + 0.0).tolist()]
 
 
 def identities(paths: Toolpaths) -> Counter[tuple[object, ...]]:
@@ -90,7 +103,8 @@ MESHES = [
     step_pyramid([12, 8, 5], [1, 1, 2]),
 ]
 each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
-seams = pytest.mark.parametrize("seam", ["aligned", "nearest", "rear"])
+SEAMS = ["aligned", "nearest", "rear", "direction", "random"]
+seams = pytest.mark.parametrize("seam", SEAMS)
 
 
 @seams
@@ -140,19 +154,34 @@ def test_an_island_is_finished_before_the_next_one_begins(mesh: Mesh, seam: str)
         assert len(runs) == len(set(runs)) == len(shapely.get_parts(shape(sections.solid, layer)))
 
 
-@pytest.mark.parametrize("outer_first", [False, True])
+@pytest.mark.parametrize("infill_first", [False, True])
 @each_mesh
-def test_within_an_island_perimeters_come_before_infill_role_by_role(mesh: Mesh, outer_first: bool) -> None:
-    sections, _, after = ordered(mesh, plain(outer_perimeter_first=outer_first))
+def test_within_an_island_perimeters_come_before_infill_or_after_it(mesh: Mesh, infill_first: bool) -> None:
+    sections, _, after = ordered(mesh, plain(infill_first=infill_first))
 
-    first, second = PERIMETERS[::-1] if outer_first else PERIMETERS
     for layer in range(8):
         for island in {owner for owner, _ in islands(sections, after, layer)}:
             roles = [role for owner, role in islands(sections, after, layer) if owner == island]
-            runs = [roles[0], *(b for a, b in pairwise(roles) if a != b)]
-            assert len(runs) == len(set(runs))
-            walls = [role for role in (first, second) if role in runs]  # the tip has room for one bead
-            assert runs[: len(walls)] == walls
+            kinds = [role in PERIMETERS for role in roles if role < Role.TOP_SKIN]
+            assert kinds == sorted(kinds, reverse=not infill_first)
+            late = [role for role in roles if role >= Role.TOP_SKIN]
+            assert roles[len(roles) - len(late) :] == late == sorted(late)
+
+
+@pytest.mark.parametrize("outer_first", [False, True])
+@each_mesh
+def test_an_outer_loop_follows_the_inner_ones_beside_it_or_leads_them(mesh: Mesh, outer_first: bool) -> None:
+    _, _, after = ordered(mesh, plain(outer_perimeter_first=outer_first, perimeters=3))
+
+    loops = np.flatnonzero(after.closed & np.isin(after.role, PERIMETERS))
+    rings = {i: shapely.linearrings(after.path(i)) for i in loops.tolist() if len(after.path(i)) > 2}
+    pairs = 0
+    for outer in (i for i in rings if after.role[i] == Role.OUTER_PERIMETER):
+        for inner in (i for i in rings if after.role[i] == Role.INNER_PERIMETER):
+            if after.layer[inner] == after.layer[outer] and rings[inner].distance(rings[outer]) < 0.5:
+                pairs += 1
+                assert (inner < outer) != outer_first
+    assert pairs >= 5
 
 
 def test_deeper_loops_are_printed_before_the_outer_one() -> None:
@@ -195,6 +224,65 @@ def test_aligned_seams_lie_above_each_other() -> None:
 
     steps = np.hypot(*np.diff(begins(after)[2:-2], axis=0).T)
     assert steps.max() < 1.5
+
+
+def l_shaped() -> Mesh:
+    return prism([(0, 0), (20, 0), (20, 8), (8, 8), (8, 20), (0, 20)], 3.0)
+
+
+@pytest.mark.parametrize(
+    "tops", [np.arange(1, 11) * 0.3, np.cumsum([0.3, 0.1, 0.1, 0.3, 0.3, 0.2, 0.6, 0.5, 0.6])]
+)
+def test_an_aligned_seam_hides_in_the_inward_corner_whatever_the_layers(tops: Float) -> None:
+    sections = cut(l_shaped(), LayerPlan.from_tops(tops), 0.0125)
+    wanted = plain(seam="aligned", perimeters=2)
+
+    after = order(lay_walls(sections, wanted).paths, sections, wanted)
+
+    assert begins(after) == pytest.approx(np.full((len(tops), 2), 8 - 0.225), abs=0.02)
+
+
+def test_inner_loops_begin_beside_the_seam_of_their_outer_one() -> None:
+    _, _, after = ordered(sphere(8), plain(seam="aligned", perimeters=3), 12)
+
+    loops = np.flatnonzero(after.closed & np.isin(after.role, PERIMETERS))
+    begin = after.xy[after.start[loops]]
+    same = np.diff(after.layer[loops]) == 0
+    assert same.sum() >= 20
+    assert np.hypot(*np.diff(begin, axis=0)[same].T).max() < 0.8
+
+
+def test_staggered_inner_seams_lie_beside_the_outer_one_to_and_fro() -> None:
+    wanted = plain(seam="aligned", perimeters=2, staggered_inner_seams=True)
+    _, _, after = ordered(box((30, 20, 3)), wanted)
+
+    inner = np.flatnonzero(after.closed & (after.role == Role.INNER_PERIMETER))
+    gap = after.xy[after.start[inner]] - begins(after)
+    assert (np.hypot(*gap.T) > 1.0).all()
+    assert np.hypot(*(gap[::2] - gap[1::2]).T).min() > 1.5
+
+
+@pytest.mark.parametrize("angle", [0.0, 90.0, 200.0])
+def test_seams_in_a_direction_lie_on_that_side(angle: float) -> None:
+    _, _, after = ordered(sphere(6), plain(seam="direction", seam_angle_deg=angle), 24)
+
+    toward = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    outer = np.flatnonzero(after.closed & (after.role == Role.OUTER_PERIMETER))
+    for path in outer.tolist():
+        ring = after.path(path) @ toward
+        assert ring[0] > ring.min() + 0.9 * np.ptp(ring)
+
+
+def test_random_seams_are_spread_and_the_same_each_time() -> None:
+    wanted = plain(seam="random", perimeters=1)
+    _, _, after = ordered(box((20, 20, 12)), wanted, 60)
+    _, _, again = ordered(box((20, 20, 12)), wanted, 60)
+
+    seams = begins(after) - 10
+    quarter = np.bincount((np.degrees(np.arctan2(*seams.T)) + 180).astype(int) // 90 % 4, minlength=4)
+    assert quarter.min() >= 6
+    assert np.array_equal(after.xy, again.xy)
+    assert (np.abs(seams).min(axis=1) > 0.3).sum() > 40  # not only at corners
 
 
 def test_aligned_seams_of_two_islands_stay_on_their_islands() -> None:
@@ -240,7 +328,7 @@ def toolpaths(draw: st.DrawFn) -> tuple[Toolpaths, Sections]:
 
 
 @settings(deadline=None, max_examples=60)
-@given(case=toolpaths(), seam=st.sampled_from(["aligned", "nearest", "rear"]))
+@given(case=toolpaths(), seam=st.sampled_from(SEAMS))
 def test_no_paths_are_lost_or_altered_whatever_they_are(case: tuple[Toolpaths, Sections], seam: str) -> None:
     paths, sections = case
 

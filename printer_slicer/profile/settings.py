@@ -242,7 +242,26 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         False
     )
     outer_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
-    seam: Annotated[Literal["aligned", "nearest", "rear"], meta("where perimeters begin")] = "aligned"
+    infill_first: Annotated[bool, meta("print infill before the perimeters around it")] = False
+    seam: Annotated[
+        Literal["aligned", "nearest", "rear", "direction", "random"],
+        meta(
+            "where perimeters begin: in corners above each other, nearest to the nozzle, at the back, toward "
+            "seam_angle_deg, or anywhere"
+        ),
+    ] = "aligned"
+    seam_angle_deg: Annotated[
+        float,
+        meta(
+            "the side for seams: 0 right, 90 back; aligned ones lie there where no corner hides them",
+            "degrees",
+            ge=-360,
+            le=360,
+        ),
+    ] = 90
+    staggered_inner_seams: Annotated[
+        bool, meta("inner perimeters begin 1.5 mm beside the seam of the outer one, to and fro")
+    ] = False
     bottom_thickness: Annotated[float, meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
         0.6
     )

@@ -1,0 +1,152 @@
+"""Closed paths, and places along them.
+
+A place on a loop is told by how far along the loop it lies, in mm from its first point; any such number will do, for
+after the whole length comes the first point again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from printer_slicer.geometry.areas import consecutive, following_around
+from printer_slicer.model import Float, Int, Toolpaths
+
+__all__ = ["Loops", "begun_at"]
+
+_SAME = 2e-3  # mm; a place no farther from a point of its loop is that point
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loops:
+    """Some closed paths.
+
+    Attributes:
+        path: (R,) which paths they are.
+        xy: (N, 2) mm, their points.
+        start: (R + 1,) where each begins.
+        point: (N,) which points of the paths they are.
+        layer: (R,)
+        reach: (N,) mm from the first point of its loop to each.
+        length: (R,) mm.
+        following: (N,) the point after each.
+    """
+
+    path: Int
+    xy: Float
+    start: Int
+    point: Int
+    layer: Int
+    reach: Float = field(init=False)
+    length: Float = field(init=False)
+    following: Int = field(init=False)
+    _mark: Float = field(init=False)
+
+    def __post_init__(self) -> None:
+        following = following_around(self.start)
+        step = np.hypot(*(self.xy.take(following, axis=0) - self.xy).T)
+        walked = np.append(0.0, np.cumsum(step))
+        size = np.diff(self.start)
+        object.__setattr__(self, "reach", walked[:-1] - np.repeat(walked[self.start[:-1]], size))
+        object.__setattr__(self, "length", np.diff(walked[self.start]))
+        object.__setattr__(self, "following", following)
+        object.__setattr__(self, "_mark", walked)
+
+    @classmethod
+    def of(cls, paths: Toolpaths, chosen: Int) -> Loops:
+        """The paths `chosen` (R,), all of which are closed."""
+        size = np.diff(paths.start)[chosen]
+        point = consecutive(paths.start[chosen], size)
+        start = np.append(0, np.cumsum(size))
+        return cls(chosen, paths.xy.take(point, axis=0), start, point, paths.layer[chosen])
+
+    @property
+    def n_loops(self) -> int:
+        """Number of loops."""
+        return len(self.path)
+
+    def side(self, loop: Int, along: Float) -> tuple[Int, Float]:
+        """On which side places (Q,) on loops (Q,) lie, by the point at which it begins, and how far from that, mm."""
+        length = self.length[loop]
+        within = np.where(length > 0, np.mod(along, np.maximum(length, 1e-12)), 0.0)
+        mark = self._mark[self.start[loop]] + within
+        point = np.searchsorted(self._mark, mark, side="right") - 1
+        point = np.clip(point, self.start[loop], self.start[loop + 1] - 1)
+        return point, np.maximum(mark - self._mark[point], 0.0)
+
+    def at(self, loop: Int, along: Float) -> Float:
+        """(Q, 2) the places (Q,) on loops (Q,)."""
+        point, beyond = self.side(loop, along)
+        ends = self.following[point]
+        way = self.xy.take(ends, axis=0) - self.xy.take(point, axis=0)
+        size = np.hypot(*way.T)
+        share = np.where(size > 0, np.minimum(beyond / np.maximum(size, 1e-12), 1.0), 0.0)
+        return self.xy.take(point, axis=0) + way * share[:, None]
+
+    def nearest(self, loop: Int, goal: Float) -> tuple[Float, Float]:
+        """For each loop (Q,) the place (Q,) nearest to a goal (Q, 2), and how far from it that is, mm."""
+        if not len(loop):
+            return np.zeros(0), np.zeros(0)
+        size = np.diff(self.start)[loop]
+        point = consecutive(self.start[loop], size)
+        ends = self.following[point]
+        begin = self.xy.take(point, axis=0)
+        way, to = self.xy.take(ends, axis=0) - begin, np.repeat(goal, size, axis=0) - begin
+        square = (way * way).sum(axis=1)
+        share = np.clip((way * to).sum(axis=1) / np.maximum(square, 1e-24), 0.0, 1.0)
+        gap = np.hypot(*(to - way * share[:, None]).T)
+        first = np.cumsum(size) - size
+        least = np.minimum.reduceat(gap, first)
+        # The first of those that are nearest.
+        hits = np.flatnonzero(gap == np.repeat(least, size))
+        owner = np.repeat(np.arange(len(loop)), size)[hits]
+        chosen = hits[np.searchsorted(owner, np.arange(len(loop)))]
+        return self.reach[point[chosen]] + share[chosen] * np.sqrt(square[chosen]), least
+
+
+def begun_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
+    """The same paths, loops beginning at the places `along` (R,); between two points a new one is put in."""
+    point, beyond = loops.side(np.arange(loops.n_loops), along)
+    ends = loops.following[point]
+    size = np.hypot(*(loops.xy[ends] - loops.xy[point]).T)
+    near_end = (size - beyond < _SAME) & (beyond >= _SAME)
+    new = (beyond >= _SAME) & ~near_end
+    first = np.where(near_end, ends, point)
+    # Where a point is put in, the loop begins with it, and goes on with the end of the side it lies on.
+    share = np.where(new, beyond / np.maximum(size, 1e-12), 0.0)
+    place = loops.xy[point] * (1 - share[:, None]) + loops.xy[ends] * share[:, None]
+    whole, other = loops.point[point], loops.point[ends]
+    width = paths.width[whole] * (1 - share) + paths.width[other] * share
+    head = np.where(new, other, loops.point[first])
+    return _rotated(paths, loops.path, head, new, (place, width, paths.carried[whole]))
+
+
+def _rotated(
+    paths: Toolpaths, path: Int, head: Int, new: np.ndarray, given: tuple[Float, Float, Float]
+) -> Toolpaths:
+    """Loops `path` (R,) beginning with their point `head` (R,), or with a new one before that."""
+    size = np.diff(paths.start)
+    turn = np.zeros(paths.n_paths, np.int64)
+    turn[path] = head - paths.start[path]
+    extra = np.zeros(paths.n_paths, np.int64)
+    extra[path] = new
+    start = np.append(0, np.cumsum(size + extra))
+    step = consecutive(-extra, size + extra)  # -1: the new point
+    owner = np.repeat(np.arange(paths.n_paths), size + extra)
+    source = paths.start[owner] + (np.maximum(step, 0) + turn[owner]) % np.maximum(size[owner], 1)
+    xy, width, carried = paths.xy[source], paths.width[source], paths.carried[source]
+    at = start[path[new]]
+    xy[at], width[at], carried[at] = (column[new] for column in given)
+    return Toolpaths(
+        paths.plan,
+        xy,
+        width,
+        start,
+        paths.layer,
+        paths.role,
+        paths.height,
+        paths.closed,
+        carried,
+        paths.sweep,
+    )

@@ -1,0 +1,46 @@
+"""Toolpaths -> Toolpaths: every perimeter that is a loop begins at its seam."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.model import Float, Int, Role, Toolpaths
+from printer_slicer.ordering.alignment import aligned
+from printer_slicer.ordering.loops import Loops, begun_at
+from printer_slicer.profile import Profile
+
+__all__ = ["outer_loops", "with_seams"]
+
+_SEED = 20_181
+
+
+def outer_loops(paths: Toolpaths) -> Int:
+    """The outer perimeters that are loops."""
+    return np.flatnonzero(paths.closed & (paths.role == Role.OUTER_PERIMETER))
+
+
+def with_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:
+    """The same paths; outer perimeters begin where the profile wants their seams."""
+    loops = Loops.of(paths, outer_loops(paths))
+    rule = profile.quality.seam
+    if rule == "nearest" or not loops.n_loops:
+        return paths
+    return begun_at(paths, loops, _places(paths, loops, rule, profile.quality.seam_angle_deg))
+
+
+def _places(paths: Toolpaths, loops: Loops, rule: str, angle_deg: float) -> Float:
+    """(R,) where loops begin."""
+    if rule == "rear":
+        return _rear(loops)
+    if rule == "random":
+        return np.random.default_rng(_SEED).random(loops.n_loops) * loops.length
+    angle = np.radians(angle_deg)
+    toward = np.array([np.cos(angle), np.sin(angle)])
+    return aligned(paths, loops, toward, strongly=rule == "direction")
+
+
+def _rear(loops: Loops) -> Float:
+    """The point farthest back; of several the rightmost."""
+    owner = np.repeat(np.arange(loops.n_loops), np.diff(loops.start))
+    ranked = np.lexsort((loops.xy[:, 0], np.round(loops.xy[:, 1], 3), owner))
+    return loops.reach[ranked[loops.start[1:] - 1]]

@@ -1,0 +1,102 @@
+"""What is printed without anything in between: a cluster of perimeters, a sweep of lines, or a path by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.ordering.walls import Clusters
+from printer_slicer.profile import Profile
+
+__all__ = ["Units", "inner_loops", "units_of"]
+
+_DEEPER = 1e-3  # mm
+_FILL = (Role.BOTTOM_SKIN, Role.SPARSE, Role.INTERNAL_BRIDGE, Role.SOLID)
+_LAST = (Role.TOP_SKIN, Role.IRONING)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Units:
+    """Units by layer, island and step.
+
+    Attributes:
+        path: (M,) all paths, in the order in which units hold them.
+        start: (U + 1,) unit `i` holds `path[start[i]:start[i + 1]]`.
+        layer: (U,) ascending.
+        island: (U,) ascending within a layer; -1 for what goes around everything.
+        step: (U,) ascending within an island.
+        begin: (U, 2) mm.
+        end: (U, 2) mm.
+        free: (U,) which may be printed from their end to their beginning.
+    """
+
+    path: Int
+    start: Int
+    layer: Int
+    island: Int
+    step: Int
+    begin: Float
+    end: Float
+    free: Bool
+
+    @property
+    def n_units(self) -> int:
+        """Number of units."""
+        return len(self.layer)
+
+
+def inner_loops(paths: Toolpaths) -> Int:
+    """The inner perimeters that are loops and one layer high."""
+    return np.flatnonzero(paths.closed & (paths.role == Role.INNER_PERIMETER) & ~_deep(paths))
+
+
+def units_of(paths: Toolpaths, island: Int, clusters: Clusters, profile: Profile) -> Units:
+    """The units of paths that lie in islands (M,)."""
+    n = paths.n_paths
+    around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM) | (paths.role == Role.RAFT) & paths.closed
+    place = np.where(around, -1, island)
+    step = np.where(around, np.arange(n), _steps(paths, infill_first=profile.quality.infill_first))
+    # Paths of one number are one unit: their own, that of a cluster, that of a sweep.
+    number, turn = np.arange(n), np.arange(n)
+    number[clusters.path], turn[clusters.path] = clusters.cluster, clusters.turn
+    place[clusters.path], step[clusters.path] = place[clusters.cluster], step[clusters.cluster]
+    swept = paths.sweep >= 0
+    number[swept] = n + paths.sweep[swept]
+    order = np.lexsort((turn, number, step, place, paths.layer))
+    begins = np.diff(number[order], prepend=-1) != 0
+    start = np.append(np.flatnonzero(begins), n)
+    first, last = order[start[:-1]], order[start[1:] - 1]
+    ends = np.where(paths.closed, paths.start[:-1], paths.start[1:] - 1)
+    return Units(
+        order,
+        start,
+        paths.layer[first],
+        place[first],
+        step[first],
+        paths.xy[paths.start[:-1][first]],
+        paths.xy[ends[last]],
+        ~paths.closed[first] & ((np.diff(start) == 1) | swept[first]),
+    )
+
+
+def _steps(paths: Toolpaths, *, infill_first: bool) -> Int:
+    """(M,) what comes before what within an island."""
+    step = np.zeros(len(Role), np.int64)
+    walls, fill = (3, 1) if infill_first else (0, 3)
+    step[[Role.INNER_PERIMETER, Role.OUTER_PERIMETER]] = walls + 1
+    step[Role.BRIDGE] = fill + 1
+    step[list(_FILL)] = fill + 2
+    step[list(_LAST)] = 7, 8
+    of = step[paths.role]
+    # What reaches down through several layers is laid into the gap that they leave: between beads that hold it.
+    of[_deep(paths)] = walls + 2
+    # A bead beside the perimeters is as good as infill once they are there.
+    of[(paths.role == Role.INNER_PERIMETER) & ~paths.closed] = walls + 2 if infill_first else fill + 2
+    return of
+
+
+def _deep(paths: Toolpaths) -> Bool:
+    higher = paths.height > paths.plan.height[paths.layer] + _DEEPER
+    return np.asarray(higher & (paths.role == Role.INNER_PERIMETER))

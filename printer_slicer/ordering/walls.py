@@ -1,0 +1,122 @@
+"""Perimeters that belong together: an outer loop with the inner ones behind it.
+
+Inner loops begin near the seam of their outer one, so that the nozzle need not cross the part in between. Where an
+inner loop lies directly between two outer ones, a thin wall, all of them are one cluster: no outer perimeter is laid
+before the inner ones that it leans on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.model import Bool, Float, Int, Toolpaths
+from printer_slicer.ordering.loops import Loops, begun_at
+from printer_slicer.ordering.seams import outer_loops
+from printer_slicer.profile import Profile
+
+__all__ = ["Clusters", "clustered"]
+
+_SAMPLES = 6  # places on an inner loop from which its outer loops are looked for
+_BESIDE = 1.7  # bead widths from loop to loop that touch each other
+_STAGGER = 1.5  # mm between the seam of an inner loop and that of its outer one, along the loop
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clusters:
+    """Which loops are printed together.
+
+    Attributes:
+        path: (R,) the loops.
+        cluster: (R,) the same number for those of one cluster: an outer loop of it.
+        turn: (R,) their order within the cluster.
+    """
+
+    path: Int
+    cluster: Int
+    turn: Int
+
+
+def clustered(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths, Clusters]:
+    """Inner loops `inner` (I,) of the paths put to their outer ones, whose seams are known, and begun near these."""
+    outer = Loops.of(paths, outer_loops(paths))
+    loops = Loops.of(paths, inner)
+    owner, gap, touching = _owners(loops, outer, profile)
+    label = _joined(outer.n_loops, touching)
+    some = np.flatnonzero(owner >= 0)
+    along, _ = loops.nearest(some, paths.xy[paths.start[outer.path[owner[some]]]])
+    if profile.quality.staggered_inner_seams:
+        along = along + np.where(loops.layer[some] % 2, _STAGGER, -_STAGGER)
+    begun = begun_at(paths, Loops.of(paths, inner[some]), along)
+    path = np.concatenate([inner[some], outer.path])
+    is_outer = np.arange(len(path)) >= len(some)
+    of = np.concatenate([owner[some], np.arange(outer.n_loops)])
+    far = np.concatenate([gap[some], np.zeros(outer.n_loops)])
+    turn = _turns(label[of], of, far, is_outer, outside_in=profile.quality.outer_perimeter_first)
+    return begun, Clusters(path, outer.path[label[of]], turn)
+
+
+def _turns(cluster: Int, owner: Int, far: Float, is_outer: Bool, *, outside_in: bool) -> Int:
+    """(R,) the order of loops: those of one kind owner by owner, those of the other kind back again.
+
+    Outer loops that own no inner one are at the far end of the way.
+    """
+    late = is_outer ^ outside_in
+    lone = ~np.isin(owner, owner[~is_outer])
+    way = np.where(late, -owner, owner) + np.where(lone, len(owner) * np.where(late, 1, -1), 0)
+    order = np.lexsort((far if outside_in else -far, way, late, cluster))
+    turn = np.zeros(len(order), np.int64)
+    turn[order] = np.arange(len(order))
+    return turn
+
+
+def _owners(loops: Loops, outer: Loops, profile: Profile) -> tuple[Int, Float, tuple[Int, Int]]:
+    """(I,) the outer loop nearest to each inner one, -1 for none, how far it is, and pairs that one touches both of."""
+    owner, gap = np.full(loops.n_loops, -1, np.int64), np.zeros(loops.n_loops)
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    if not loops.n_loops or not outer.n_loops:
+        return owner, gap, none
+    widest = profile.bead_widths[1]
+    inner, other, distance = _distances(loops, outer, widest * (profile.quality.perimeters + 0.5))
+    order = np.lexsort((other, distance, inner))
+    inner, other, distance = inner[order], other[order], distance[order]
+    first = np.diff(inner, prepend=-1) > 0
+    owner[inner[first]], gap[inner[first]] = other[first], distance[first]
+    beside = ~first & (distance < _BESIDE * profile.extrusion_width)
+    return owner, gap, (owner[inner[beside]], other[beside])
+
+
+def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Float]:
+    """Inner loops, outer loops within reach, and mm between them, seen from some places of the inner ones."""
+    loop = np.repeat(np.arange(loops.n_loops), _SAMPLES)
+    share = (np.arange(len(loop)) % _SAMPLES) / _SAMPLES
+    place = loops.at(loop, share * loops.length[loop])
+    of = np.repeat(np.arange(outer.n_loops), np.diff(outer.start))
+    begin, way = outer.xy, outer.xy[outer.following] - outer.xy
+    sides = Boxes(np.minimum(begin, begin + way), np.maximum(begin, begin + way), outer.layer[of])
+    sample, side = Boxes(place, place, loops.layer[loop]).grown(reach).overlapping(sides)
+    to, along = place[sample] - begin[side], way[side]
+    square = np.maximum((along * along).sum(axis=1), 1e-24)
+    share = np.clip((to * along).sum(axis=1) / square, 0.0, 1.0)
+    distance = np.hypot(*(to - along * share[:, None]).T)
+    key = loop[sample] * outer.n_loops + of[side]
+    order = np.lexsort((distance, key))
+    first = np.diff(key[order], prepend=-1) > 0
+    kept = order[first]
+    return loop[sample[kept]], of[side[kept]], distance[kept]
+
+
+def _joined(n: int, pairs: tuple[Int, Int]) -> Int:
+    """(n,) the lowest number that each is joined with, directly or through others."""
+    label = np.arange(n)
+    one, other = pairs
+    while True:
+        lowest = np.minimum(label[one], label[other])
+        before = label.copy()
+        np.minimum.at(label, one, lowest)
+        np.minimum.at(label, other, lowest)
+        label = label[label]
+        if (label == before).all():
+            return label
