@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from itertools import pairwise
 
 import numpy as np
@@ -49,38 +48,24 @@ def ordered(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, T
     return sections, before, order(before, sections, wanted)
 
 
-def identity(paths: Toolpaths, index: int) -> tuple[object, ...]:
-    """The same for a path however it is turned around or, if closed, wherever it begins.
-
-    Points of loops in the midst of a straight line do not count: a seam puts one there.
-    """
-    points = [tuple(point) for point in paths.path(index).tolist()]
-    if paths.closed[index]:
-        points = corners(paths.path(index))
-        starts = [k for k, point in enumerate(points) if point == min(points)]
-        points = min((points[k:] + points[:k] for k in starts), default=[])
-    else:
-        points = min(points, points[::-1])
-    return (
-        *paths.layer[[index]],
-        *paths.role[[index]],
-        *np.round(np.unique(paths.width[paths.start[index] : paths.start[index + 1]])[[0, -1]], 9),
-        *paths.closed[[index]],
-        *points,
-    )
-
-
-def corners(ring: Float) -> list[tuple[float, ...]]:
-    """The points at which a loop turns."""
-    kept = ring[np.hypot(*(ring - np.roll(ring, 1, axis=0)).T) > 1e-9]
-    into, out = kept - np.roll(kept, 1, axis=0), np.roll(kept, -1, axis=0) - kept
-    across = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
-    straight = (np.abs(across) < 1e-7) & ((into * out).sum(axis=1) > 0)
-    return [tuple(point) for point in (np.round(kept[~straight], 6) + 0.0).tolist()]
-
-
-def identities(paths: Toolpaths) -> Counter[tuple[object, ...]]:
-    return Counter(identity(paths, i) for i in range(paths.n_paths))
+def identities(paths: Toolpaths) -> dict[tuple[float, ...], float]:
+    """Mm of bead for each layer, role, height and straight line: the same wherever paths begin, end and are broken."""
+    size = np.diff(paths.start)
+    owner = np.repeat(np.arange(paths.n_paths), size)
+    way = paths.xy[paths.following] - paths.xy
+    length = np.hypot(*way.T)
+    way, begin, owner = way[length > 0], paths.xy[length > 0], owner[length > 0]
+    length = length[length > 0]
+    way = way / length[:, None]
+    way *= np.where((way[:, 0] < -1e-7) | (np.abs(way[:, 0]) <= 1e-7) & (way[:, 1] < 0), -1, 1)[:, None]
+    offset = begin[:, 0] * way[:, 1] - begin[:, 1] * way[:, 0]
+    # Rounded a little beside what is usual in parts, so that noise does not matter.
+    line = np.round(np.column_stack([way, offset]) + 0.000123456789, 4) + 0.0
+    found: dict[tuple[float, ...], float] = {}
+    of_path = np.column_stack([paths.layer, paths.role, paths.height])
+    for key, mm in zip(np.hstack([of_path[owner], line]).tolist(), length.tolist(), strict=True):
+        found[tuple(key)] = found.get(tuple(key), 0.0) + mm
+    return found
 
 
 def nested() -> Mesh:
@@ -112,8 +97,8 @@ seams = pytest.mark.parametrize("seam", SEAMS)
 def test_every_path_is_there_once_and_unaltered(mesh: Mesh, seam: str) -> None:
     _, before, after = ordered(mesh, plain(seam=seam, skirt_loops=2, brim_width=1))
 
-    assert after.n_paths == before.n_paths > 20
-    assert identities(after) == identities(before)
+    assert after.n_paths >= before.n_paths > 20
+    assert identities(after) == pytest.approx(identities(before), abs=1e-5)
 
 
 @each_mesh
@@ -203,6 +188,51 @@ def test_travels_get_shorter(mesh: Mesh) -> None:
     _, before, after = ordered(mesh, plain(infill="grid", infill_density=0.3, seam="nearest"))
 
     assert travel(after) < travel(before)
+
+
+def test_a_long_line_that_ends_far_off_is_broken_where_the_nozzle_passes() -> None:
+    """It lies between two loops in one corner, and its ends are near to each other in the opposite one."""
+    plan = LayerPlan.from_tops(np.array([0.2]))
+    loop = np.array([(1, 1), (2, 1), (2, 2), (1, 2)], float)
+    line = np.array([(20, 18), (5, 18), (5, 5), (18, 5), (18, 17)], float)
+    paths = Toolpaths.gathered(
+        plan,
+        xy=np.concatenate([loop, line, loop + 0.5]),
+        size=np.array([4, 5, 4]),
+        layer=np.zeros(3, np.int64),
+        role=np.array([Role.OUTER_PERIMETER, Role.SPARSE, Role.TOP_SKIN]),
+        width=np.full(3, 0.4),
+        closed=np.array([True, False, True]),
+    )
+    square = np.array([(0, 0), (30, 0), (30, 30), (0, 30)], float)
+
+    after = order(paths, Sections(plan, Areas.from_rings([[square]])), plain())
+
+    assert after.n_paths == 4
+    assert after.path(1)[0] == pytest.approx([5, 5])
+    assert after.path(2)[-1] == pytest.approx([5, 5])
+    assert after.length()[1:3].sum() == pytest.approx(paths.length()[1])
+    assert travel(after) < 15 < travel(paths)
+
+
+def test_infill_that_ends_where_it_begins_is_entered_beside_the_seam() -> None:
+    plan = LayerPlan.from_tops(np.array([0.2]))
+    outer = np.array([(0, 0), (30, 0), (30, 30), (0, 30)], float)
+    round_trip = np.array([(1, 1), (29, 1), (29, 29), (1, 29), (1, 1)], float)
+    paths = Toolpaths.gathered(
+        plan,
+        xy=np.concatenate([outer, round_trip]),
+        size=np.array([4, 5]),
+        layer=np.zeros(2, np.int64),
+        role=np.array([Role.OUTER_PERIMETER, Role.SPARSE]),
+        width=np.full(2, 0.4),
+        closed=np.array([True, False]),
+    )
+
+    after = order(paths, Sections(plan, Areas.from_rings([[outer]])), plain(seam="rear"))
+
+    assert after.path(1)[0] == pytest.approx([29, 29])
+    assert after.length() == pytest.approx(paths.length())
 
 
 # --- seams ---
@@ -334,7 +364,7 @@ def test_no_paths_are_lost_or_altered_whatever_they_are(case: tuple[Toolpaths, S
 
     after = order(paths, sections, plain(seam=seam))
 
-    assert identities(after) == identities(paths)
+    assert identities(after) == pytest.approx(identities(paths), abs=1e-5)
     assert (np.diff(after.layer) >= 0).all()
 
 
@@ -356,7 +386,7 @@ def test_more_paths_than_are_worth_sorting_are_all_there() -> None:
 
     after = order(paths, Sections(plan, Areas.from_rings([[square]])), plain())
 
-    assert identities(after) == identities(paths)
+    assert identities(after) == pytest.approx(identities(paths), abs=1e-5)
 
 
 def test_the_same_paths_give_the_same_order() -> None:

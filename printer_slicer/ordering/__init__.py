@@ -12,7 +12,9 @@ import numpy as np
 from printer_slicer.geometry import rings_around
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model import Areas, Bool, Int, Sections, Toolpaths
-from printer_slicer.ordering.nearby import begun_nearby
+from printer_slicer.ordering.breaking import broken
+from printer_slicer.ordering.loops import closed_up
+from printer_slicer.ordering.nearby import begun_nearby, begun_toward_seams
 from printer_slicer.ordering.route import routed
 from printer_slicer.ordering.seams import with_seams
 from printer_slicer.ordering.units import Units, inner_loops, units_of
@@ -26,10 +28,12 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     """The same paths in printing order; open ones may be turned around, loops begin at their seam."""
     if paths.n_paths == 0:
         return paths
-    paths, clusters = clustered(with_seams(paths, profile), inner_loops(paths), profile)
-    units = units_of(paths, _islands(paths, sections.solid), clusters, profile)
+    paths = with_seams(closed_up(paths), profile)
+    island = _islands(paths, sections.solid)
+    paths, clusters = clustered(begun_toward_seams(paths, island, profile), inner_loops(paths), profile)
+    units = units_of(paths, island, clusters, profile)
     ordered = _printed(paths, units, *routed(units))
-    return begun_nearby(ordered, profile)
+    return broken(begun_nearby(ordered, profile))
 
 
 def _islands(paths: Toolpaths, solid: Areas) -> Int:

@@ -6,14 +6,14 @@ after the whole length comes the first point again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from printer_slicer.geometry.areas import consecutive, following_around
 from printer_slicer.model import Float, Int, Toolpaths
 
-__all__ = ["Loops", "begun_at"]
+__all__ = ["Loops", "begun_at", "closed_up"]
 
 _SAME = 2e-3  # mm; a place no farther from a point of its loop is that point
 
@@ -84,10 +84,16 @@ class Loops:
         share = np.where(size > 0, np.minimum(beyond / np.maximum(size, 1e-12), 1.0), 0.0)
         return self.xy.take(point, axis=0) + way * share[:, None]
 
+    def nearest_point(self, loop: Int, goal: Float) -> Float:
+        """(Q,) where on loops (Q,) the point of theirs lies that is nearest to a goal (Q, 2)."""
+        size = np.diff(self.start)[loop]
+        point = consecutive(self.start[loop], size)
+        gap = self.xy.take(point, axis=0) - np.repeat(goal, size, axis=0)
+        chosen, _ = _least((gap * gap).sum(axis=1), size)
+        return np.asarray(self.reach[point[chosen]])
+
     def nearest(self, loop: Int, goal: Float) -> tuple[Float, Float]:
         """For each loop (Q,) the place (Q,) nearest to a goal (Q, 2), and how far from it that is, mm."""
-        if not len(loop):
-            return np.zeros(0), np.zeros(0)
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
         ends = self.following[point]
@@ -96,13 +102,36 @@ class Loops:
         square = (way * way).sum(axis=1)
         share = np.clip((way * to).sum(axis=1) / np.maximum(square, 1e-24), 0.0, 1.0)
         gap = np.hypot(*(to - way * share[:, None]).T)
-        first = np.cumsum(size) - size
-        least = np.minimum.reduceat(gap, first)
-        # The first of those that are nearest.
-        hits = np.flatnonzero(gap == np.repeat(least, size))
-        owner = np.repeat(np.arange(len(loop)), size)[hits]
-        chosen = hits[np.searchsorted(owner, np.arange(len(loop)))]
+        chosen, least = _least(gap, size)
         return self.reach[point[chosen]] + share[chosen] * np.sqrt(square[chosen]), least
+
+
+def _least(values: Float, size: Int) -> tuple[Int, Float]:
+    """(Q,) the first least one of values that stand in groups of `size` (Q,), and the values (Q,) themselves."""
+    if not len(size):
+        return np.zeros(0, np.int64), np.zeros(0)
+    least = np.minimum.reduceat(values, np.cumsum(size) - size)
+    hits = np.flatnonzero(values == np.repeat(least, size))
+    owner = np.repeat(np.arange(len(size)), size)[hits]
+    return np.asarray(hits[np.searchsorted(owner, np.arange(len(size)))]), least
+
+
+def closed_up(paths: Toolpaths) -> Toolpaths:
+    """The same paths; open ones that end where they begin, and may be printed in any order, are loops."""
+    begin, last = paths.start[:-1], paths.start[1:] - 1
+    returns = np.hypot(*(paths.xy[begin] - paths.xy[last]).T) < _SAME
+    returns &= ~paths.closed & (paths.sweep < 0) & (last - begin > 2)
+    kept = np.ones(len(paths.xy), np.bool_)
+    kept[last[returns]] = False
+    start = np.append(0, np.cumsum(np.diff(paths.start) - returns))
+    return replace(
+        paths,
+        xy=paths.xy[kept],
+        width=paths.width[kept],
+        carried=paths.carried[kept],
+        start=start,
+        closed=paths.closed | returns,
+    )
 
 
 def begun_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:

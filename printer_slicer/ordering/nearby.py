@@ -1,24 +1,37 @@
-"""Loops that may begin anywhere begin where the nozzle is."""
+"""Loops that may begin anywhere begin where the nozzle comes from, and leave it where it was."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Role, Toolpaths
+from printer_slicer.model import Int, Role, Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.profile import Profile
 
-__all__ = ["begun_nearby"]
+__all__ = ["begun_nearby", "begun_toward_seams"]
+
+
+def begun_toward_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpaths:
+    """The same paths; free loops begin at their point nearest to the seam of the longest outer loop of their island."""
+    outer = np.flatnonzero(paths.closed & (paths.role == Role.OUTER_PERIMETER))
+    loops = Loops.of(paths, _free(paths, profile))
+    if not len(outer) or not loops.n_loops:
+        return paths
+    n_islands = int(island.max()) + 1
+    key = paths.layer[outer] * n_islands + island[outer]
+    order = np.lexsort((-paths.length()[outer], key))
+    outer, key = outer[order], key[order]
+    wanted = loops.layer * n_islands + island[loops.path]
+    found = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+    some = np.flatnonzero(key[found] == wanted)
+    along = np.zeros(loops.n_loops)
+    along[some] = loops.nearest_point(some, paths.xy[paths.start[outer[found[some]]]])
+    return begun_at(paths, loops, along)
 
 
 def begun_nearby(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """Paths in printing order; with seams wherever it is nearest, loops of perimeters begin at their nearest point.
-
-    Loops that go around everything, and inner ones that belong to no outer one, begin anywhere in any case.
-    """
-    perimeter = (paths.role == Role.INNER_PERIMETER) | (paths.role == Role.OUTER_PERIMETER)
-    free = paths.closed & ((profile.quality.seam == "nearest") | ~perimeter)
-    loops = Loops.of(paths, np.flatnonzero(free))
+    """Paths in printing order; free loops begin at their point nearest to the end of the path before."""
+    loops = Loops.of(paths, _free(paths, profile))
     if not loops.n_loops:
         return paths
     begin, end = paths.xy[paths.start[:-1]], paths.xy[paths.start[1:] - 1]
@@ -30,3 +43,9 @@ def begun_nearby(paths: Toolpaths, profile: Profile) -> Toolpaths:
         point = first + int((gap * gap).sum(axis=1).argmin())
         along[index], after[path] = loops.reach[point], loops.xy[point]
     return begun_at(paths, loops, along)
+
+
+def _free(paths: Toolpaths, profile: Profile) -> Int:
+    """Loops that are no perimeters, and with seams wherever it is nearest those too."""
+    perimeter = (paths.role == Role.INNER_PERIMETER) | (paths.role == Role.OUTER_PERIMETER)
+    return np.flatnonzero(paths.closed & ((profile.quality.seam == "nearest") | ~perimeter))

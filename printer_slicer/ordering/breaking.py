@@ -1,0 +1,82 @@
+"""Long infill lines broken where the nozzle passes them: it need not go to one end and come back from the other.
+
+Printed from the break to one end and from the other end to the break, a line takes the way from end to end instead of
+the ways to one end and from the other. It is broken where it turns, which is at a wall: nothing ends over air.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+
+__all__ = ["broken"]
+
+_LEAST = 4.0  # mm that a break must save
+_ROLES = (Role.SPARSE, Role.SOLID, Role.BOTTOM_SKIN)
+
+
+def broken(paths: Toolpaths) -> Toolpaths:
+    """Paths in printing order, some open ones in two pieces."""
+    begin, last = paths.start[:-1], paths.start[1:] - 1
+    may = ~paths.closed & (paths.sweep < 0) & np.isin(paths.role, _ROLES) & (last - begin > 2)
+    may[[0, -1]] = False
+    line = np.flatnonzero(may)
+    if not len(line):
+        return paths
+    at, saved = _breaks(paths, line)
+    chosen = _apart(line, saved)
+    return _in_two(paths, line[chosen], at[chosen]) if chosen.any() else paths
+
+
+def _breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
+    """For each open line (n,) the inner point where it is best broken, and mm that this saves."""
+    begin, last = paths.start[:-1], paths.start[1:] - 1
+    ends = np.where(paths.closed, begin, last)
+    size = last[line] - begin[line] - 1
+    point = consecutive(begin[line] + 1, size)
+    come, go = paths.xy[ends[line - 1]], paths.xy[begin[line + 1]]
+    place = paths.xy.take(point, axis=0)
+    way = _far(place, np.repeat(come, size, axis=0)) + _far(place, np.repeat(go, size, axis=0))
+    first = np.cumsum(size) - size
+    least = np.minimum.reduceat(way, first)
+    hits = np.flatnonzero(way == np.repeat(least, size))
+    owner = np.repeat(np.arange(len(line)), size)[hits]
+    at = point[hits[np.searchsorted(owner, np.arange(len(line)))]]
+    one, other = paths.xy[begin[line]], paths.xy[last[line]]
+    return at, _far(come, one) + _far(other, go) - least - _far(one, other)
+
+
+def _apart(line: Int, saved: Float) -> Bool:
+    """(n,) lines that are worth it, of neighbours the one that saves more: the other one's ways change with it."""
+    worth = np.where(saved > _LEAST, saved, 0.0)
+    before = np.append(0.0, np.where(np.diff(line) == 1, worth[:-1], 0.0))
+    after = np.append(np.where(np.diff(line) == 1, worth[1:], 0.0), 0.0)
+    return np.asarray((worth > 0) & (worth > before) & (worth >= after))
+
+
+def _in_two(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
+    """Lines (n,) in two pieces: from the point `at` (n,) to the end, then from the begin to that point."""
+    n = paths.n_paths
+    count = np.ones(n, np.int64)
+    count[line] = 2
+    source = np.repeat(np.arange(n), count)
+    first, stop = paths.start[:-1][source], paths.start[1:][source].copy()
+    head = np.cumsum(count)[line] - 2
+    first[head], stop[head + 1] = at, at + 1
+    point = consecutive(first, stop - first)
+    return replace(
+        paths,
+        xy=paths.xy.take(point, axis=0),
+        width=paths.width.take(point),
+        carried=paths.carried.take(point),
+        start=np.append(0, np.cumsum(stop - first)),
+        **{name: getattr(paths, name)[source] for name in ("layer", "role", "height", "closed", "sweep")},
+    )
+
+
+def _far(one: Float, other: Float) -> Float:
+    return np.asarray(np.hypot(*(one - other).T))
