@@ -111,13 +111,15 @@ class PrusaSlicer:
 
     program = "prusa-slicer"
 
-    def __init__(self, walls: str = "classic") -> None:
-        """Take how it makes perimeters: `classic`, or `arachne`, which it does by default."""
+    def __init__(self, walls: str = "classic", **more: str) -> None:
+        """Take how it makes perimeters, `classic`, or `arachne`, which it does by default; and more of its settings."""
         said = subprocess.run([self.program, "--help"], capture_output=True, text=True, check=False).stdout
         found = re.search(r"PrusaSlicer-([\d.]+)", said)
         self.name = f"PrusaSlicer {found[1] if found else '(unknown version)'}"
         self.name += "" if walls == "classic" else f" {walls}"
+        self.name += "".join(f" {key.replace('_', ' ')} {value}".rstrip() for key, value in more.items())
         self._walls = walls
+        self._more = {key.replace("_", "-"): value for key, value in more.items()}
 
     def uniform(self, part: Part, height: float) -> Printed:
         """Layers of one height, mm, after the first."""
@@ -142,12 +144,16 @@ class PrusaSlicer:
         *,
         first: float | None = None,
     ) -> Printed:
-        settings = prusa_settings(part.profile, self._walls) | {
-            "layer-height": f"{height:g}",
-            "first-layer-height": f"{part.heights.first if first is None else first:.6g}",
-            "min-layer-height": f"{part.heights.thinnest:g}",
-            "max-layer-height": f"{part.heights.thickest:g}",
-        }
+        settings = (
+            prusa_settings(part.profile, self._walls)
+            | self._more
+            | {
+                "layer-height": f"{height:g}",
+                "first-layer-height": f"{part.heights.first if first is None else first:.6g}",
+                "min-layer-height": f"{part.heights.thinnest:g}",
+                "max-layer-height": f"{part.heights.thickest:g}",
+            }
+        )
         words = [
             word for key, text in settings.items() for word in ([f"--{key}", text] if text else [f"--{key}"])
         ]

@@ -25,7 +25,7 @@ from printer_slicer.geometry.engine import (
 )
 from printer_slicer.geometry.hatching import chain_rows, hatch, row_ends
 from printer_slicer.geometry.hull import convex_hull
-from printer_slicer.geometry.inside import crossed, rings_around
+from printer_slicer.geometry.inside import crossed, crossings, rings_around
 from printer_slicer.geometry.outlines import clip_outlines
 from printer_slicer.geometry.pieces import Pieces, pieces_of
 from printer_slicer.geometry.polygons import Polygons
@@ -48,6 +48,7 @@ __all__ = [
     "clip_outlines",
     "convex_hull",
     "crossed",
+    "crossings",
     "depths",
     "difference",
     "frozen_array",

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
 
-__all__ = ["any_crossing", "crossed", "rings_around"]
+__all__ = ["any_crossing", "crossed", "crossings", "rings_around"]
 
 _PAIRS_AT_ONCE = 1 << 18  # of ways and edges: what is compared stays small
 
@@ -63,13 +63,18 @@ def _odd(values: Int) -> Int:
 
 
 def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
-    """(P,) whether the straight way from `begin` to `end` (P, 2) crosses a ring of its `layer` (P,).
+    """(P,) whether the straight way from `begin` to `end` (P, 2) crosses a ring of its `layer` (P,)."""
+    return np.asarray(crossings(outlines, begin, end, layer) > 0)
+
+
+def crossings(outlines: Areas, begin: Float, end: Float, layer: Int) -> Int:
+    """(P,) how often the straight way from `begin` to `end` (P, 2) crosses rings of its `layer` (P,).
 
     An edge belongs to one of its ends only, so a way through a corner crosses exactly one of the corner's edges.
     """
     from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
 
-    result = np.zeros(len(begin), np.bool_)
+    result = np.zeros(len(begin), np.int64)
     if not len(begin) or not outlines.n_rings:
         return result
     a, b = outlines.xy, outlines.xy.take(outlines.following, axis=0)
@@ -81,7 +86,8 @@ def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:
     tree = SegmentTree(np.stack([a + aside, b + aside], axis=1))
     way, edge = tree.meeting(begin + way_aside, end + way_aside)
     for some in np.array_split(np.arange(len(way)), len(way) // _PAIRS_AT_ONCE + 1):
-        result[way[some][_pairs_cross(begin, end, a, b, way[some], edge[some])]] = True
+        cross = _pairs_cross(begin, end, a, b, way[some], edge[some])
+        result += np.bincount(way[some][cross], minlength=len(begin))
     return result
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, crossed, rings_around
+from printer_slicer.geometry import Areas, crossed, crossings, rings_around
 from printer_slicer.model import Float, Int
 from tests.parts import shapely
 from tests.strategies import box, clean_areas
@@ -70,15 +70,17 @@ def test_no_points_and_no_rings_are_nothing() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(areas=stacks, seed=seeds)
-def test_ways_that_cross_a_ring_are_found(areas: Areas, seed: int) -> None:
+def test_crossings_of_ways_and_rings_are_counted(areas: Areas, seed: int) -> None:
     begin, layer = scattered(seed)
     end, _ = scattered(seed + 1)
 
-    found = crossed(areas, begin, end, layer)
+    found = crossings(areas, begin, end, layer)
 
-    for a, b, k, hit in zip(begin, end, layer.tolist(), found.tolist(), strict=True):
+    for a, b, k, count in zip(begin, end, layer.tolist(), found.tolist(), strict=True):
         way = shapely.LineString([a, b])
-        assert hit == any(way.crosses(shapely.LinearRing(ring)) for ring in areas.rings(k))
+        rings = map(shapely.LinearRing, areas.rings(k))
+        assert count == sum(shapely.get_num_coordinates(way.intersection(ring)) for ring in rings)
+    assert crossed(areas, begin, end, layer).tolist() == (found > 0).tolist()
 
 
 @pytest.mark.parametrize(
