@@ -12,8 +12,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import crossed, frozen_array
-from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Sections, Toolpaths
+from printer_slicer.geometry import frozen_array
+from printer_slicer.model import Bool, Event, Fan, Float, Heat, Int, Program, Role, Toolpaths, Travels, leaves
 from printer_slicer.motion.blocks import Limits
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.whole import durations
@@ -30,13 +30,12 @@ _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # carried, for which there are settings
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 
 
-def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
-    """The moves that print `paths` in order, with retractions, fan and temperatures.
+def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
+    """The moves that print `paths` in order, with `travels` between them, fan and temperatures.
 
-    The filament is pulled back where a travel leaves the part; what oozes inside is not seen.
     Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
     """
-    rows = _rows(paths, sections, profile)
+    rows = _rows(paths, travels, profile)
     beads = _beads_of(paths, rows, profile)
     role = np.append(np.where(rows.kind == _BEAD, paths.role[rows.path], Role.TRAVEL), Role.TRAVEL)
     carried = _spread(beads.carried, rows)
@@ -44,7 +43,7 @@ def extrude(paths: Toolpaths, sections: Sections, profile: Profile) -> Program:
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + _APPROACH]),
-        xyz=_positions(paths, rows),
+        xyz=_positions(paths, travels, rows),
         filament=_filament(rows, beads, profile),
         speed=_speeds(paths, rows, beads, profile),
         layer=np.append(paths.layer[rows.path], paths.layer[-1:]),
@@ -102,34 +101,22 @@ class _Rows:
     hop: Float
 
 
-def _rows(paths: Toolpaths, sections: Sections, profile: Profile) -> _Rows:
-    """Which moves there are: for each path some of the five that lead to it, then its beads."""
-    printer = profile.printer
+def _rows(paths: Toolpaths, travels: Travels, profile: Profile) -> _Rows:
+    """Which moves there are: for each path some of the five kinds that lead to it, then its beads."""
     size = np.diff(paths.start)
-    begin = paths.xy[paths.start[:-1]]
-    end = np.where(paths.closed[:, None], begin, paths.xy[paths.start[1:] - 1])
-    leave = np.concatenate([np.zeros((1, 2)), end[:-1]])
-    distance = np.hypot(*(begin - leave).T)
+    leave, begin = leaves(paths)
     first = np.arange(paths.n_paths) == 0
     new_layer = np.diff(paths.layer, prepend=-1) > 0
-    retract = (distance > printer.retract_before_travel) & ~first & (printer.retract_length > 0)
-    retract[retract] = crossed(sections.solid, leave[retract], begin[retract], paths.layer[retract])
-    hop = np.where(first, _APPROACH, np.where(retract, printer.z_hop, 0.0))
-    there = {
-        _RETRACT: retract,
-        _LIFT: (new_layer | (hop > 0)) & ~first,
-        _TRAVEL: (distance > 0) | first,
-        _DROP: hop > 0,
-        _DERETRACT: retract,
-    }
-    n_lead = np.stack([there[kind] for kind in range(_BEAD)], axis=1)
-    n_beads = np.where(paths.closed, size, size - 1)
-    path = np.repeat(np.arange(paths.n_paths), n_lead.sum(axis=1) + n_beads)
-    kind = np.full(len(path), _BEAD)
-    start = np.cumsum(n_lead.sum(axis=1) + n_beads) - n_lead.sum(axis=1) - n_beads
-    lead = start[:, None] + np.cumsum(n_lead, axis=1) - 1
-    for one in range(_BEAD):
-        kind[lead[there[one], one]] = one
+    hop = np.where(first, _APPROACH, np.where(travels.retract, profile.printer.z_hop, 0.0))
+    count = np.zeros((paths.n_paths, _BEAD + 1), np.int64)
+    count[:, _RETRACT] = count[:, _DERETRACT] = travels.retract
+    count[:, _LIFT] = (new_layer | (hop > 0)) & ~first
+    count[:, _TRAVEL] = (np.hypot(*(begin - leave).T) > 0) | first
+    count[:, _TRAVEL] += np.diff(travels.start)
+    count[:, _DROP] = hop > 0
+    count[:, _BEAD] = np.where(paths.closed, size, size - 1)
+    path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
+    kind = np.repeat(np.tile(np.arange(_BEAD + 1), paths.n_paths), count.ravel())
     point = _points(paths, path, kind)
     # Where a bead's width changes at once, the same point stands twice; and files are written in steps of 1 µm.
     step = paths.xy.take(point, axis=0) - paths.xy.take(_before(paths, path, point), axis=0)
@@ -154,13 +141,17 @@ def _points(paths: Toolpaths, path: Int, kind: Int) -> Int:
     return np.asarray(paths.start[:-1][path] + nth % np.maximum(size[path], 1), np.int64)
 
 
-def _positions(paths: Toolpaths, rows: _Rows) -> Float:
+def _positions(paths: Toolpaths, travels: Travels, rows: _Rows) -> Float:
     """(K + 1, 3) where each move ends."""
     z = paths.plan.top[paths.layer]
     xyz = np.zeros((len(rows.path) + 1, 3))
     xyz[:-1, :2] = paths.xy.take(rows.point, axis=0)
     stays = rows.kind <= _LIFT
     xyz[:-1, :2][stays] = rows.leave[rows.path[stays]]
+    # All travels of a way but the last one end at the points that it passes.
+    passing = (rows.kind == _TRAVEL) & (np.append(rows.kind[1:], _BEAD) == _TRAVEL)
+    passing &= np.append(rows.path[1:], -1) == rows.path
+    xyz[:-1, :2][passing] = travels.xy
     lifted = (rows.kind == _LIFT) | (rows.kind == _TRAVEL)
     xyz[:-1, 2] = z[rows.path] + np.where(lifted, rows.hop[rows.path], 0.0)
     pulling = rows.kind == _RETRACT  # still on the layer of the path before

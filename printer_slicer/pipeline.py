@@ -1,4 +1,7 @@
-"""The whole slicer on one page: Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Program -> lines."""
+"""The whole slicer on one page.
+
+Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Program -> lines.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,18 @@ from printer_slicer.gcode import write_gcode
 from printer_slicer.geometry import frozen_array
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import Float, LayerPlan, Mesh, Program, Regions, Repairs, Sections, Toolpaths, Walls
+from printer_slicer.model import (
+    Float,
+    LayerPlan,
+    Mesh,
+    Program,
+    Regions,
+    Repairs,
+    Sections,
+    Toolpaths,
+    Travels,
+    Walls,
+)
 from printer_slicer.ordering import order
 from printer_slicer.overhangs import graded
 from printer_slicer.perimeters import lay_walls
@@ -26,6 +40,7 @@ from printer_slicer.regions import classify
 from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, read_surface
 from printer_slicer.thick_walls import thickened
+from printer_slicer.travels import travel
 
 __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
 
@@ -46,8 +61,8 @@ class Stages:
         part: repaired and placed.
         repairs: what was put right, at the places of the mesh that was given.
         shift: (3,) mm from the placed part to where that mesh was.
-        sections: these, the walls and the regions see the part on the bed; where there is a raft, the toolpaths and
-            the program have its layers before the part's, and the part lifted.
+        sections: these, the walls and the regions see the part on the bed; where there is a raft, the toolpaths,
+            travels and the program have its layers before the part's, and the part lifted.
     """
 
     part: Mesh
@@ -55,6 +70,7 @@ class Stages:
     walls: Walls
     regions: Regions
     toolpaths: Toolpaths
+    travels: Travels
     program: Program
     repairs: Repairs = field(default_factory=Repairs)
     shift: Float = field(default_factory=lambda: frozen_array(np.zeros(3), np.float64, (3,)))
@@ -155,9 +171,11 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     printed = on_raft(sections, profile)
     lifted = [adhesion_paths(printed, profile), *(some.lifted(printed.plan) for some in paths)]
     toolpaths = order(Toolpaths.joined(printed.plan, lifted), printed, profile)
+    report("travels")
+    travels = travel(toolpaths, printed, profile)
     report("extrusion")
-    program = extrude(toolpaths, printed, profile)
-    return Stages(part, sections, walls, regions, toolpaths, program)
+    program = extrude(toolpaths, travels, profile)
+    return Stages(part, sections, walls, regions, toolpaths, travels, program)
 
 
 def slice_part(

@@ -9,6 +9,7 @@ import pytest
 
 from printer_slicer.extrusion import extrude
 from printer_slicer.model import Areas, LayerPlan, Role, Sections, Toolpaths
+from printer_slicer.travels import travel
 from tests.parts import plain
 
 
@@ -28,7 +29,7 @@ def test_beads_of_changing_width_and_own_height_get_the_volume_of_their_own_shap
     )
     wanted = plain()
 
-    program = extrude(paths, Sections(plan, Areas.from_rings([[square]])), wanted)
+    program = extrude(paths, travel(paths, Sections(plan, Areas.from_rings([[square]])), wanted), wanted)
 
     beads = program.role != Role.TRAVEL
     fed = program.filament[beads] * pi * wanted.material.filament_diameter**2 / 4

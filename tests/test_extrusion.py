@@ -26,6 +26,7 @@ from printer_slicer.model import (
 )
 from printer_slicer.pipeline import Stages, slice_part, slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.travels import travel
 from tests.parts import (
     box,
     box_with_hole,
@@ -109,7 +110,7 @@ def test_steps_too_short_to_be_written_are_no_moves() -> None:
         width=np.full(5, 0.45),
         closed=False,
     )
-    program = extrude(paths, Sections(plan, Areas.empty(1)), usual("marlin_220"))
+    program = extrude(paths, travel(paths, Sections(plan, Areas.empty(1)), usual()), usual())
 
     assert program.xyz[is_bead(program), 0].tolist() == [10, 20]
 

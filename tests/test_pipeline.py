@@ -160,6 +160,7 @@ def test_stages_share_one_plan_and_are_told_by_name() -> None:
         "regions",
         "toolpaths",
         "ordering",
+        "travels",
         "extrusion",
     ]
     for value in (stages.sections, stages.walls, stages.regions, stages.toolpaths):

@@ -1,4 +1,4 @@
-"""The values that flow: Mesh -> LayerPlan -> Sections -> Walls, Regions -> Toolpaths -> Program.
+"""The values that flow: Mesh -> LayerPlan -> Sections -> Walls, Regions -> Toolpaths -> Travels -> Program.
 
 All are frozen and hold read-only arrays. Letters in shapes: F facets, L layers, R rings, M paths, N points, K moves.
 Lengths are mm, times s, speeds mm/s, temperatures °C.
@@ -8,6 +8,7 @@ from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
 from printer_slicer.model.part import Faults, Mesh, Repair, Repairs
 from printer_slicer.model.paths import Event, Fan, Heat, Program, Role, Toolpaths, reordered
+from printer_slicer.model.travels import Travels, leaves
 from printer_slicer.model.walls import Walls
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
     "Role",
     "Sections",
     "Toolpaths",
+    "Travels",
     "Walls",
+    "leaves",
     "reordered",
 ]
