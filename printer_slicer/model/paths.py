@@ -19,6 +19,8 @@ __all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
 
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
+_OF_POINTS: Final = ("xy", "width", "carried", "rise", "share")
+_OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep")
 
 
 class Role(IntEnum):
@@ -58,6 +60,9 @@ class Toolpaths:
             1 everywhere where it is not given.
         sweep: (M,) paths with the same number follow each other as they stand, or all of them turned around and the
             last one first; -1, everywhere where it is not given, for those that may be printed in any order.
+        rise: (N,) mm from the top of the layer up to the nozzle, negative below it; 0 where it is not given.
+        share: (N,) how much of the bead's height is laid, 0 to 1; between two points both change evenly. 1 where it is
+            not given.
     """
 
     plan: LayerPlan
@@ -70,11 +75,14 @@ class Toolpaths:
     closed: Bool
     carried: Float = field(default_factory=lambda: _NOT_GIVEN)
     sweep: Int = field(default_factory=lambda: _NO_NUMBERS)
+    rise: Float = field(default_factory=lambda: _NOT_GIVEN)
+    share: Float = field(default_factory=lambda: _NOT_GIVEN)
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
-        if self.carried is _NOT_GIVEN:
-            object.__setattr__(self, "carried", np.ones(n_points))
+        for name, usual in (("carried", 1.0), ("rise", 0.0), ("share", 1.0)):
+            if getattr(self, name) is _NOT_GIVEN:
+                object.__setattr__(self, name, np.full(n_points, usual))
         if self.sweep is _NO_NUMBERS:
             object.__setattr__(self, "sweep", np.full(n_paths, -1))
         for name, dtype, shape in (
@@ -87,6 +95,8 @@ class Toolpaths:
             ("closed", np.bool_, (n_paths,)),
             ("carried", np.float64, (n_points,)),
             ("sweep", np.int64, (n_paths,)),
+            ("rise", np.float64, (n_points,)),
+            ("share", np.float64, (n_points,)),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
@@ -147,17 +157,17 @@ class Toolpaths:
         """Some of the paths, by their indices; their layers must ascend."""
         size = np.diff(self.start)[chosen]
         points = consecutive(self.start[chosen], size)
-        return replace(
-            self,
-            xy=self.xy.take(points, axis=0),
-            width=self.width.take(points),
-            carried=self.carried.take(points),
-            start=np.append(0, np.cumsum(size)),
-            **{
-                name: getattr(self, name).take(chosen)
-                for name in ("layer", "role", "height", "closed", "sweep")
-            },
-        )
+        return self.of_points(points, np.append(0, np.cumsum(size)), chosen)
+
+    def of_points(self, point: Int, start: Int, path: Int) -> Toolpaths:
+        """Paths made of some points (n,), with what else there is to know from `path` (m,).
+
+        Path `i` of them has the points `point[start[i]:start[i + 1]]`. `carried` goes with the points: it is right for
+        paths that keep their direction.
+        """
+        columns = {name: getattr(self, name).take(point, axis=0) for name in _OF_POINTS}
+        of_path = {name: getattr(self, name).take(path) for name in _OF_PATHS}
+        return replace(self, start=start, **columns, **of_path)
 
     @property
     def n_paths(self) -> int:

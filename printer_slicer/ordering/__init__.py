@@ -7,6 +7,8 @@ be printed in any order is printed in the one with the shortest ways.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from printer_slicer.geometry import rings_around
@@ -16,6 +18,7 @@ from printer_slicer.ordering.breaking import broken
 from printer_slicer.ordering.loops import closed_up
 from printer_slicer.ordering.nearby import begun_nearby, begun_toward_seams
 from printer_slicer.ordering.route import routed
+from printer_slicer.ordering.scarf import scarfed
 from printer_slicer.ordering.seams import with_seams
 from printer_slicer.ordering.units import Units, inner_loops, units_of
 from printer_slicer.ordering.walls import clustered
@@ -33,7 +36,7 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     paths, clusters = clustered(begun_toward_seams(paths, island, profile), inner_loops(paths), profile)
     units = units_of(paths, island, clusters, profile)
     ordered = _printed(paths, units, *routed(units))
-    return broken(begun_nearby(ordered, profile))
+    return scarfed(broken(begun_nearby(ordered, profile)), profile)
 
 
 def _islands(paths: Toolpaths, solid: Areas) -> Int:
@@ -60,16 +63,6 @@ def _printed(paths: Toolpaths, units: Units, taken: Int, turned: Bool) -> Toolpa
     back = around[owner]
     first = paths.start[path][owner]
     point = first + np.where(back, n_points[owner] - 1 - at, at)
-    return Toolpaths(
-        paths.plan,
-        paths.xy.take(point, axis=0),
-        paths.width.take(point),
-        np.append(0, np.cumsum(n_points)),
-        paths.layer[path],
-        paths.role[path],
-        paths.height[path],
-        paths.closed[path],
-        # What holds from a point to the next holds from the next to it in a path that is turned around.
-        paths.carried.take(np.where(back, np.maximum(point - 1, first), point)),
-        paths.sweep[path],
-    )
+    some = paths.of_points(point, np.append(0, np.cumsum(n_points)), path)
+    # What holds from a point to the next holds from the next to it in a path that is turned around.
+    return replace(some, carried=paths.carried.take(np.where(back, np.maximum(point - 1, first), point)))

@@ -6,8 +6,6 @@ the ways to one end and from the other. It is broken where it turns, which is at
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from printer_slicer.geometry.areas import consecutive
@@ -68,14 +66,7 @@ def _in_two(paths: Toolpaths, line: Int, at: Int) -> Toolpaths:
     head = np.cumsum(count)[line] - 2
     first[head], stop[head + 1] = at, at + 1
     point = consecutive(first, stop - first)
-    return replace(
-        paths,
-        xy=paths.xy.take(point, axis=0),
-        width=paths.width.take(point),
-        carried=paths.carried.take(point),
-        start=np.append(0, np.cumsum(stop - first)),
-        **{name: getattr(paths, name)[source] for name in ("layer", "role", "height", "closed", "sweep")},
-    )
+    return paths.of_points(point, np.append(0, np.cumsum(stop - first)), source)
 
 
 def _far(one: Float, other: Float) -> Float:

@@ -124,14 +124,8 @@ def closed_up(paths: Toolpaths) -> Toolpaths:
     kept = np.ones(len(paths.xy), np.bool_)
     kept[last[returns]] = False
     start = np.append(0, np.cumsum(np.diff(paths.start) - returns))
-    return replace(
-        paths,
-        xy=paths.xy[kept],
-        width=paths.width[kept],
-        carried=paths.carried[kept],
-        start=start,
-        closed=paths.closed | returns,
-    )
+    some = paths.of_points(np.flatnonzero(kept), start, np.arange(paths.n_paths))
+    return replace(some, closed=paths.closed | returns)
 
 
 def begun_at(paths: Toolpaths, loops: Loops, along: Float) -> Toolpaths:
@@ -164,18 +158,8 @@ def _rotated(
     step = consecutive(-extra, size + extra)  # -1: the new point
     owner = np.repeat(np.arange(paths.n_paths), size + extra)
     source = paths.start[owner] + (np.maximum(step, 0) + turn[owner]) % np.maximum(size[owner], 1)
-    xy, width, carried = paths.xy[source], paths.width[source], paths.carried[source]
+    some = paths.of_points(source, start, np.arange(paths.n_paths))
+    xy, width, carried = some.xy.copy(), some.width.copy(), some.carried.copy()
     at = start[path[new]]
     xy[at], width[at], carried[at] = (column[new] for column in given)
-    return Toolpaths(
-        paths.plan,
-        xy,
-        width,
-        start,
-        paths.layer,
-        paths.role,
-        paths.height,
-        paths.closed,
-        carried,
-        paths.sweep,
-    )
+    return replace(some, xy=xy, width=width, carried=carried)

@@ -226,20 +226,20 @@ G0 Z0.5 F600
 G0 X54.389 Y44.389 F9000
 ;TYPE:Perimeter
 ;WIDTH:0.45
-G1 X45.611 E0.42223 F1033
+G1 X45.611 E0.42223 F720
 G1 Y35.611 E0.42223
 G1 X54.389 E0.42222
 G1 Y44.389 E0.42223
 G0 X54.775 Y44.775 F9000
 ;TYPE:External perimeter
-G1 X45.225 E0.45932 F723
+G1 X45.225 E0.45932 F2100
 G1 Y35.225 E0.45933
 G1 X54.775 E0.45932
 G1 Y44.775 E0.45932
 G0 X54.071 Y43.799 F9000
 ;TYPE:Internal infill
 ;WIDTH:0.4099
-G1 X53.799 Y44.071 E0.01662 F1446
+G1 X53.799 Y44.071 E0.01662 F923
 G1 X49.525 E0.18418
 G1 X45.929 Y40.475 E0.21916
 G1 Y36.201 E0.18418
@@ -248,7 +248,7 @@ G1 X46.836 E0.02734
 G1 X54.071 Y43.164 E0.44097
 G1 Y43.799 E0.02734
 G0 Y38.638 F9000
-G1 X48.638 Y44.071 E0.33113 F1446
+G1 X48.638 Y44.071 E0.33113 F923
 G1 X46.201 E0.10501
 G1 X45.929 Y43.799 E0.01662
 G1 Y41.327 E0.10651
@@ -443,7 +443,10 @@ M104 S0
 ; printer.retract_speed = 35
 ; printer.deretract_speed = 25
 ; printer.retract_before_travel = 1.5
+; printer.deretract_extra = 0
+; printer.wipe_distance = 0
 ; printer.z_hop = 0.4
+; printer.z_hop_ramp = False
 ; printer.relative_extrusion = True
 ; printer.baud = 115200
 ; printer.receive_buffer = 128
@@ -458,6 +461,7 @@ M104 S0
 ; material.bed_temperature = 60
 ; material.first_layer_bed_temperature = 60
 ; material.max_flow = 12
+; material.first_layer_max_flow_ratio = 1
 ; material.fan_ratio = 0.5
 ; material.fan_ratio_max = 1
 ; material.fan_ratio_bridge = 1
@@ -500,6 +504,9 @@ M104 S0
 ; quality.seam = aligned
 ; quality.seam_angle_deg = 90
 ; quality.staggered_inner_seams = False
+; quality.scarf_length = 0
+; quality.scarf_start = 0.1
+; quality.scarf_inner = False
 ; quality.bottom_thickness = 0.2
 ; quality.top_thickness = 0.3
 ; quality.min_sparse_area = 15
@@ -547,4 +554,9 @@ M104 S0
 ; quality.speeds.overhang_0_ratio = 0.45
 ; quality.speeds.raft = 30
 ; quality.speeds.first_layer = 20
+; quality.speeds.slow_below = 0
+; quality.speeds.small_perimeter = 0
+; quality.speeds.small_perimeter_radius = 6.5
+; quality.speeds.even_flow_ratio = 0
+; quality.speeds.even_flow_most = 2
 ; quality.speeds.travel = 150

@@ -1,0 +1,64 @@
+"""Toolpaths -> Program: how much filament, how fast, how cool.
+
+Everything that depends on layer height takes each layer's own: the cross-section of the bead, the speed that the
+material's flow limit allows, the height at which the fan has ramped up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from printer_slicer.extrusion.beads import beads_of, is_perimeter, speeds_of
+from printer_slicer.extrusion.cooling import fans, slowed
+from printer_slicer.extrusion.rows import APPROACH, rows_of
+from printer_slicer.extrusion.timing import known_as, move_seconds
+from printer_slicer.model import Event, Heat, Program, Role, Toolpaths, Travels
+from printer_slicer.profile import Material, Profile
+
+__all__ = ["extrude", "move_seconds"]
+
+_HALF = 0.5  # of its width: a perimeter's bead that is carried by less hangs
+
+
+def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
+    """The moves that print `paths` in order, with `travels` between them, fan and temperatures.
+
+    Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
+    """
+    rows = rows_of(paths, travels, profile)
+    beads = beads_of(paths, rows, profile)
+    role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
+    carried = rows.spread(beads.carried)
+    role[is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
+    program = Program(
+        paths.plan,
+        origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
+        xyz=rows.xyz,
+        filament=rows.pulled + rows.spread(beads.filament(profile.material.filament_diameter)),
+        speed=speeds_of(paths, rows, beads, profile),
+        layer=paths.layer[rows.path],
+        role=role,
+        width=rows.spread(beads.width),
+        height=rows.spread(beads.height),
+    )
+    program = slowed(program, profile)
+    events = _heat(program, profile.material) + fans(program, carried, profile)
+    return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
+
+
+def _heat(program: Program, material: Material) -> list[Event]:
+    """From the second layer on the temperatures of the rest of the part."""
+    above = np.flatnonzero(program.layer > 0)
+    if len(above) == 0:
+        return []
+    nozzle = (
+        material.nozzle_temperature
+        if material.nozzle_temperature != material.first_layer_nozzle_temperature
+        else None
+    )
+    bed = (
+        material.bed_temperature if material.bed_temperature != material.first_layer_bed_temperature else None
+    )
+    return [Heat(int(above[0]), nozzle, bed)] if nozzle is not None or bed is not None else []

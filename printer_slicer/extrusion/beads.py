@@ -1,0 +1,149 @@
+"""How much plastic each bead takes, and how fast it may be laid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.extrusion.rows import Kind, Rows
+from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.profile import Profile, Speeds
+
+__all__ = ["SHARES", "Beads", "beads_of", "is_perimeter", "speeds_of"]
+
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Carried, for which there are settings."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beads:
+    """What the moves lay that are beads, in their order.
+
+    Attributes:
+        length: (B,) mm.
+        width: (B,) mm, in the mean along the bead.
+        height: (B,) mm, likewise.
+        flow: (B,) the cross-section is multiplied by this.
+        carried: (B,) share of the width that lies over the layer below.
+    """
+
+    length: Float
+    width: Float
+    height: Float
+    flow: Float
+    carried: Float
+
+    @property
+    def cross_section(self) -> Float:
+        """(B,) mm²; it grows evenly with the width, so that of the mean width is the mean one."""
+        return bead.cross_section(self.width, self.height) * self.flow
+
+    def filament(self, diameter: float) -> Float:
+        """(B,) mm of filament in each."""
+        return self.length * bead.filament_per_mm(self.width, self.height, diameter) * self.flow
+
+
+def beads_of(paths: Toolpaths, rows: Rows, profile: Profile) -> Beads:
+    """The beads of the rows that lay some."""
+    begin, end, path = rows.begin, rows.end, rows.bead_path
+    way = paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)
+    climbed = paths.rise[end] - paths.rise[begin]
+    first = np.where(paths.layer[path] == 0, profile.quality.first_layer_flow, 1.0)
+    return Beads(
+        np.sqrt((way * way).sum(axis=1) + climbed * climbed),
+        (paths.width[begin] + paths.width[end]) / 2,
+        paths.height[path] * (paths.share[begin] + paths.share[end]) / 2,
+        first * profile.material.flow_ratio,
+        paths.carried[begin],
+    )
+
+
+def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, profile: Profile) -> Float:
+    """(K,) speed of each move, mm/s."""
+    printer, speeds, material = profile.printer, profile.quality.speeds, profile.material
+    path, is_bead = rows.bead_path, rows.is_bead
+    laid = _wanted(paths, profile)[path]
+    hangs = is_perimeter(paths.role[path]) & (beads.carried < 1)
+    slower = laid * np.interp(beads.carried, SHARES, _overhang_speeds(speeds))
+    # The last quarter goes over to a bridge.
+    faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
+    laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
+    melted = np.where(paths.layer[path] == 0, material.first_layer_max_flow_ratio, 1.0) * material.max_flow
+    flowing = melted / np.maximum(beads.cross_section, 1e-9)
+    z_speed = min(speeds.travel, printer.max_speed_z)
+    wipe = min(speeds.travel, printer.max_speed_x)
+    lead = np.zeros(Kind.BEAD + 1)
+    lead[[Kind.RETRACT, Kind.DERETRACT]] = printer.retract_speed, printer.deretract_speed
+    lead[[Kind.WIPE, Kind.LIFT, Kind.TRAVEL, Kind.DROP]] = wipe, z_speed, speeds.travel, z_speed
+    if printer.z_hop_ramp:
+        lead[Kind.LIFT] = speeds.travel
+    speed = lead[rows.kind]
+    speed[is_bead] = np.minimum(laid, flowing)
+    return speed
+
+
+def _wanted(paths: Toolpaths, profile: Profile) -> Float:
+    """(M,) mm/s that paths are laid at where they are carried."""
+    speeds = profile.quality.speeds
+    wanted = _of_roles(speeds)[paths.role]
+    if speeds.small_perimeter:
+        small = is_perimeter(paths.role) & paths.closed
+        small &= paths.length() < 2 * np.pi * speeds.small_perimeter_radius
+        wanted = np.where(small, np.minimum(wanted, speeds.small_perimeter), wanted)
+    if speeds.even_flow_ratio:
+        wanted = wanted * _evened(paths, profile)
+    raft = paths.role == Role.RAFT
+    base = int(paths.layer[raft].max(initial=-1)) + 1  # the part's first layer
+    begins = (paths.layer == 0) | (paths.layer == base)
+    wanted = np.where(begins, np.minimum(wanted, speeds.first_layer), wanted)
+    low, high = float(paths.plan.top[base]), speeds.slow_below
+    if high > low:
+        share = np.clip((paths.plan.top[paths.layer] - low) / (high - low), 0, 1)
+        wanted = np.where(
+            raft,
+            wanted,
+            np.minimum(wanted, speeds.first_layer + share * np.maximum(wanted - speeds.first_layer, 0)),
+        )
+    return np.asarray(wanted)
+
+
+def _evened(paths: Toolpaths, profile: Profile) -> Float:
+    """(M,) what speeds are multiplied by so that thin and thick layers melt more nearly the same."""
+    speeds = profile.quality.speeds
+    factor = (profile.quality.layer_height / np.maximum(paths.height, 1e-6)) ** speeds.even_flow_ratio
+    return np.asarray(np.clip(factor, 1 / speeds.even_flow_most, speeds.even_flow_most))
+
+
+def _of_roles(speeds: Speeds) -> Float:
+    """(roles,) mm/s."""
+    of_role = np.zeros(len(Role))
+    # A draft shield goes on over the first layer.
+    of_role[[Role.SKIRT, Role.BRIM]] = max(speeds.first_layer, speeds.outer_perimeter), speeds.first_layer
+    of_role[Role.RAFT] = speeds.raft
+    of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
+    of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
+    of_role[Role.BRIDGE] = speeds.bridge
+    of_role[Role.INTERNAL_BRIDGE] = speeds.internal_bridge
+    of_role[[Role.BOTTOM_SKIN, Role.SOLID]] = speeds.solid
+    of_role[Role.TOP_SKIN] = speeds.top_skin
+    of_role[Role.SPARSE] = speeds.sparse
+    of_role[Role.IRONING] = speeds.ironing
+    return of_role
+
+
+def is_perimeter(role: Int) -> Bool:
+    """(n,) whether it is the role of a perimeter's bead."""
+    return np.asarray((role == Role.OUTER_PERIMETER) | (role == Role.INNER_PERIMETER))
+
+
+def _overhang_speeds(speeds: Speeds) -> tuple[float, ...]:
+    """For each of `SHARES` of the bead that is carried, the share of the perimeter's speed."""
+    return (
+        speeds.overhang_0_ratio,
+        speeds.overhang_25_ratio,
+        speeds.overhang_50_ratio,
+        speeds.overhang_75_ratio,
+        1.0,
+    )

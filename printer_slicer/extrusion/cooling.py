@@ -1,0 +1,112 @@
+"""Layers that would be too quick to cool are slowed down, what is hidden first; and how much fan they get."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.extrusion.beads import SHARES
+from printer_slicer.extrusion.timing import move_seconds, timed_again
+from printer_slicer.model import Bool, Event, Fan, Float, Int, Program, Role
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.profile import Material, Profile
+
+__all__ = ["fans", "slowed"]
+
+_ROUNDS = 12  # of slowing down at most: with acceleration, half the speed is not quite twice the time
+_NEARLY = 0.995  # of the minimum layer time is enough
+_FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
+# What is slowed down first is not seen; bridges and what hangs over air are slow enough until nothing else helps.
+_TURNS: Final = (
+    (Role.RAFT, Role.INNER_PERIMETER, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID),
+    (Role.SKIRT, Role.BRIM, Role.OUTER_PERIMETER, Role.TOP_SKIN, Role.IRONING),
+    (Role.OVERHANG_PERIMETER, Role.BRIDGE, Role.INTERNAL_BRIDGE),
+)
+
+
+def slowed(program: Program, profile: Profile) -> Program:
+    """The program with beads slowed down on layers that are too quick to cool."""
+    material = profile.material
+    pace = program.speed, move_seconds(program, profile)
+    if not material.min_layer_time:
+        return program
+    # What is slower already, a first layer say, is not made faster by the lower bound.
+    floor = np.minimum(program.speed, material.min_speed)
+    for last in range(len(_TURNS)):
+        roles = [role for turn in _TURNS[: last + 1] for role in turn]
+        may = np.isin(program.role, roles)
+        pace = _slowed(program, pace, floor, may, profile)
+    return program if pace[0] is program.speed else replace(program, speed=pace[0])
+
+
+def _slowed(
+    program: Program, pace: tuple[Float, Float], floor: Float, may: Bool, profile: Profile
+) -> tuple[Float, Float]:
+    """Speeds and seconds (K,) of moves, those slowed down that `may` (K,) be and whose layers are too quick."""
+    speed, seconds = pace
+    least, layer = profile.material.min_layer_time, program.layer
+    for _ in range(_ROUNDS):
+        total, laying = (np.bincount(layer, weights=part) for part in (seconds, seconds * may))
+        room = least - (total - laying)
+        short = (total < least * _NEARLY) & (laying > 0)
+        factor = np.where(short, laying / np.maximum(room, 1e-9), 1.0)[layer]
+        slower = np.where(may & (factor < 1), np.maximum(speed * factor, floor), speed)
+        changed = slower < speed * _NEARLY
+        if not changed.any():  # what is still too quick is as slow as it may be
+            break
+        around = layer[slower < speed][[0, -1]]
+        speed = slower
+        seconds = timed_again(program, seconds, speed, around, limits_of(profile.printer))
+    return speed, seconds
+
+
+def fans(program: Program, carried: Float, profile: Profile) -> list[Event]:
+    """Fan changes: more on quick layers, ramped up over mm of height, full on bridges, in between on overhangs.
+
+    `carried` (K,) is the share of each bead that lies over the layer below.
+    """
+    material, plan = profile.material, program.plan
+    seconds = np.bincount(program.layer, weights=move_seconds(program, profile), minlength=plan.n_layers)
+    span = max(material.fan_layer_time - material.min_layer_time, 1e-9)
+    hurry = np.clip((material.fan_layer_time - seconds) / span, 0, 1)
+    strongest = max(material.fan_ratio, material.fan_ratio_max)
+    wanted = material.fan_ratio + hurry * (strongest - material.fan_ratio)
+    ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
+    ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
+    ratio = (wanted * ramp)[program.layer]
+    hangs = (program.role == Role.BRIDGE) | (program.role == Role.INTERNAL_BRIDGE)
+    bridge = _until_next_bead(program.role, hangs) & (ramp[program.layer] > 0)
+    on_bridges = np.maximum(ratio, material.fan_ratio_bridge)
+    toward = np.interp(_of_next_bead(program.role, carried, 1.0), SHARES, _overhang_fans(material))
+    toward = np.where(ramp[program.layer] > 0, toward, 0.0)
+    ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
+    steps = np.round(ratio / _FAN_STEP).astype(np.int64)
+    change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
+    return [Fan(int(i), float(np.clip(steps[i] * _FAN_STEP, 0, 1))) for i in change]
+
+
+def _overhang_fans(material: Material) -> tuple[float, ...]:
+    """For each of `SHARES` of the bead that is carried, how far the fan goes toward that on bridges."""
+    return (
+        material.fan_overhang_0_ratio,
+        material.fan_overhang_25_ratio,
+        material.fan_overhang_50_ratio,
+        material.fan_overhang_75_ratio,
+        0.0,
+    )
+
+
+def _of_next_bead(role: Int, values: Float, otherwise: float) -> Float:
+    """(K,) the value of the bead that each move leads to."""
+    is_bead = role != Role.TRAVEL
+    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
+    return np.asarray(np.append(values, otherwise)[following])
+
+
+def _until_next_bead(role: Int, wanted: Bool) -> Bool:
+    """(K,) the value of the bead that each move leads to."""
+    is_bead = role != Role.TRAVEL
+    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
+    return np.asarray((following < len(role)) & wanted[np.minimum(following, len(role) - 1)])

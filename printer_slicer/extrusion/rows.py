@@ -1,0 +1,176 @@
+"""Which moves there are: for each path those that lead to it, then its beads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.extrusion.wiping import Wipes, wipes_of
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Bool, Float, Int, Toolpaths, Travels, leaves
+from printer_slicer.profile import Profile
+
+__all__ = ["APPROACH", "Kind", "Rows", "rows_of"]
+
+APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
+_SHORTEST = 0.003  # mm, of a bead
+_RAMP = 3.0  # mm of way per mm of a ramped lift
+
+
+class Kind:
+    """What a move is for, in the order in which a path has them."""
+
+    RETRACT, WIPE, LIFT, TRAVEL, DROP, DERETRACT, BEAD = range(7)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """The moves before they have numbers; the last one retracts after the last path.
+
+    Attributes:
+        path: (K,) the path each move belongs to or leads to.
+        kind: (K,) a `Kind` each.
+        xyz: (K, 3) where it ends.
+        pulled: (K,) filament of the moves that lay no bead, mm.
+        begin: (B,) points at which the beads begin.
+        end: (B,) points at which they end.
+    """
+
+    path: Int
+    kind: Int
+    xyz: Float
+    pulled: Float
+    begin: Int
+    end: Int
+
+    @property
+    def is_bead(self) -> Bool:
+        """(K,) which moves lay a bead."""
+        return np.asarray(self.kind == Kind.BEAD)
+
+    @property
+    def bead_path(self) -> Int:
+        """(B,) the path of each bead."""
+        return self.path[self.is_bead]
+
+    def spread(self, values: Float) -> Float:
+        """(K,) values (B,) of the beads at their moves; 0 at the others."""
+        result = np.zeros(len(self.path))
+        result[self.is_bead] = values
+        return result
+
+
+def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
+    """The moves that print paths in order."""
+    wipes = wipes_of(paths, travels, profile)
+    count = _counts(paths, travels, wipes, profile)
+    path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
+    kind = np.repeat(np.tile(np.arange(Kind.BEAD + 1), paths.n_paths), count.ravel())
+    begin, end = _ends_of_beads(paths)
+    # Where a bead's width changes at once, the same point stands twice; and files are written in steps of 1 µm.
+    far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST
+    kept = np.ones(len(path), np.bool_)
+    kept[kind == Kind.BEAD] = far
+    path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
+    xyz = _positions(paths, travels, wipes, (path, kind, end), profile)
+    pulled = np.zeros(len(path))
+    pulled[kind == Kind.RETRACT] = -wipes.standing[path[kind == Kind.RETRACT]]
+    pulled[kind == Kind.WIPE] = -wipes.moving
+    printer = profile.printer
+    pulled[kind == Kind.DERETRACT] = printer.retract_length + printer.deretract_extra
+    return Rows(
+        np.append(path, path[-1]),
+        np.append(kind, Kind.RETRACT),
+        np.concatenate([xyz, xyz[-1:]]),
+        np.append(pulled, -printer.retract_length),
+        begin,
+        end,
+    )
+
+
+def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, profile: Profile) -> Int:
+    """(M, 7) how many moves of each kind lead to or make each path."""
+    size = np.diff(paths.start)
+    leave, begin = leaves(paths)
+    first = np.arange(paths.n_paths) == 0
+    count = np.zeros((paths.n_paths, Kind.BEAD + 1), np.int64)
+    count[:, Kind.RETRACT] = travels.retract & (wipes.standing > 0)
+    count[:, Kind.WIPE] = np.diff(wipes.start)
+    count[:, Kind.LIFT] = _lifts(paths, travels, profile)
+    moves = (np.hypot(*(begin - leave).T) > 0) | (count[:, Kind.WIPE] > 0)
+    count[:, Kind.TRAVEL] = moves | first
+    count[:, Kind.TRAVEL] += np.diff(travels.start)
+    count[:, Kind.DROP] = _hops(travels, profile) > 0
+    count[:, Kind.DERETRACT] = travels.retract
+    count[:, Kind.BEAD] = np.where(paths.closed, size, size - 1)
+    return count
+
+
+def _hops(travels: Travels, profile: Profile) -> Float:
+    """(M,) mm over the layer at which the nozzle travels to each path."""
+    hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
+    hop[:1] = APPROACH
+    return hop
+
+
+def _lifts(paths: Toolpaths, travels: Travels, profile: Profile) -> Bool:
+    """(M,) whether the nozzle goes up before it travels to a path: onto a new layer, or to hop."""
+    begin, last = paths.start[:-1], paths.start[1:] - 1
+    ends = paths.plan.top[paths.layer] + paths.rise[np.where(paths.closed, begin, last)]
+    starts = paths.plan.top[paths.layer] + paths.rise[begin]
+    lifts = _hops(travels, profile) > 0
+    lifts[1:] |= np.abs(starts[1:] - ends[:-1]) > 1e-6
+    lifts[:1] = False
+    return lifts
+
+
+def _ends_of_beads(paths: Toolpaths) -> tuple[Int, Int]:
+    """The points at which beads begin and end, path by path."""
+    size = np.diff(paths.start)
+    n_beads = np.where(paths.closed, size, size - 1)
+    begin = consecutive(paths.start[:-1], n_beads)
+    return begin, paths.following.take(begin)
+
+
+def _positions(
+    paths: Toolpaths, travels: Travels, wipes: Wipes, moves: tuple[Int, Int, Int], profile: Profile
+) -> Float:
+    """(K, 3) where moves end: their path, kind, and for beads the point at which they end."""
+    path, kind, end = moves
+    leave, begin = leaves(paths)
+    top = paths.plan.top[paths.layer]
+    first, last = paths.start[:-1], paths.start[1:] - 1
+    start_z, end_z = top + paths.rise[first], top + paths.rise[np.where(paths.closed, first, last)]
+    before = np.append(start_z[:1], end_z[:-1])
+    xyz = np.zeros((len(path), 3))
+    xyz[:, :2], xyz[:, 2] = begin[path], start_z[path]
+    stays = kind <= Kind.LIFT
+    xyz[stays, :2] = leave[path[stays]]
+    low = kind <= Kind.WIPE  # still at the height of the path before
+    xyz[low, 2] = before[path[low]]
+    xyz[kind == Kind.WIPE, :2] = wipes.xy
+    lifted = (kind == Kind.LIFT) | (kind == Kind.TRAVEL)
+    xyz[lifted, 2] += _hops(travels, profile)[path[lifted]]
+    wiped = np.flatnonzero((kind == Kind.LIFT) & (np.diff(wipes.start) > 0)[path])
+    xyz[wiped, :2] = xyz[wiped - 1, :2]
+    # All travels of a way but the last one end at the points that it passes.
+    passing = (kind == Kind.TRAVEL) & (np.append(kind[1:], Kind.BEAD) == Kind.TRAVEL)
+    passing &= np.append(path[1:], -1) == path
+    xyz[passing, :2] = travels.xy
+    is_bead = kind == Kind.BEAD
+    xyz[is_bead, :2] = paths.xy.take(end, axis=0)
+    xyz[is_bead, 2] = top[path[is_bead]] + paths.rise[end]
+    return _ramped(xyz, path, kind, travels) if profile.printer.z_hop_ramp else xyz
+
+
+def _ramped(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
+    """The same with lifts to hop on the way: the nozzle rises while it already travels."""
+    lift = np.flatnonzero((kind == Kind.LIFT) & travels.retract[path])
+    lift = lift[(lift > 0) & (lift + 1 < len(xyz))]
+    way = xyz[lift + 1, :2] - xyz[lift - 1, :2]
+    far = np.hypot(*way.T)
+    rise = xyz[lift, 2] - xyz[lift - 1, 2]
+    share = np.where(far > 0, np.minimum(_RAMP * rise / np.maximum(far, 1e-9), 0.5), 0.0)
+    xyz[lift, :2] = xyz[lift - 1, :2] + way * share[:, None]
+    return xyz

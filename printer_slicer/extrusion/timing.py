@@ -1,0 +1,51 @@
+"""How long the moves of programs take: slowing down, fans and those who tell about it all ask."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from printer_slicer.geometry import frozen_array
+from printer_slicer.model import Float, Int, Program
+from printer_slicer.motion.blocks import Limits
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.whole import durations
+from printer_slicer.profile import Profile
+
+__all__ = ["known_as", "move_seconds", "timed_again"]
+
+_timed: WeakKeyDictionary[Program, tuple[Limits, Float]] = WeakKeyDictionary()
+
+
+def move_seconds(program: Program, profile: Profile) -> Float:
+    """(K,) how long each move takes on this printer, with unlimited look-ahead."""
+    limits = limits_of(profile.printer)
+    known = _timed.get(program)
+    if known is None or known[0] != limits:
+        seconds = frozen_array(durations(_steps(program), program.speed, limits), np.float64, (-1,))
+        _timed[program] = known = limits, seconds
+    return known[1]
+
+
+def known_as(program: Program, other: Program) -> Program:
+    """The program, which moves as `other` does: what is known about how long that takes holds for it too."""
+    _timed[program] = _timed[other]
+    return program
+
+
+def timed_again(program: Program, seconds: Float, speed: Float, around: Int, limits: Limits) -> Float:
+    """(K,) how long moves take, where only those from the first to the last layer of `around` have another speed.
+
+    Braking for them may reach into the layers beside, no farther: at the step up to a layer the nozzle all but stops.
+    """
+    # One layer more on both sides: the first and the last of all would begin and end at rest.
+    first, begin, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
+    asked = slice(first, last)
+    again = durations(_steps(program)[asked], speed[asked], limits)[begin - first : end - first]
+    return np.concatenate([seconds[:begin], again, seconds[end:]])
+
+
+def _steps(program: Program) -> Float:
+    """(K, 4) x, y, z and filament of each move, mm."""
+    return np.column_stack([program.xyz - program.start, program.filament])

@@ -1,0 +1,72 @@
+"""Filament pulled back while the nozzle goes once more over what it has just laid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Float, Int, Toolpaths, Travels
+from printer_slicer.profile import Profile
+
+__all__ = ["Wipes", "wipes_of"]
+
+_SHARE = 0.9  # of the extruder's speed of pulling back, while wiping
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wipes:
+    """Wipes before the way to each path: over the end of the path before, which it then leaves from there.
+
+    Attributes:
+        xy: (W, 2) mm, what the nozzle passes.
+        start: (M + 1,) before path `i` it passes `xy[start[i]:start[i + 1]]`, which may be nothing.
+        moving: (W,) mm of filament pulled back on the way to each point.
+        standing: (M,) mm of filament pulled back before, while the nozzle stands.
+    """
+
+    xy: Float
+    start: Int
+    moving: Float
+    standing: Float
+
+
+def wipes_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
+    """The wipes of a profile: backward over open paths, on along loops."""
+    printer = profile.printer
+    n = paths.n_paths
+    standing = np.where(travels.retract, printer.retract_length, 0.0)
+    if not printer.wipe_distance or not travels.retract.any():
+        return Wipes(np.zeros((0, 2)), np.zeros(n + 1, np.int64), np.zeros(0), standing)
+    wiped = np.flatnonzero(travels.retract)
+    over = wiped - 1
+    size = np.diff(paths.start)[over]
+    # The points of a path in the order in which the wipe passes them; loops come back to their first point.
+    step = consecutive(np.zeros_like(size), size + paths.closed[over])
+    owner = np.repeat(np.arange(len(over)), size + paths.closed[over])
+    first, loops = paths.start[:-1][over][owner], paths.closed[over][owner]
+    point = first + np.where(loops, step % size[owner], size[owner] - 1 - step)
+    xy = paths.xy.take(point, axis=0)
+    far = np.hypot(*(xy - np.roll(xy, 1, axis=0)).T)
+    far[step == 0] = 0.0
+    walked = np.cumsum(far)
+    walked -= walked[np.flatnonzero(step == 0)][owner]
+    reach = np.minimum(printer.wipe_distance, walked[np.append(np.flatnonzero(step == 0)[1:], len(step)) - 1])
+    used = (step > 0) & (walked - far < reach[owner] - 1e-9) & (far > 0)
+    over_shot = np.maximum(walked - reach[owner], 0.0)[used]
+    owner, length = owner[used], far[used] - over_shot
+    back = (xy[np.flatnonzero(used) - 1] - xy[used]) / far[used][:, None]
+    count = np.zeros(n, np.int64)
+    count[wiped] = np.bincount(owner, minlength=len(over))
+    speed = profile.quality.speeds.travel
+    total = np.minimum(
+        printer.retract_length, _SHARE * printer.retract_speed * reach / min(speed, printer.max_speed_x)
+    )
+    standing[wiped] -= np.where(count[wiped] > 0, total, 0.0)
+    return Wipes(
+        xy[used] + back * over_shot[:, None],
+        np.append(0, np.cumsum(count)),
+        total[owner] * length / np.maximum(reach[owner], 1e-9),
+        np.where(standing > 1e-6, standing, 0.0),
+    )

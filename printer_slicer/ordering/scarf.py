@@ -1,0 +1,95 @@
+"""Scarf joints: a loop begins low and thin, and its end lies over its begin in a slope, so that no seam stands out.
+
+On the first stretch of the loop the nozzle climbs from the layer below up to the top of the layer, and the bead grows
+with it. Once around, the same stretch is laid again at the top of the layer, with what is missing there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Float, Int, Role, Toolpaths
+from printer_slicer.ordering.loops import Loops
+from printer_slicer.profile import Profile
+
+__all__ = ["scarfed"]
+
+
+def scarfed(paths: Toolpaths, profile: Profile) -> Toolpaths:
+    """Paths in printing order; outer perimeters long enough for it end in a slope. The first layer stays as it is."""
+    quality = profile.quality
+    if not quality.scarf_length:
+        return paths
+    roles = [Role.OUTER_PERIMETER, *([Role.INNER_PERIMETER] if quality.scarf_inner else [])]
+    loops = Loops.of(paths, np.flatnonzero(paths.closed & np.isin(paths.role, roles) & (paths.layer > 0)))
+    long = np.flatnonzero(loops.length > 2 * quality.scarf_length)
+    if not len(long):
+        return paths
+    return _sloped(paths, Loops.of(paths, loops.path[long]), quality.scarf_length, quality.scarf_start)
+
+
+def _sloped(paths: Toolpaths, loops: Loops, length: float, begin: float) -> Toolpaths:
+    """The loops as open paths that go on for `length` mm over their begin, where the bead is `begin` of its height."""
+    size = np.diff(paths.start)
+    within = np.bincount(
+        np.repeat(np.arange(loops.n_loops), np.diff(loops.start))[(loops.reach > 0) & (loops.reach < length)],
+        minlength=loops.n_loops,
+    )
+    every = np.arange(loops.n_loops)
+    crest, _ = loops.side(every, np.full(loops.n_loops, length))
+    crest_xy = loops.at(every, np.full(loops.n_loops, length))
+    count = size.copy()
+    count[loops.path] += within + 4
+    start = np.append(0, np.cumsum(count))
+    source, along = _walk(paths, loops, within, count, length)
+    some = paths.of_points(source, start, np.arange(paths.n_paths))
+    n = size[loops.path]
+    first = start[loops.path]
+    # Where the slope ends a point is put in, once on the way up and once at the end of the loop.
+    xy, width, carried = some.xy.copy(), some.width.copy(), some.carried.copy()
+    for at in (first + within + 1, first + n + within + 3):
+        xy[at], carried[at] = crest_xy, paths.carried[loops.point[crest]]
+        width[at] = paths.width[loops.point[crest]]
+    owner = np.repeat(every, count[loops.path])
+    point = consecutive(first, count[loops.path])
+    share, rise = some.share.copy(), some.rise.copy()
+    share[point], rise[point] = _slope(
+        along, loops.length[owner], paths.height[loops.path][owner], length, begin
+    )
+    # The end of the round stands twice: with the whole bead before it, and with what is missing after it.
+    share[first + n + 2] = 1.0 - begin
+    closed = paths.closed.copy()
+    closed[loops.path] = False
+    return replace(some, xy=xy, width=width, carried=carried, share=share, rise=rise, closed=closed)
+
+
+def _walk(paths: Toolpaths, loops: Loops, within: Int, count: Int, length: float) -> tuple[Int, Float]:
+    """The point of the paths that each new point stands for, and for those of the loops how far along it lies, mm."""
+    size = np.diff(paths.start)
+    owner = np.repeat(np.arange(paths.n_paths), count)
+    step = consecutive(np.zeros_like(count), count)
+    source = paths.start[:-1][owner] + np.minimum(step, size[owner] - 1)
+    n, k = size[loops.path], within
+    of = np.repeat(np.arange(loops.n_loops), count[loops.path])
+    at = consecutive(np.zeros_like(n), count[loops.path])
+    n, k = n[of], k[of]
+    # p0 .. pk, crest, pk+1 .. pn-1, p0, p0, p1 .. pk, crest
+    point = np.where(at <= k, at, np.where(at <= n, at - 1, np.where(at <= n + 2, 0, at - n - 2)))
+    point = np.minimum(np.where((at == k + 1) | (at == n + k + 3), k, point), n - 1)
+    along = loops.reach[loops.start[of] + point] + np.where(at > n, loops.length[of], 0.0)
+    along = np.where(at == k + 1, length, np.where(at == n + k + 3, loops.length[of] + length, along))
+    source[consecutive((np.cumsum(count) - count)[loops.path], count[loops.path])] = (
+        paths.start[:-1][loops.path][of] + point
+    )
+    return source, along
+
+
+def _slope(along: Float, around: Float, height: Float, length: float, begin: float) -> tuple[Float, Float]:
+    """Share of the bead and mm from the top of the layer, at places along loops that are `around` mm long."""
+    climbed = begin + (1.0 - begin) * np.clip(along / length, 0.0, 1.0)
+    left = (1.0 - begin) * (1.0 - np.clip((along - around) / length, 0.0, 1.0))
+    again = along > around
+    return np.where(again, left, climbed), np.where(again, 0.0, -height * (1.0 - climbed))

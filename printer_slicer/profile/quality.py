@@ -1,0 +1,271 @@
+"""Settings of quality: how the part shall come out, and how fast."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import field
+
+from printer_slicer.profile.base import Settings, meta
+from printer_slicer.profile.planners import OptimalPlanner, Planner
+
+__all__ = ["Quality", "Speeds"]
+
+
+class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How fast each role is printed; the material's flow limit may lower any of them."""
+
+    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
+    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
+    sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
+    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
+    top_skin: Annotated[float, meta("top skins", "mm/s", gt=0, le=1000)] = 40
+    ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000)] = 15
+    bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
+    internal_bridge: Annotated[
+        float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
+    ] = 40
+    overhang_75_ratio: Annotated[
+        float,
+        meta("perimeters with 75 % of their bead over the layer below, of their speed", "0-1", gt=0, le=1),
+    ] = 0.9
+    overhang_50_ratio: Annotated[float, meta("the same with 50 % of it", "0-1", gt=0, le=1)] = 0.7
+    overhang_25_ratio: Annotated[float, meta("the same with 25 % of it", "0-1", gt=0, le=1)] = 0.55
+    overhang_0_ratio: Annotated[
+        float, meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1)
+    ] = 0.45
+    raft: Annotated[float, meta("rafts", "mm/s", gt=0, le=1000)] = 30
+    first_layer: Annotated[
+        float,
+        meta(
+            "everything on the first layer, and on the part's first over a raft, at most",
+            "mm/s",
+            gt=0,
+            le=1000,
+        ),
+    ] = 20
+    slow_below: Annotated[
+        float,
+        meta("from the first layer's speed up to this z speeds grow to the full ones", "mm", ge=0, le=100),
+    ] = 0
+    small_perimeter: Annotated[
+        float, meta("perimeters of small_perimeter_radius, at most; 0: as the others", "mm/s", ge=0, le=1000)
+    ] = 0
+    small_perimeter_radius: Annotated[
+        float, meta("loops no longer than a circle of this radius are small", "mm", ge=0, le=100)
+    ] = 6.5
+    even_flow_ratio: Annotated[
+        float,
+        meta(
+            "speeds follow the layer height: 0 not at all, 1 so that every layer melts as much as one of layer_height",
+            "0-1",
+            ge=0,
+            le=1,
+        ),
+    ] = 0
+    even_flow_most: Annotated[
+        float, meta("for that, speeds change by at most this factor", "ratio", ge=1, le=10)
+    ] = 2
+    travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
+
+
+class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How the part shall come out."""
+
+    name: Annotated[str, meta("what people call this quality")]
+    planner: Planner = field(default_factory=OptimalPlanner)
+    layer_height: Annotated[float, meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
+    first_layer_height: Annotated[float, meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
+    first_layer_flow: Annotated[
+        float, meta("extrusion of the layer on the bed is multiplied by this", "ratio", ge=0.5, le=1.5)
+    ] = 1
+    thinnest_layer: Annotated[
+        float, meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+    ] = 0
+    thickest_layer: Annotated[
+        float, meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+    ] = 0
+    layer_step: Annotated[
+        float,
+        meta("variable heights are this far apart; 0: 0.01 mm, or z_step if that is more", "mm", ge=0, le=1),
+    ] = 0
+    layer_heights: Annotated[
+        tuple[float, ...],
+        meta("the only variable heights allowed; empty: all from thinnest to thickest", "mm"),
+    ] = ()
+    tolerance: Annotated[
+        float, meta("how far wrongly filled or empty places may lie from the surface", "mm", ge=0.001, le=2)
+    ] = 0.12
+    containment: Annotated[
+        Literal["mid", "positive", "negative"],
+        meta("layers balanced about the surface, everywhere outside of it, or everywhere inside"),
+    ] = "mid"
+    resolution: Annotated[float, meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = 0.0125
+    xy_compensation: Annotated[float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)] = 0
+    hole_compensation: Annotated[float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1)] = 0
+    elephant_foot: Annotated[
+        float, meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
+    ] = 0
+    elephant_foot_height: Annotated[
+        float, meta("height over which that inset fades away; 0: the first layer only", "mm", ge=0, le=5)
+    ] = 0
+    extrusion_width: Annotated[
+        float, meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    first_layer_width: Annotated[
+        float, meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
+    ] = 0
+    perimeters: Annotated[int, meta("perimeters around each section", ge=0, le=100)] = 2
+    varying_walls: Annotated[
+        bool, meta("fill places too narrow for all perimeters with beads of varying width; false is quicker")
+    ] = True
+    min_bead_width: Annotated[
+        float, meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    max_bead_width: Annotated[
+        float, meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    min_feature: Annotated[
+        float, meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
+    ] = 0
+    single_top_perimeter: Annotated[
+        bool, meta("only the outer perimeter where nothing lies above; the rest becomes top skin")
+    ] = False
+    extra_perimeters: Annotated[bool, meta("more perimeters where the edge of a layer hangs over air")] = (
+        False
+    )
+    outer_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
+    infill_first: Annotated[bool, meta("print infill before the perimeters around it")] = False
+    seam: Annotated[
+        Literal["aligned", "nearest", "rear", "direction", "random"],
+        meta(
+            "where perimeters begin: in corners above each other, nearest to the nozzle, at the back, toward "
+            "seam_angle_deg, or anywhere"
+        ),
+    ] = "aligned"
+    seam_angle_deg: Annotated[
+        float,
+        meta(
+            "the side for seams: 0 right, 90 back; aligned ones lie there where no corner hides them",
+            "degrees",
+            ge=-360,
+            le=360,
+        ),
+    ] = 90
+    staggered_inner_seams: Annotated[
+        bool, meta("inner perimeters begin 1.5 mm beside the seam of the outer one, to and fro")
+    ] = False
+    scarf_length: Annotated[
+        float,
+        meta(
+            "outer perimeters end in a slope of this length over their begin; 0: they just end",
+            "mm",
+            ge=0,
+            le=100,
+        ),
+    ] = 0
+    scarf_start: Annotated[
+        float,
+        meta("height of the bead where such a slope begins, as a share of the layer's", "0-1", ge=0, le=0.9),
+    ] = 0.1
+    scarf_inner: Annotated[bool, meta("inner perimeters too")] = False
+    bottom_thickness: Annotated[float, meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
+        0.6
+    )
+    top_thickness: Annotated[float, meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
+    min_sparse_area: Annotated[
+        float,
+        meta(
+            "smaller areas, and strips under three beads wide, are not sparse but solid; 0: none",
+            "mm²",
+            ge=0,
+            le=1e6,
+        ),
+    ] = 15
+    ironing: Annotated[bool, meta("smooth top skins with the nozzle, in lines close together")] = False
+    ironing_spacing: Annotated[float, meta("from line to line of ironing", "mm", ge=0.1, le=1)] = 0.1
+    ironing_flow_ratio: Annotated[
+        float, meta("plastic in ironing, as a share of a full layer", "ratio", ge=0.01, le=0.3)
+    ] = 0.15
+    thick_bridges: Annotated[
+        bool,
+        meta("bridges are round threads as thick as the nozzle, not pressed flat to the layer's height"),
+    ] = True
+    bridge_flow_ratio: Annotated[float, meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
+    internal_bridge_flow_ratio: Annotated[
+        float, meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2)
+    ] = 1
+    bridge_anchor: Annotated[
+        float, meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
+    ] = 1.5
+    infill: Annotated[
+        Literal[
+            "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"
+        ],
+        meta("pattern of the sparse infill"),
+    ] = "grid"
+    infill_density: Annotated[float, meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
+    infill_angle_deg: Annotated[float, meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
+    infill_overlap: Annotated[
+        float, meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+    ] = 0.09
+    sparse_overlap: Annotated[
+        float, meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+    ] = 0.15
+    infill_anchor: Annotated[
+        float, meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50)
+    ] = 2.5
+    infill_anchor_max: Annotated[
+        float,
+        meta("lines are joined along the wall where the way is no longer; 0: never", "mm", ge=0, le=1000),
+    ] = 12
+    sparse_every: Annotated[
+        float,
+        meta(
+            "sparse infill of several layers in beads up to this high, at most 0.8 nozzles; 0: layer by layer",
+            "mm",
+            ge=0,
+            le=2,
+        ),
+    ] = 0
+    inner_perimeters_every: Annotated[
+        float,
+        meta(
+            "inner perimeters of several layers in beads up to this high where the section does not change; 0: "
+            "layer by layer",
+            "mm",
+            ge=0,
+            le=2,
+        ),
+    ] = 0
+    lightning_angle_deg: Annotated[
+        float, meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
+    ] = 40
+    skirt_loops: Annotated[int, meta("loops around everything on the first layer", ge=0, le=20)] = 1
+    skirt_distance: Annotated[float, meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
+    skirt_min_length: Annotated[
+        float, meta("more loops on the first layer until they hold this much filament", "mm", ge=0, le=10000)
+    ] = 0
+    skirt_height: Annotated[
+        float,
+        meta("draft shield: the skirt reaches up to this; 0: one layer, 10000: all", "mm", ge=0, le=10000),
+    ] = 0
+    brim_width: Annotated[float, meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0
+    brim_type: Annotated[
+        Literal["outer", "inner", "both", "ears"],
+        meta("where the brim is: around bodies, in their holes, both, or at sharp corners"),
+    ] = "outer"
+    brim_gap: Annotated[float, meta("between part and brim", "mm", ge=0, le=5)] = 0
+    brim_ear_angle_deg: Annotated[
+        float, meta("sharper corners than this get an ear", "degrees", ge=0, le=180)
+    ] = 125
+    brim_ear_scale: Annotated[
+        float, meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
+    ] = 2
+    raft_height: Annotated[float, meta("platform under the part; 0: none", "mm", ge=0, le=50)] = 0
+    raft_margin: Annotated[float, meta("the raft is wider than the first layer", "mm", ge=1, le=50)] = 3
+    raft_gap: Annotated[float, meta("air between raft and part", "mm", ge=0, le=1)] = 0.16
+    raft_base_density: Annotated[
+        float, meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
+    ] = 0.5
+    speeds: Speeds = field(default_factory=Speeds)
