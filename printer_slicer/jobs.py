@@ -194,12 +194,14 @@ def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
     commands: list[bytes] = []
     marks: dict[int, int] = {}
     layer = 0
+    kinds: tuple[bytes, ...] = (b"LAYER_CHANGE", b"LAYER:")
     for line in text.removeprefix(_BYTE_ORDER_MARK).split(b"\n"):
         _, _, comment = line.partition(b";")
         command = strip(line)
         if command:
             commands.append(command)
-        elif comment.startswith((b"LAYER_CHANGE", b"LAYER:")):
+        elif comment.startswith(kinds):
+            kinds = tuple(kind for kind in kinds if comment.startswith(kind))  # some files hold both
             layer += 1
             marks[len(commands)] = layer
     return commands, marks

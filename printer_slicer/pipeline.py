@@ -195,7 +195,6 @@ def gcode_of(
     program: Program,
     profile: Profile,
     *,
-    seconds: float | None = None,
     certificate: Certificate | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes.
@@ -203,14 +202,11 @@ def gcode_of(
     Args:
         program: the moves.
         profile: what they were made with.
-        seconds: modelled time of the moves where it is known already.
         certificate: of the plan, to be told in comments.
 
     Raises:
-        ProfileError: a placeholder in the start or end G-code that does not exist.
+        ProfileError: a macro that cannot be filled in.
     """
-    if seconds is None:
-        seconds = float(move_seconds(program, profile).sum())
     facts: tuple[str, ...] = ()
     if certificate is not None:
         worst = certificate.worst
@@ -221,4 +217,4 @@ def gcode_of(
             f"mean error [mm] = {certificate.mean_error:.4f}",
             f"volume error [mm3] = {certificate.volume_error:.2f}",
         )
-    return write_gcode(program, profile, seconds, facts)
+    return write_gcode(program, profile, move_seconds(program, profile), facts)

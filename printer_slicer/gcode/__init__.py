@@ -10,7 +10,7 @@ from printer_slicer.gcode.klipper import KLIPPER
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.reader import Moves, read_moves
 from printer_slicer.gcode.writer import spoken, write_program
-from printer_slicer.model import Program
+from printer_slicer.model import Float, Program
 from printer_slicer.profile import Profile
 
 __all__ = ["FLAVOURS", "Dialect", "Moves", "read_moves", "spoken", "write_gcode"]
@@ -19,17 +19,17 @@ FLAVOURS: Final[Mapping[str, Dialect]] = {"marlin": MARLIN, "klipper": KLIPPER}
 
 
 def write_gcode(
-    program: Program, profile: Profile, seconds: float | None = None, facts: Sequence[str] = ()
+    program: Program, profile: Profile, seconds: Float | None = None, facts: Sequence[str] = ()
 ) -> bytes:
     """The text of a program in the printer's dialect, settings included as comments.
 
     Args:
         program: the moves.
-        profile: what they were made with; its start and end G-code are filled in.
-        seconds: modelled time of the moves, for the header; left out if not known.
+        profile: what they were made with; its macros are filled in.
+        seconds: (K,) modelled time of each move; what needs it is left out if it is not known.
         facts: more lines for the header.
 
     Raises:
-        ProfileError: a placeholder in the start or end G-code that does not exist.
+        ProfileError: a macro that cannot be filled in.
     """
     return write_program(program, profile, FLAVOURS[profile.printer.flavour], seconds, facts)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from printer_slicer.macros import number
 from printer_slicer.profile import Printer
 
-__all__ = ["Dialect", "bed_line", "fan_line", "nozzle_line", "number"]
+__all__ = ["Dialect", "bed_line", "fan_line", "nozzle_line"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,17 +20,14 @@ class Dialect:
         fan: part fan at a ratio from 0 to 1.
         nozzle: nozzle temperature, °C, without waiting.
         bed: bed temperature, °C, without waiting.
+        pause: waits for a person, where the profile has no pause G-code of its own.
     """
 
     limits: Callable[[Printer], list[str]]
     fan: Callable[[float], str]
     nozzle: Callable[[float], str]
     bed: Callable[[float], str]
-
-
-def number(value: float) -> str:
-    """A number without needless zeros and without an exponent."""
-    return f"{value:.5f}".rstrip("0").rstrip(".")
+    pause: str
 
 
 def fan_line(ratio: float) -> str:

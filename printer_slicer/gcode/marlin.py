@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line, number
+from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
+from printer_slicer.macros import number
 from printer_slicer.profile import Printer
 
 __all__ = ["MARLIN"]
@@ -29,4 +30,4 @@ def _limits(printer: Printer) -> list[str]:
     ]
 
 
-MARLIN: Final = Dialect(limits=_limits, fan=fan_line, nozzle=nozzle_line, bed=bed_line)
+MARLIN: Final = Dialect(limits=_limits, fan=fan_line, nozzle=nozzle_line, bed=bed_line, pause="M0")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.model import Bool, Int, Program, Role
 
-__all__ = ["Rows", "rows_of"]
+__all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "Rows", "rows_of"]
 
 XY_DECIMALS, Z_DECIMALS, E_DECIMALS = 3, 4, 5
 _AT_ONCE = 8192  # rows whose matrices fit the processor's cache
@@ -29,10 +29,14 @@ class Rows:
     Attributes:
         text: all rows one after the other, each ending in a newline.
         start: (K + 1,) where the row of each move begins in `text`; moves too short to show have an empty row.
+        fed: (K,) filament written by the end of each move, in units of the last decimal of E.
+        feed: (K,) speed of each move as written, mm/min.
     """
 
     text: bytes
     start: Int
+    fed: Int
+    feed: Int
 
 
 def rows_of(program: Program, *, relative: bool) -> Rows:
@@ -45,9 +49,10 @@ def rows_of(program: Program, *, relative: bool) -> Rows:
     xyz = np.rint(program.xyz * 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])).astype(np.int64)
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
     feed = np.rint(program.speed * 60).astype(np.int64)
-    feed = np.maximum(feed, 1)
+    all_feed = feed = np.maximum(feed, 1)
     kept = _visible(xyz, fed, program.role == Role.TRAVEL)
     xyz, fed, feed = xyz[kept], _without_travels(fed[kept], program.filament[kept] != 0), feed[kept]
+    rows_before = np.searchsorted(kept, np.arange(program.n_moves), side="right")
     step = np.diff(fed, prepend=0)
     moved = np.diff(xyz, axis=0, prepend=xyz[:1] - 1) != 0
     columns = [
@@ -66,7 +71,8 @@ def rows_of(program: Program, *, relative: bool) -> Rows:
         lengths.append(length)
     length_of = np.zeros(program.n_moves, np.int64)
     length_of[kept] = np.concatenate([np.zeros(0, np.int64), *lengths])
-    return Rows(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]))
+    written = np.append(0, fed)[rows_before]
+    return Rows(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]), written, all_feed)
 
 
 def _visible(xyz: Int, fed: Int, pure: Bool) -> Int:

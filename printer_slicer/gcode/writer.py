@@ -1,118 +1,55 @@
-"""A program as the text of a file: header, start, moves with the comments that previewers read, end, settings."""
+"""A program as the text of a file: header, start, moves with what stands between them, end, settings."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import Final
 
 import numpy as np
 
-from printer_slicer.gcode.dialect import Dialect, number
-from printer_slicer.gcode.placeholders import fill_in, values
+from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.facts import print_facts
+from printer_slicer.gcode.notes import Writing, macro_of, notes_of
 from printer_slicer.gcode.rows import rows_of
-from printer_slicer.model import Fan, Float, Program, Role
+from printer_slicer.model import Float, Program
 from printer_slicer.profile import Profile, settings_text
 
 __all__ = ["spoken", "write_program"]
 
-# The names that PrusaSlicer's and OrcaSlicer's viewers know.
-TYPE_NAMES: Final = {
-    Role.SKIRT: "Skirt/Brim",
-    Role.BRIM: "Skirt/Brim",
-    Role.RAFT: "Support material",
-    Role.INNER_PERIMETER: "Perimeter",
-    Role.OUTER_PERIMETER: "External perimeter",
-    Role.OVERHANG_PERIMETER: "Overhang perimeter",
-    Role.BRIDGE: "Bridge infill",
-    Role.INTERNAL_BRIDGE: "Bridge infill",
-    Role.BOTTOM_SKIN: "Solid infill",
-    Role.SOLID: "Solid infill",
-    Role.TOP_SKIN: "Top solid infill",
-    Role.IRONING: "Ironing",
-    Role.SPARSE: "Internal infill",
-}
-
 
 def write_program(
-    program: Program, profile: Profile, dialect: Dialect, seconds: float | None, facts: Sequence[str] = ()
+    program: Program, profile: Profile, dialect: Dialect, seconds: Float | None, facts: Sequence[str] = ()
 ) -> bytes:
     """The whole file; nothing in it depends on when or where it was made."""
-    known = values(program, profile)
-    start = fill_in(profile.printer.start_gcode, known, f"printer {profile.printer.name!r}: start_gcode")
-    end = fill_in(profile.printer.end_gcode, known, f"printer {profile.printer.name!r}: end_gcode")
-    relative = profile.printer.relative_extrusion
-    before = [
-        *_header(program, profile, seconds),
-        *(f"; {fact}" for fact in facts),
-        "G21 ; mm",
-        "G90",
-        "M83",
-        dialect.fan(0.0),
-    ]
+    each = np.zeros(program.n_moves) if seconds is None else seconds
+    begins = np.concatenate([[0.0], np.cumsum(each)])
+    total = None if seconds is None else float(begins[-1])
+    known = print_facts(program, profile, total or 0.0)
+    writing = Writing(program, profile, dialect, known, begins)
+    start = macro_of(profile, "start_gcode").filled(known)
+    end = macro_of(profile, "end_gcode").filled(known)
+    before = [*_header(program, profile, total), *(f"; {fact}" for fact in facts)]
+    before += ["G21 ; mm", "G90", "M83", dialect.fan(0.0)]
     before += [*dialect.limits(profile.printer), *start]
-    before += ["G90", "M83" if relative else "M82", "G92 E0"]
+    before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *_settings(profile)]
-    return b"".join([_lines(before), *_body(program, dialect, relative=relative), _lines(after)])
+    return b"".join([_lines(before), *_body(writing), _lines(after)])
 
 
 def _lines(lines: list[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode("ascii", "replace")
 
 
-def _body(program: Program, dialect: Dialect, *, relative: bool) -> list[bytes]:
-    """The rows of the moves with comments and events between them."""
-    rows = rows_of(program, relative=relative)
-    notes = _notes(program, dialect)
+def _body(writing: Writing) -> list[bytes]:
+    """The rows of the moves with comments, events and macros between them."""
+    rows = rows_of(writing.program, relative=writing.profile.printer.relative_extrusion)
+    notes = notes_of(writing, rows)
     pieces, done = [], 0
     for index in sorted(notes):
         place = int(rows.start[index])
         pieces += [rows.text[done:place], _lines(notes[index])]
         done = place
     return [*pieces, rows.text[done:]]
-
-
-def _notes(program: Program, dialect: Dialect) -> dict[int, list[str]]:
-    """What stands before which move: layer changes first, then events, then role and width of the bead."""
-    notes: dict[int, list[str]] = {}
-    plan = program.plan
-    height = _layer_heights(program)
-    for move in np.flatnonzero(np.diff(program.layer, prepend=-1) > 0).tolist():
-        layer = int(program.layer[move])
-        notes[move] = [
-            ";LAYER_CHANGE",
-            f";Z:{number(float(plan.top[layer]))}",
-            f";HEIGHT:{number(float(height[layer]))}",
-        ]
-    for event in program.events:
-        lines = notes.setdefault(event.index, [])
-        if isinstance(event, Fan):
-            lines.append(dialect.fan(event.ratio))
-        else:
-            lines += [dialect.nozzle(event.nozzle)] if event.nozzle is not None else []
-            lines += [dialect.bed(event.bed)] if event.bed is not None else []
-    beads = np.flatnonzero(program.role != Role.TRAVEL)
-    role, width, thick = program.role[beads], program.width[beads], program.height[beads]
-    new_role = np.diff(role, prepend=-1) != 0
-    new_width = np.diff(width, prepend=-1.0) != 0
-    of_layer = program.layer[beads]
-    usual = np.where(np.diff(of_layer, prepend=-1) > 0, height[of_layer], np.append(0.0, thick[:-1]))
-    new_height = thick != usual  # a new layer has told its own
-    for i in np.flatnonzero(new_role | new_width | new_height).tolist():
-        lines = notes.setdefault(int(beads[i]), [])
-        lines += [f";HEIGHT:{number(float(thick[i]))}"] if new_height[i] else []
-        lines += [f";TYPE:{TYPE_NAMES[Role(int(role[i]))]}"] if new_role[i] else []
-        lines += [f";WIDTH:{number(float(width[i]))}"] if new_width[i] else []
-    return notes
-
-
-def _layer_heights(program: Program) -> Float:
-    """(L,) how high the first bead of each layer is: over the air of a raft less than the layer."""
-    height = program.plan.height
-    beads = np.flatnonzero(program.role != Role.TRAVEL)
-    layer, first = np.unique(program.layer[beads], return_index=True)
-    height[layer] = program.height[beads[first]]
-    return height
 
 
 def _header(program: Program, profile: Profile, seconds: float | None) -> list[str]:

@@ -44,7 +44,7 @@ KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Mat
 _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
 DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "adaptive"}
 
-_LISTS = ("layer_heights", "planner.ranges")
+_LISTS = ("layer_heights", "pause_at", "planner.ranges")
 
 
 class _Source(NamedTuple):

@@ -17,7 +17,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
     """The list that the text of a setting stands for; empty text is an empty list.
 
     Args:
-        key: `layer_heights` or `planner.ranges`.
+        key: `layer_heights`, `pause_at` or `planner.ranges`.
         text: as in the heading of this module.
 
     Raises:
@@ -25,6 +25,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
     """
     readers: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
         "layer_heights": (",", float, "0.1, 0.2, 0.3"),
+        "pause_at": (",", float, "4, 12.5"),
         "planner.ranges": (";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
     }
     separator, read, example = readers[key]

@@ -102,8 +102,15 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     receive_buffer: Annotated[
         int, meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
     ] = 128
-    start_gcode: Annotated[str, meta("G-code before the part; {placeholders} are filled in")] = ""
-    end_gcode: Annotated[str, meta("G-code after the part; {placeholders} are filled in")] = ""
+    start_gcode: Annotated[
+        str, meta("G-code before the part; {expressions} are filled in, as in the others")
+    ] = ""
+    end_gcode: Annotated[str, meta("G-code after the part")] = ""
+    before_layer_gcode: Annotated[str, meta("G-code before the nozzle goes to the next layer")] = ""
+    layer_gcode: Annotated[str, meta("G-code when the nozzle has come to the height of a layer")] = ""
+    pause_gcode: Annotated[
+        str, meta("G-code where the print pauses (quality.pause_at); empty: the flavour's own command")
+    ] = ""
 
     @property
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""{names} in start and end G-code."""
+"""What start, end and layer G-code can speak of, and where it stands."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import write_gcode
-from printer_slicer.gcode.placeholders import fill_in, values
+from printer_slicer.gcode.facts import print_facts
+from printer_slicer.gcode.notes import macro_of
 from printer_slicer.model import Program, Role
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile, profile_with
@@ -25,7 +26,7 @@ def with_start(text: str, **changes: Any) -> Profile:
 
 
 def filled(program: Program, wanted: Profile) -> list[str]:
-    return fill_in(wanted.printer.start_gcode, values(program, wanted), "start_gcode")
+    return macro_of(wanted, "start_gcode").filled(print_facts(program, wanted))
 
 
 def test_names_become_numbers_without_needless_zeros(program: Program) -> None:
@@ -69,13 +70,13 @@ def test_the_first_layer_reaches_from_its_first_bead_to_its_last() -> None:
     lines = slice_part(
         box((20, 10, 2)), plain(perimeters=0, infill_density=1, infill_angle_deg=0, infill_overlap=0)
     )
-    known = values(lines, plain())
+    known: Any = print_facts(lines, plain())
     first = (lines.layer == 0) & (lines.role != Role.TRAVEL)
 
-    assert float(known["first_layer_min_x"]) == pytest.approx(
+    assert known["first_layer_min_x"] == pytest.approx(
         min(lines.xyz[first, 0].min(), lines.start[first, 0].min()), abs=1e-4
     )
-    assert float(known["first_layer_max_y"]) == pytest.approx(
+    assert known["first_layer_max_y"] == pytest.approx(
         max(lines.xyz[first, 1].max(), lines.start[first, 1].max()), abs=1e-4
     )
 

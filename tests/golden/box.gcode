@@ -452,6 +452,9 @@ M104 S0
 ; printer.receive_buffer = 128
 ; printer.start_gcode = G28\nM109 S{first_layer_nozzle_temperature}\n
 ; printer.end_gcode = M104 S0
+; printer.before_layer_gcode = 
+; printer.layer_gcode = 
+; printer.pause_gcode = 
 ; material.name = golden material
 ; material.filament_diameter = 1.75
 ; material.density = 1.24
@@ -540,6 +543,7 @@ M104 S0
 ; quality.raft_margin = 3
 ; quality.raft_gap = 0.16
 ; quality.raft_base_density = 0.5
+; quality.pause_at = 
 ; quality.speeds.outer_perimeter = 35
 ; quality.speeds.inner_perimeter = 50
 ; quality.speeds.sparse = 70

@@ -1,0 +1,94 @@
+"""What macros can speak of: all settings, and facts about the print and its layers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+
+import numpy as np
+
+from printer_slicer.macros import Value
+from printer_slicer.model import Float, Program, Role
+from printer_slicer.profile import Profile, settings_text
+
+__all__ = ["layer_facts", "print_facts"]
+
+_DIGITS = 6
+
+
+def print_facts(program: Program, profile: Profile, seconds: float = 0.0) -> dict[str, Value]:
+    """Settings of printer, material and quality, each as `section.name` and as `name`, and facts about the print.
+
+    Args:
+        program: the moves.
+        profile: what they were made with.
+        seconds: modelled time of the moves.
+    """
+    known = _settings(profile)
+    printer, material = profile.printer, profile.material
+    (left, front), (right, back) = printer.corners
+    first = (program.role != Role.TRAVEL) & (program.layer == 0)
+    beads = np.concatenate([program.start[first], program.xyz[first]])[:, :2]
+    low, high = (beads.min(axis=0), beads.max(axis=0)) if len(beads) else (np.zeros(2), np.zeros(2))
+    used = program.filament_used
+    grams = used * pi * material.filament_diameter**2 / 4000 * material.density
+    numbers = {
+        "bed_x_middle": (left + right) / 2,
+        "bed_y_middle": (front + back) / 2,
+        "bed_y_end": back - 5,
+        "first_layer_min_x": low[0],
+        "first_layer_min_y": low[1],
+        "first_layer_max_x": high[0],
+        "first_layer_max_y": high[1],
+        "layer_count": program.plan.n_layers,
+        "part_height": program.plan.top[-1],
+        "filament_used": used,
+        "filament_used_g": grams,
+        "print_seconds": seconds,
+    }
+    lists: dict[str, Value] = {
+        "first_layer_min": _list(low),
+        "first_layer_max": _list(high),
+        "first_layer_size": _list(high - low),
+        "layer_tops": _list(program.plan.top),
+    }
+    for name in ("layer_heights", "pause_at"):
+        lists[name] = lists[f"quality.{name}"] = getattr(profile.quality, name)
+    return known | {name: round(float(value), _DIGITS) for name, value in numbers.items()} | lists
+
+
+def _list(values: Float) -> tuple[float, ...]:
+    return tuple(np.round(values, _DIGITS).tolist())
+
+
+def _settings(profile: Profile) -> dict[str, Value]:
+    """All settings but the macros themselves."""
+    known: dict[str, Value] = {}
+    for key, value in settings_text(profile):
+        owner, _, name = key.partition(".")
+        if name.endswith("_gcode"):
+            continue
+        assert isinstance(value, bool | int | float | str)
+        plain = value if isinstance(value, bool | str) else float(value)
+        known[key] = plain
+        known.setdefault(f"{owner}_name" if name == "name" else name, plain)
+    return known
+
+
+def layer_facts(program: Program, layer: int, filament: float, seconds: float) -> Mapping[str, Value]:
+    """What is known besides when a layer begins.
+
+    Args:
+        program: the moves.
+        layer: its index, from 0.
+        filament: mm fed before it.
+        seconds: modelled time of the moves before it.
+    """
+    plan = program.plan
+    return {
+        "layer_num": float(layer),
+        "layer_z": round(float(plan.top[layer]), _DIGITS),
+        "layer_height": round(float(plan.height[layer]), _DIGITS),
+        "filament_so_far": round(filament, _DIGITS),
+        "seconds_so_far": round(seconds, _DIGITS),
+    }

@@ -1,0 +1,211 @@
+"""What stands between the moves: layer changes and macros, fans and heaters, what previewers read about beads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.facts import layer_facts
+from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
+from printer_slicer.macros import Template, Value, number, read_template
+from printer_slicer.model import Fan, Float, Program, Role
+from printer_slicer.profile import Profile
+
+__all__ = ["TYPE_NAMES", "Writing", "macro_of", "notes_of"]
+
+# The names that PrusaSlicer's and OrcaSlicer's viewers know.
+TYPE_NAMES: Final = {
+    Role.SKIRT: "Skirt/Brim",
+    Role.BRIM: "Skirt/Brim",
+    Role.RAFT: "Support material",
+    Role.INNER_PERIMETER: "Perimeter",
+    Role.OUTER_PERIMETER: "External perimeter",
+    Role.OVERHANG_PERIMETER: "Overhang perimeter",
+    Role.BRIDGE: "Bridge infill",
+    Role.INTERNAL_BRIDGE: "Bridge infill",
+    Role.BOTTOM_SKIN: "Solid infill",
+    Role.SOLID: "Solid infill",
+    Role.TOP_SKIN: "Top solid infill",
+    Role.IRONING: "Ironing",
+    Role.SPARSE: "Internal infill",
+}
+_CODE: Final = re.compile(r" *([GM])0*([0-9]+)", re.IGNORECASE)
+_MOVING: Final = frozenset({"G0", "G1", "G2", "G3", "G28"})
+_MODES: Final = frozenset({"G20", "G21", "G90", "G91", "G92", "M82", "M83"})
+_Note = tuple[int, list[str]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Writing:
+    """What the parts of a file are written from.
+
+    Attributes:
+        program: the moves.
+        profile: what they were made with.
+        dialect: how the printer wants it said.
+        known: what macros may speak of.
+        begins: (K + 1,) modelled time at which each move begins, s; zeros where it is not known.
+    """
+
+    program: Program
+    profile: Profile
+    dialect: Dialect
+    known: dict[str, Value]
+    begins: Float
+
+
+def macro_of(profile: Profile, name: str) -> Template:
+    """A macro of the printer.
+
+    Raises:
+        ProfileError: it cannot be read.
+    """
+    printer = profile.printer
+    return read_template(getattr(printer, name), f"printer {printer.name!r}: {name}")
+
+
+def notes_of(writing: Writing, rows: Rows) -> dict[int, list[str]]:
+    """The lines that stand before each move, and after the last one.
+
+    Raises:
+        ProfileError: a macro cannot be filled in, or a pause lies above the part.
+    """
+    notes: dict[int, list[str]] = {}
+    for source in (
+        _layers(writing, rows),
+        _arrivals(writing, rows),
+        _events(writing),
+        _beads(writing.program),
+    ):
+        for index, lines in source:
+            notes.setdefault(index, []).extend(lines)
+    return notes
+
+
+def _layers(writing: Writing, rows: Rows) -> Iterator[_Note]:
+    """Every change of layer, and the macro before it."""
+    program, template = writing.program, macro_of(writing.profile, "before_layer_gcode")
+    height = _layer_heights(program)
+    for move in np.flatnonzero(np.diff(program.layer, prepend=-1) > 0).tolist():
+        layer = int(program.layer[move])
+        yield (
+            move,
+            [
+                ";LAYER_CHANGE",
+                f";Z:{number(float(program.plan.top[layer]))}",
+                f";HEIGHT:{number(float(height[layer]))}",
+                *_in_layer(template, writing, rows, move, layer),
+            ],
+        )
+
+
+def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
+    """Pauses and the macro of each layer, once the nozzle is at its height."""
+    program = writing.program
+    template = macro_of(writing.profile, "layer_gcode")
+    pauses = _pauses(writing)
+    if template.empty and not pauses:
+        return
+    pause = macro_of(writing.profile, "pause_gcode")
+    if pause.empty:
+        pause = read_template(writing.dialect.pause, "pause")
+    high = program.xyz[:, 2] >= program.plan.top[program.layer] - 1e-6
+    arrived = np.flatnonzero(high)
+    layers, first = np.unique(program.layer[arrived], return_index=True)
+    for layer, place in zip(layers.tolist(), arrived[first].tolist(), strict=True):
+        lines = _in_layer(pause, writing, rows, place + 1, layer) if layer in pauses else []
+        yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer)
+
+
+def _pauses(writing: Writing) -> set[int]:
+    """The layers before which the print pauses.
+
+    Raises:
+        ProfileError: a pause above the part.
+    """
+    program, tops = writing.program, writing.program.plan.top
+    layers = np.unique(program.layer)
+    pauses = set()
+    for z in writing.profile.quality.pause_at:
+        later = layers[tops[layers] > z + 1e-6]
+        if not len(later):
+            raise ProfileError(
+                f"quality.pause_at: {z:g} mm, but the part ends at {tops[-1]:g} mm",
+                remedy="pause below the last layer",
+            )
+        pauses.add(int(later[0]))
+    return pauses
+
+
+def _in_layer(template: Template, writing: Writing, rows: Rows, move: int, layer: int) -> list[str]:
+    """A macro that runs before a move; the printer is then as it was before."""
+    if template.empty:
+        return []
+    laid = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
+    facts = layer_facts(writing.program, layer, laid, float(writing.begins[move]))
+    lines = template.filled(writing.known | dict(facts))
+    return lines + _restored(lines, writing, rows, move)
+
+
+def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list[str]:
+    """What puts modes, position and speed back to where the moves go on, if a macro may have changed them.
+
+    Rows say only what differs from the row before: a macro that moves would lead the next one astray.
+    """
+    codes = {f"{found[1].upper()}{found[2]}" for found in map(_CODE.match, lines) if found}
+    if not codes & (_MOVING | _MODES):
+        return []
+    printer = writing.profile.printer
+    back = ["G21"] if "G20" in codes else []
+    back += ["G90", "M83" if printer.relative_extrusion else "M82"]
+    fed = rows.fed[move - 1] if move else 0
+    back += [] if printer.relative_extrusion else [f"G92 E{number(fed / 10**E_DECIMALS)}"]
+    if move and codes & _MOVING:
+        x, y, z = writing.program.xyz[move - 1]
+        travel = round(writing.profile.quality.speeds.travel * 60)
+        back += [f"G0 X{x:z.{XY_DECIMALS}f} Y{y:z.{XY_DECIMALS}f} F{travel}", f"G0 Z{z:z.{Z_DECIMALS}f}"]
+        back += [f"G1 F{rows.feed[move - 1]}"]
+    return back
+
+
+def _events(writing: Writing) -> Iterator[_Note]:
+    """Fans and heaters."""
+    dialect = writing.dialect
+    for event in writing.program.events:
+        if isinstance(event, Fan):
+            yield event.index, [dialect.fan(event.ratio)]
+        else:
+            lines = [dialect.nozzle(event.nozzle)] if event.nozzle is not None else []
+            yield event.index, lines + ([dialect.bed(event.bed)] if event.bed is not None else [])
+
+
+def _beads(program: Program) -> Iterator[_Note]:
+    """Role, width and height of beads, where they change."""
+    height = _layer_heights(program)
+    beads = np.flatnonzero(program.role != Role.TRAVEL)
+    role, width, thick = program.role[beads], program.width[beads], program.height[beads]
+    new_role = np.diff(role, prepend=-1) != 0
+    new_width = np.diff(width, prepend=-1.0) != 0
+    of_layer = program.layer[beads]
+    usual = np.where(np.diff(of_layer, prepend=-1) > 0, height[of_layer], np.append(0.0, thick[:-1]))
+    new_height = thick != usual  # a new layer has told its own
+    for i in np.flatnonzero(new_role | new_width | new_height).tolist():
+        lines = [f";HEIGHT:{number(float(thick[i]))}"] if new_height[i] else []
+        lines += [f";TYPE:{TYPE_NAMES[Role(int(role[i]))]}"] if new_role[i] else []
+        lines += [f";WIDTH:{number(float(width[i]))}"] if new_width[i] else []
+        yield int(beads[i]), lines
+
+
+def _layer_heights(program: Program) -> Float:
+    """(L,) how high the first bead of each layer is: over the air of a raft less than the layer."""
+    height = program.plan.height
+    beads = np.flatnonzero(program.role != Role.TRAVEL)
+    layer, first = np.unique(program.layer[beads], return_index=True)
+    height[layer] = program.height[beads[first]]
+    return height

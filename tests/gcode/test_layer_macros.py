@@ -1,0 +1,172 @@
+"""G-code of the printer between layers and at pauses."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.gcode import Moves, read_moves, write_gcode
+from printer_slicer.gcode.facts import layer_facts, print_facts
+from printer_slicer.jobs import commands_of, job_of
+from printer_slicer.macros import Value, read_template
+from printer_slicer.macros.functions import FUNCTIONS
+from printer_slicer.model import Float, Program
+from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.profile import settings_text
+from printer_slicer.verdict import dry_run
+from tests.parts import box, plain, profile
+from tests.tiny_gcode import commands
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "gcode.md"
+PARK = "G91\nM82\nG1 Z5 F600\nG90\nG1 X0 Y0 F9000\nG1 E0 F300\nG4 P100"
+
+
+@cache
+def sliced() -> Program:
+    """Ten layers of 0.2 mm."""
+    return slice_part(box((20, 10, 2)), plain())
+
+
+def lines_with(**changes: object) -> list[str]:
+    return gcode_of(sliced(), plain(**changes)).decode().splitlines()
+
+
+def test_the_macro_before_a_layer_stands_behind_its_comments_and_before_its_first_move() -> None:
+    lines = lines_with(
+        before_layer_gcode="M117 {layer_num + 1} of {layer_count} {fixed(layer_z, 2)} {layer_height}"
+    )
+    places = [i for i, line in enumerate(lines) if line.startswith("M117")]
+
+    assert [lines[i] for i in places] == [f"M117 {n} of 10 {0.2 * n:.2f} 0.2" for n in range(1, 11)]
+    assert all(lines[i - 3] == ";LAYER_CHANGE" for i in places)
+
+
+def test_the_macro_of_a_layer_stands_where_the_nozzle_has_come_to_its_height() -> None:
+    lines = lines_with(layer_gcode=";here {layer_z}", relative_extrusion=True)
+    seen, z, beads = [], 0.0, 0
+    for line in lines:
+        if line.startswith("G") and " Z" in line:
+            z = float(line.split(" Z")[1].split()[0])
+        if line == ";LAYER_CHANGE":
+            beads = 0
+        beads += line.startswith("G1 X")
+        if line.startswith(";here "):
+            seen.append((float(line[6:]), z, beads))
+
+    assert [at for at, _, _ in seen] == pytest.approx(0.2 * np.arange(1, 11))
+    assert all(z >= at - 1e-9 and beads == 0 for at, z, beads in seen)
+
+
+def test_filament_and_time_count_up_from_layer_to_layer() -> None:
+    lines = lines_with(before_layer_gcode=";so far {filament_so_far} {seconds_so_far} {print_seconds}")
+    told = np.array([line.split()[2:] for line in lines if line.startswith(";so far")], float)
+
+    assert told[0, :2].tolist() == [0, 0]
+    assert (np.diff(told[:, :2], axis=0) > 0).all()
+    assert (told[:, 1] < told[:, 2]).all()
+
+
+def test_layer_facts_are_unknown_where_there_is_no_layer() -> None:
+    with pytest.raises(ProfileError, match=r"start_gcode: line 1, column 2: unknown placeholder \{layer_z\}"):
+        lines_with(start_gcode="{layer_z}")
+
+
+def beads_of(moves: Moves) -> Float:
+    """From where to where every bead lies, how much filament is in it, and how fast."""
+    lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
+    return np.hstack([moves.end - moves.delta[:, :3], moves.end, moves.delta[:, 3:], moves.speed[:, None]])[
+        lays
+    ]
+
+
+@pytest.mark.parametrize("relative", [True, False])
+@pytest.mark.parametrize("macro", ["layer_gcode", "before_layer_gcode"])
+def test_a_macro_that_moves_does_not_change_the_part(macro: str, relative: bool) -> None:
+    """It goes away and changes modes and speed: beads are where they were, as fast as they were."""
+    usual, other = plain(relative_extrusion=relative), plain(relative_extrusion=relative, **{macro: PARK})
+    before, after = (read_moves(commands(write_gcode(sliced(), wanted))) for wanted in (usual, other))
+
+    assert beads_of(after) == pytest.approx(beads_of(before), abs=1e-9)
+    assert len(after.speed) > len(before.speed)
+
+
+@pytest.mark.parametrize("macro", ["M117 next", "TIMELAPSE_TAKE_FRAME", "; G1 X0", "M240"])
+def test_a_macro_that_does_not_move_is_all_there_is(macro: str) -> None:
+    plainly, told = lines_with(), lines_with(layer_gcode=macro)
+    settings = plainly.index("; settings")
+
+    assert [line for line in told[: told.index("; settings")] if line != macro] == plainly[:settings]
+
+
+def test_a_file_whose_macro_announces_layers_too_has_as_many_layers() -> None:
+    _, marks = commands_of(gcode_of(sliced(), plain(layer_gcode=";LAYER:{layer_num}")))
+
+    assert list(marks.values()) == list(range(1, 11))
+
+
+# The document
+
+
+def examples() -> list[tuple[str, str]]:
+    text = DOCUMENT.read_text("utf-8").partition("<!-- examples:")[2].partition("<!-- end -->")[0]
+    return re.findall(r"^\| `(.+)` \| `(.+)` \|$", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("macro", "expected"), examples())
+def test_the_examples_of_the_document_are_true(macro: str, expected: str) -> None:
+    known: dict[str, Value] = {
+        "nozzle_temperature": 210.0,
+        "layer_z": 0.6,
+        "layer_num": 2.0,
+        "on": True,
+        "material_name": "PLA",
+        "tops": (0.2, 0.4, 0.6),
+    }
+
+    assert read_template(macro, "example").filled(known) == [expected]
+
+
+def test_the_document_names_every_fact_and_every_function() -> None:
+    text = DOCUMENT.read_text("utf-8")
+    settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
+    facts = set(print_facts(sliced(), plain())) | set(layer_facts(sliced(), 0, 0, 0))
+    short = {"first_layer_min_y", "first_layer_max_y"}  # told as `first_layer_min_x` and `_y`
+
+    assert len(examples()) > 10
+    assert [name for name in facts - settings - short if f"`{name}`" not in text] == []
+    assert [name for name in FUNCTIONS if f"{name}(" not in text] == []
+
+
+# Pauses
+
+
+def test_a_print_pauses_before_it_goes_on_above_a_height() -> None:
+    lines = lines_with(pause_at="0.5, 1.2, 1.21")
+    layers, layer = [], 0
+    for line in lines:
+        layer += line == ";LAYER_CHANGE"
+        layers += [layer] if line == "M0" else []
+
+    assert layers == [3, 7]  # from 0.4 to 0.6 mm, and from 1.2 to 1.4 mm
+
+
+def test_a_pause_is_what_the_flavour_or_the_printer_says() -> None:
+    assert "PAUSE" in gcode_of(sliced(), profile("corexy_klipper", pause_at="1")).decode().splitlines()
+    assert "M600 Z1.2" in lines_with(pause_at="1", pause_gcode="{if layer_num > 2}\nM600 Z{layer_z}\n{endif}")
+
+
+def test_a_pause_above_the_part_is_refused() -> None:
+    with pytest.raises(ProfileError, match=r"quality\.pause_at: 2 mm, but the part ends at 2 mm"):
+        lines_with(pause_at="1, 2")
+
+
+def test_a_print_with_macros_and_a_pause_comes_out_as_intended() -> None:
+    wanted = profile(layer_gcode=PARK, before_layer_gcode="M117 {layer_num}", pause_at="1")
+    verdict = dry_run(job_of(box((20, 10, 2)), wanted), wanted)
+
+    assert verdict.problems == ()
