@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import read_moves
+from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
@@ -128,7 +128,7 @@ def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> J
     if not commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
     _refuse_unsendable(name, text, commands)
-    moves = read_moves(commands, profile.printer.corners[0])
+    moves = read_moves(commands, profile.printer.corners[0], FLAVOURS[profile.printer.flavour])
     end = moves.end[-1] if len(moves.end) else np.zeros(3)
     return Job(
         name,

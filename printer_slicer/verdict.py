@@ -56,8 +56,9 @@ def machine_of(printer: Printer) -> Machine:
 
 
 def front_end_of(printer: Printer) -> FrontEnd:
-    """How the simulated firmware answers; Klipper's own words are accepted where the profile says klipper."""
-    return replace(MARLIN_2_1, ignores_extended=printer.flavour == "klipper")
+    """How the simulated firmware answers: as Marlin does, but commands mean what they do in the printer's flavour."""
+    extended = printer.firmware.extended_commands
+    return replace(MARLIN_2_1, flavour=printer.flavour, ignores_extended=extended)
 
 
 class Comparison:

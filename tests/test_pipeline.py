@@ -411,11 +411,11 @@ def test_every_command_of_the_whole_file_is_known_to_the_flavour() -> None:
     for printer, words in (
         (
             "marlin_220",
-            "G0 G1 G21 G28 G90 G91 G92 M82 M83 M84 M104 M106 M107 M109 M140 M190 M201 M203 M204 M205",
+            "G0 G1 G21 G28 G90 G91 G92 M73 M82 M83 M84 M104 M106 M107 M109 M140 M190 M201 M203 M204 M205",
         ),
         (
             "corexy_klipper",
-            "G0 G1 G21 G28 G90 G91 G92 M82 M83 M84 M104 M106 M107 M109 M140 M190 SET_VELOCITY_LIMIT",
+            "G0 G1 G21 G28 G90 G91 G92 M73 M82 M83 M84 M104 M106 M107 M109 M140 M190 SET_VELOCITY_LIMIT",
         ),
     ):
         wanted = profile(printer)

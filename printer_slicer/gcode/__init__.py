@@ -8,14 +8,27 @@ from typing import Final
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.klipper import KLIPPER
 from printer_slicer.gcode.marlin import MARLIN
+from printer_slicer.gcode.marlin_legacy import MARLIN_LEGACY
+from printer_slicer.gcode.prusa import PRUSA
 from printer_slicer.gcode.reader import Moves, read_moves
+from printer_slicer.gcode.repetier import REPETIER
+from printer_slicer.gcode.reprapfirmware import REPRAPFIRMWARE
+from printer_slicer.gcode.smoothie import SMOOTHIE
 from printer_slicer.gcode.writer import spoken, write_program
 from printer_slicer.model import Float, Program
 from printer_slicer.profile import Profile
 
 __all__ = ["FLAVOURS", "Dialect", "Moves", "read_moves", "spoken", "write_gcode"]
 
-FLAVOURS: Final[Mapping[str, Dialect]] = {"marlin": MARLIN, "klipper": KLIPPER}
+FLAVOURS: Final[Mapping[str, Dialect]] = {
+    "marlin": MARLIN,
+    "marlin_legacy": MARLIN_LEGACY,
+    "klipper": KLIPPER,
+    "reprapfirmware": REPRAPFIRMWARE,
+    "repetier": REPETIER,
+    "smoothie": SMOOTHIE,
+    "prusa": PRUSA,
+}
 
 
 def write_gcode(

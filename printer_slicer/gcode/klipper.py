@@ -1,10 +1,16 @@
-"""Klipper."""
+"""Klipper.
+
+Source: Klipper's documents, "G-Codes": SET_VELOCITY_LIMIT, SET_PRESSURE_ADVANCE, SET_RETRACTION
+([firmware_retraction]), M73 ([display_status]), PAUSE ([pause_resume]).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
-from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
+from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.reading import State, set_accelerations
 from printer_slicer.macros import number
 from printer_slicer.profile import Printer
 
@@ -12,17 +18,42 @@ __all__ = ["KLIPPER"]
 
 
 def _limits(printer: Printer) -> list[str]:
-    """SET_VELOCITY_LIMIT; the limits of z and extruder are part of Klipper's own configuration."""
+    """The limits of z and extruder are part of Klipper's own configuration."""
+    acceleration, corner = number(printer.acceleration), number(printer.square_corner_velocity)
     return [
-        " ".join(
-            [
-                "SET_VELOCITY_LIMIT",
-                f"ACCEL={number(printer.acceleration)}",
-                f"SQUARE_CORNER_VELOCITY={number(printer.square_corner_velocity)}",
-                f"MINIMUM_CRUISE_RATIO={number(printer.minimum_cruise_ratio)}",
-            ]
-        )
+        f"SET_VELOCITY_LIMIT ACCEL={acceleration} SQUARE_CORNER_VELOCITY={corner}",
+        f"SET_VELOCITY_LIMIT MINIMUM_CRUISE_RATIO={number(printer.minimum_cruise_ratio)}",
     ]
 
 
-KLIPPER: Final = Dialect(limits=_limits, fan=fan_line, nozzle=nozzle_line, bed=bed_line, pause="PAUSE")
+def _retraction(printer: Printer) -> list[str]:
+    """Mm and mm/s."""
+    length, back = number(printer.retract_length), number(printer.retract_speed)
+    return [
+        f"SET_RETRACTION RETRACT_LENGTH={length} RETRACT_SPEED={back}",
+        f"SET_RETRACTION UNRETRACT_EXTRA_LENGTH=0 UNRETRACT_SPEED={number(printer.deretract_speed)}",
+    ]
+
+
+def _set_retraction(state: State, words: Mapping[str, float], _index: int) -> None:
+    """SET_RETRACTION."""
+    length, back, forward = state.retraction
+    length, back = words.get("RETRACT_LENGTH", length), words.get("RETRACT_SPEED", back)
+    state.retraction = length, back, words.get("UNRETRACT_SPEED", forward)
+
+
+def _set_velocity_limit(state: State, words: Mapping[str, float], index: int) -> None:
+    """SET_VELOCITY_LIMIT: of it only the acceleration, which is that of all moves."""
+    accelerate = set_accelerations("printing", "travel", "retract", letters="S")
+    accelerate(state, {"S": words.get("ACCEL", 0.0)}, index)
+
+
+KLIPPER: Final = Dialect(
+    limits=_limits,
+    acceleration=lambda value: f"SET_VELOCITY_LIMIT ACCEL={number(value)}",
+    pause="PAUSE",
+    pressure_advance=lambda seconds: f"SET_PRESSURE_ADVANCE ADVANCE={number(seconds)}",
+    retraction=_retraction,
+    progress=lambda percent, _minutes: f"M73 P{percent}",
+    reads={"SET_RETRACTION": _set_retraction, "SET_VELOCITY_LIMIT": _set_velocity_limit},
+)

@@ -5,19 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
 from printer_slicer.macros import Template, Value, number, read_template
-from printer_slicer.model import Fan, Float, Program, Role
+from printer_slicer.model import Acceleration, Fan, Float, Heat, Int, PressureAdvance, Program, Role
 from printer_slicer.profile import Profile
 
-__all__ = ["TYPE_NAMES", "Writing", "macro_of", "notes_of"]
+__all__ = ["TYPE_NAMES", "Writing", "begins_with", "macro_of", "notes_of", "retracted_by_firmware"]
 
 # The names that PrusaSlicer's and OrcaSlicer's viewers know.
 TYPE_NAMES: Final = {
@@ -38,6 +39,8 @@ TYPE_NAMES: Final = {
 _CODE: Final = re.compile(r" *([GM])0*([0-9]+)", re.IGNORECASE)
 _MOVING: Final = frozenset({"G0", "G1", "G2", "G3", "G28"})
 _MODES: Final = frozenset({"G20", "G21", "G90", "G91", "G92", "M82", "M83"})
+_HAIR: Final = 1e-9  # so that rounding does not make the last percent 99
+_SELDOM: Final = 5.0  # s: the share done is not told more often, however short the print is
 _Note = tuple[int, list[str]]
 
 
@@ -70,19 +73,27 @@ def macro_of(profile: Profile, name: str) -> Template:
     return read_template(getattr(printer, name), f"printer {printer.name!r}: {name}")
 
 
-def notes_of(writing: Writing, rows: Rows) -> dict[int, list[str]]:
+def notes_of(writing: Writing, rows: Rows, turns: Int) -> dict[int, list[str]]:
     """The lines that stand before each move, and after the last one.
+
+    Args:
+        writing: what they are written from.
+        rows: the moves as text.
+        turns: (K,) which of them the firmware makes; see `retracted_by_firmware`.
 
     Raises:
         ProfileError: a macro cannot be filled in, or a pause lies above the part.
     """
     notes: dict[int, list[str]] = {}
-    for source in (
+    sources = (
         _layers(writing, rows),
         _arrivals(writing, rows),
+        _progress(writing),
         _events(writing),
+        _retractions(turns),
         _beads(writing.program),
-    ):
+    )
+    for source in sources:
         for index, lines in source:
             notes.setdefault(index, []).extend(lines)
     return notes
@@ -175,14 +186,72 @@ def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list
 
 
 def _events(writing: Writing) -> Iterator[_Note]:
-    """Fans and heaters."""
+    """Fans, heaters, accelerations."""
     dialect = writing.dialect
     for event in writing.program.events:
-        if isinstance(event, Fan):
-            yield event.index, [dialect.fan(event.ratio)]
-        else:
-            lines = [dialect.nozzle(event.nozzle)] if event.nozzle is not None else []
-            yield event.index, lines + ([dialect.bed(event.bed)] if event.bed is not None else [])
+        match event:
+            case Fan():
+                yield event.index, [fan_line(event.ratio)]
+            case Heat():
+                nozzle = [nozzle_line(event.nozzle)] if event.nozzle is not None else []
+                yield event.index, nozzle + ([bed_line(event.bed)] if event.bed is not None else [])
+            case Acceleration():
+                yield event.index, [dialect.acceleration(event.value)]
+            case PressureAdvance() if dialect.pressure_advance is not None:
+                yield event.index, [dialect.pressure_advance(event.seconds)]
+
+
+def begins_with(writing: Writing) -> list[str]:
+    """What the display shall show before the first move."""
+    tell, total = writing.dialect.progress, float(writing.begins[-1])
+    if not (writing.profile.printer.progress and tell and total > 0):
+        return []
+    return [tell(0, ceil(total / 60 - _HAIR))]
+
+
+def _progress(writing: Writing) -> Iterator[_Note]:
+    """Share of the time and minutes left, where one of them has changed."""
+    begins, tell = writing.begins, writing.dialect.progress
+    shown = begins_with(writing)
+    if not (shown and tell):
+        return
+    total = float(begins[-1])
+    step = max(ceil(100 * _SELDOM / total), 1)
+    percent = np.floor(100 * begins / total + _HAIR).astype(np.int64)
+    percent = np.where(percent < 100, percent // step * step, 100)
+    minutes = np.ceil((total - begins) / 60 - _HAIR).astype(np.int64)
+    changed = (np.diff(percent, prepend=0) != 0) | (np.diff(minutes, prepend=minutes[0]) != 0)
+    for move in np.flatnonzero(changed).tolist():
+        line = tell(int(percent[move]), int(minutes[move]))
+        if line not in shown:  # not every display shows the minutes
+            yield move, [line]
+        shown = [line]
+
+
+def _retractions(turns: Int) -> Iterator[_Note]:
+    """G10 and G11 in the place of moves that only turn the extruder."""
+    for move in np.flatnonzero(turns).tolist():
+        yield move, ["G10" if turns[move] < 0 else "G11"]
+
+
+def retracted_by_firmware(program: Program, profile: Profile) -> Int:
+    """(K,) -1 for moves that G10 makes, 1 for those that G11 makes, 0 for all others.
+
+    The firmware knows one length: if some retractions have another, or do not take turns, all are left to E words.
+    """
+    none = np.zeros(program.n_moves, np.int64)
+    if not profile.printer.firmware_retraction:
+        return none
+    fed = program.filament
+    alone = (program.role == Role.TRAVEL) & (fed != 0)
+    signs = np.sign(fed[alone]).astype(np.int64)
+    equal = np.abs(np.abs(fed[alone]) - profile.printer.retract_length) < 1e-6
+    stands = (program.xyz == program.start).all(axis=1)[alone]
+    turns = np.where(np.arange(len(signs)) % 2 == 0, -1, 1)
+    if not (equal.all() and stands.all() and (signs == turns).all()):
+        return none
+    none[alone] = signs
+    return none
 
 
 def _beads(program: Program) -> Iterator[_Note]:

@@ -1,29 +1,35 @@
 """Text -> moves: what a file will make the machine do, for the time model and for checks before the print.
 
 Knows straight lines and arcs, relative and absolute modes, inches, offsets, homing, dwells, changes of acceleration,
-tools, and extrusion by volume (M200). What does not move or wait is passed over.
+retraction by the firmware, tools, and extrusion by volume (M200). What does not move or wait is passed over.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.marlin import MARLIN
+from printer_slicer.gcode.reading import MARLIN_ACTIONS, Action, State
 from printer_slicer.model import Bool, Float, Int
-from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.rules import Axes, Limits
 from printer_slicer.motion.whole import durations
 
 __all__ = ["Moves", "read_moves"]
 
-_STOPS: Final = frozenset({"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M400", "M600"})
+_STOPS: Final = frozenset(
+    {"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M226", "M400", "M600", "M601", "PAUSE"}
+)
 _NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison
 _CODE: Final = re.compile(r" *([GMT]) *([0-9]+)", re.IGNORECASE)
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))?", re.IGNORECASE)
+_EXTENDED: Final = re.compile(r" *([A-Z]{3,}(?:_[A-Z]+)*)\b", re.IGNORECASE)
+_SETTING: Final = re.compile(r"\b([A-Z_]+) *= *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,47 +105,22 @@ def _changed(limits: Limits, kind: str, values: Mapping[str, float]) -> Limits:
     return limits
 
 
-@dataclass(slots=True)
-class _State:
-    """Where the machine is and how it reads numbers."""
-
-    home: tuple[float, float, float]
-    position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
-    offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
-    relative: bool = False
-    relative_e: bool = False
-    unit: float = 1.0
-    diameter: float = 1.75
-    volumetric: bool = False
-    tool: int = 0
-    feed: float = 25.0
-    printing: float = np.nan
-    travel: float = np.nan
-    retract: float = np.nan
-    speed_ratio: float = 1.0
-    dwell: float = 0.0
-    changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
-    rows: list[tuple[float, ...]] = field(default_factory=list)
-    stops: list[int] = field(default_factory=list)
-
-    @property
-    def unit_e(self) -> float:
-        """Mm of filament that an E of 1 feeds; mm³, or cubic inches, of it where M200 says so."""
-        return self.unit**3 / (np.pi * self.diameter**2 / 4) if self.volumetric else self.unit
-
-
-def read_moves(commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0)) -> Moves:
+def read_moves(
+    commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN
+) -> Moves:
     """The moves of commands without comments, one each, such as `stream` sends them.
 
     Args:
         commands: one per entry.
         home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
+        dialect: what commands mean that differ from firmware to firmware.
     """
-    state = _State(home=(*home, 0.0))
+    actions = {**MARLIN_ACTIONS, **dialect.reads}
+    state = State(home=(*home, 0.0))
     state.position[:3] = state.home
     for index, command in enumerate(commands):
-        code, words = _parse(command)
-        action = _ACTIONS.get(code)
+        code, words = _parse(command, actions)
+        action = actions.get(code)
         if action is not None:
             action(state, words, index)
         if code in _STOPS and state.rows:
@@ -160,163 +141,29 @@ def read_moves(commands: Iterable[bytes], home: tuple[float, float] = (0.0, 0.0)
     )
 
 
-def _parse(command: bytes) -> tuple[str, dict[str, float]]:
+def _parse(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str, float]]:
     """Code and numeric words of a command, with or without blanks between them."""
     text = command.decode("latin-1")
     match = _CODE.match(text)
     if match is None:
-        return "", {}
+        return _extended(text)
     code = f"{match[1].upper()}{int(match[2])}"
     if code[0] == "T":
         return "T", {"T": float(match[2][:3])}
-    if code not in _ACTIONS:
+    if code not in actions:
         return code, {}
     found = _WORD.findall(text, match.end())
     if code == "G28":  # axes are named by letters alone
         return code, {letter.upper(): 0.0 for letter, _ in found}
+    return code, _numbers(found)
+
+
+def _extended(text: str) -> tuple[str, dict[str, float]]:
+    """Name and numeric settings of a command of words."""
+    match = _EXTENDED.match(text)
+    return (match[1].upper(), _numbers(_SETTING.findall(text))) if match else ("", {})
+
+
+def _numbers(found: list[tuple[str, str]]) -> dict[str, float]:
     numbers = ((letter.upper(), float(number)) for letter, number in found if number)
-    return code, {letter: value for letter, value in numbers if abs(value) < _NONSENSE}
-
-
-def _goal(state: _State, words: Mapping[str, float]) -> list[float]:
-    """Where the words lead, in machine coordinates."""
-    goal = list(state.position)
-    for axis, letter in enumerate("XYZE"):
-        if letter in words:
-            value = words[letter] * (state.unit_e if letter == "E" else state.unit)
-            relative = state.relative_e if letter == "E" else state.relative
-            goal[axis] = goal[axis] + value if relative else value - state.offset[axis]
-    if words.get("F", 0) > 0:
-        state.feed = words["F"] * state.unit / 60
-    return goal
-
-
-def _move(state: _State, goal: list[float], index: int) -> None:
-    """One straight move."""
-    delta = [after - before for after, before in zip(goal, state.position, strict=True)]
-    if any(delta):
-        travels = delta[0] or delta[1] or delta[2]
-        acceleration = state.travel if not delta[3] else state.printing if travels else state.retract
-        state.rows.append(
-            (*goal[:3], *delta, state.feed * state.speed_ratio, acceleration, index, state.tool)
-        )
-    state.position = goal
-
-
-def _line(state: _State, words: Mapping[str, float], index: int) -> None:
-    """G0 and G1: straight to where the words lead."""
-    _move(state, _goal(state, words), index)
-
-
-def _arc(clockwise: bool) -> Callable[[_State, Mapping[str, float], int], None]:
-    """G2 or G3."""
-
-    def run(state: _State, words: Mapping[str, float], index: int) -> None:
-        """An arc as straight moves, around a centre (I and J) or with a radius (R)."""
-        x, y, z, e = state.position
-        goal = _goal(state, words)
-        unit = state.unit
-        if "R" in words:
-            centre = centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
-        else:
-            centre = centre_by_offset((x, y), words.get("I", 0.0) * unit, words.get("J", 0.0) * unit)
-        if centre is not None:  # firmware refuses an arc without one
-            gx, gy, gz, ge = goal
-            for point in arc_points((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
-                _move(state, list(point), index)
-
-    return run
-
-
-def _set_position(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """G92: the same place under other numbers."""
-    for axis, letter in enumerate("XYZE"):
-        if letter in words:
-            if letter == "E":
-                state.position[3] = words[letter] * state.unit_e
-            else:
-                state.offset[axis] = words[letter] * state.unit - state.position[axis]
-
-
-def _home(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """G28: the axes that are named, or all but the filament, stand at their endstops, without offsets."""
-    named = [axis for axis, letter in enumerate("XYZ") if letter in words]
-    for axis in named or range(3):
-        state.position[axis], state.offset[axis] = state.home[axis], 0.0
-
-
-def _dwell(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """G4: S in seconds, or else P in milliseconds."""
-    state.dwell += words["S"] if "S" in words else words.get("P", 0.0) / 1000
-
-
-def _acceleration(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """M204: S sets printing and travel, P, T and R one each."""
-    state.printing = words.get("P", words.get("S", state.printing))
-    state.travel = words.get("T", words.get("S", state.travel))
-    state.retract = words.get("R", state.retract)
-
-
-def _limit(kind: str) -> Callable[[_State, Mapping[str, float], int], None]:
-    """M201, M203 or M205."""
-
-    def run(state: _State, words: Mapping[str, float], _index: int) -> None:
-        """The limits that are named hold from the next move on; those of 0 are passed over."""
-        values = {letter: value for letter, value in words.items() if value > 0}
-        state.changes.append((len(state.rows), kind, values))
-
-    return run
-
-
-def _speed_ratio(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """M220: the share of all speeds from now on, in percent."""
-    if "S" in words:
-        state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
-
-
-def _volumetric(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """M200: from now on E counts mm³ of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
-    diameter = words.get("D", 0.0) * state.unit
-    state.volumetric = bool(words.get("S", diameter))
-    state.diameter = diameter or state.diameter
-
-
-def _tool(state: _State, words: Mapping[str, float], _index: int) -> None:
-    """T0, T1 and so on: another tool from now on."""
-    state.tool = int(words["T"])
-
-
-def _mode(name: str, value: float) -> Callable[[_State, Mapping[str, float], int], None]:
-    """How numbers are read from now on: in mm or inches, from the origin or from where the machine is."""
-
-    def run(state: _State, _words: Mapping[str, float], _index: int) -> None:
-        """Set this mode."""
-        setattr(state, name, value)
-        if name == "relative":  # G90 and G91 speak of all axes; M82 and M83 may differ afterwards
-            state.relative_e = bool(value)
-
-    return run
-
-
-_ACTIONS: Final[Mapping[str, Callable[[_State, Mapping[str, float], int], None]]] = {
-    "G0": _line,
-    "G1": _line,
-    "G2": _arc(clockwise=True),
-    "G3": _arc(clockwise=False),
-    "G4": _dwell,
-    "G20": _mode("unit", 25.4),
-    "G21": _mode("unit", 1.0),
-    "G28": _home,
-    "G90": _mode("relative", False),
-    "G91": _mode("relative", True),
-    "G92": _set_position,
-    "M82": _mode("relative_e", False),
-    "M83": _mode("relative_e", True),
-    "M200": _volumetric,
-    "M201": _limit("M201"),
-    "M203": _limit("M203"),
-    "M204": _acceleration,
-    "M205": _limit("M205"),
-    "M220": _speed_ratio,
-    "T": _tool,
-}
+    return {letter: value for letter, value in numbers if abs(value) < _NONSENSE}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import pi
 
 import numpy as np
 
-from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.dialect import Dialect, fan_line
 from printer_slicer.gcode.facts import print_facts
-from printer_slicer.gcode.notes import Writing, macro_of, notes_of
+from printer_slicer.gcode.notes import Writing, begins_with, macro_of, notes_of, retracted_by_firmware
 from printer_slicer.gcode.rows import rows_of
 from printer_slicer.model import Float, Program
 from printer_slicer.profile import Profile, settings_text
@@ -29,11 +30,23 @@ def write_program(
     start = macro_of(profile, "start_gcode").filled(known)
     end = macro_of(profile, "end_gcode").filled(known)
     before = [*_header(program, profile, total), *(f"; {fact}" for fact in facts)]
-    before += ["G21 ; mm", "G90", "M83", dialect.fan(0.0)]
-    before += [*dialect.limits(profile.printer), *start]
+    before += begins_with(writing)
+    before += ["G21 ; mm", "G90", "M83", fan_line(0.0)]
+    before += [*dialect.limits(profile.printer), *_retraction(profile, dialect), *start]
+    if profile.material.pressure_advance and dialect.pressure_advance:
+        before.append(dialect.pressure_advance(profile.material.pressure_advance))
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *_settings(profile)]
     return b"".join([_lines(before), *_body(writing), _lines(after)])
+
+
+def _retraction(profile: Profile, dialect: Dialect) -> list[str]:
+    """What the firmware must know to retract as the moves would."""
+    return (
+        dialect.retraction(profile.printer)
+        if profile.printer.firmware_retraction and dialect.retraction
+        else []
+    )
 
 
 def _lines(lines: list[str]) -> bytes:
@@ -42,8 +55,11 @@ def _lines(lines: list[str]) -> bytes:
 
 def _body(writing: Writing) -> list[bytes]:
     """The rows of the moves with comments, events and macros between them."""
-    rows = rows_of(writing.program, relative=writing.profile.printer.relative_extrusion)
-    notes = notes_of(writing, rows)
+    program, profile = writing.program, writing.profile
+    turns = retracted_by_firmware(program, profile)
+    fed = replace(program, filament=np.where(turns != 0, 0.0, program.filament)) if turns.any() else program
+    rows = rows_of(fed, relative=profile.printer.relative_extrusion)
+    notes = notes_of(writing, rows, turns)
     pieces, done = [], 0
     for index in sorted(notes):
         place = int(rows.start[index])

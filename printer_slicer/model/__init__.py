@@ -7,11 +7,22 @@ Lengths are mm, times s, speeds mm/s, temperatures °C.
 from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
 from printer_slicer.model.part import Faults, Mesh, Repair, Repairs
-from printer_slicer.model.paths import Event, Fan, Heat, Program, Role, Toolpaths, reordered
+from printer_slicer.model.paths import (
+    Acceleration,
+    Event,
+    Fan,
+    Heat,
+    PressureAdvance,
+    Program,
+    Role,
+    Toolpaths,
+    reordered,
+)
 from printer_slicer.model.travels import Travels, leaves
 from printer_slicer.model.walls import Walls
 
 __all__ = [
+    "Acceleration",
     "Areas",
     "Bool",
     "Contours",
@@ -24,6 +35,7 @@ __all__ = [
     "Int",
     "LayerPlan",
     "Mesh",
+    "PressureAdvance",
     "Program",
     "Regions",
     "Repair",

@@ -14,7 +14,17 @@ from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.areas import consecutive, distinct, following_around, lengths
 from printer_slicer.model.layers import LayerPlan
 
-__all__ = ["Event", "Fan", "Heat", "Program", "Role", "Toolpaths", "reordered"]
+__all__ = [
+    "Acceleration",
+    "Event",
+    "Fan",
+    "Heat",
+    "PressureAdvance",
+    "Program",
+    "Role",
+    "Toolpaths",
+    "reordered",
+]
 
 
 _NOT_GIVEN: Final = np.zeros(0)
@@ -230,7 +240,23 @@ class Heat:
     bed: float | None = None
 
 
-Event = Fan | Heat
+@dataclass(frozen=True, slots=True)
+class Acceleration:
+    """Accelerate by `value`, mm/s², from move `index` on: beads, and where the firmware has one for all moves, all."""
+
+    index: int
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class PressureAdvance:
+    """Push filament ahead by `seconds` of the extruder's speed from move `index` on."""
+
+    index: int
+    seconds: float
+
+
+Event = Fan | Heat | Acceleration | PressureAdvance
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

@@ -7,14 +7,10 @@ from printer_slicer.profile import Printer
 
 __all__ = ["limits_of"]
 
-# Marlin plans 16 moves ahead. Klipper plans about a second ahead, which is never fewer moves than this.
-_BLOCKS = {"marlin": 16, "klipper": 1000}
-
 
 def limits_of(printer: Printer) -> Limits:
     """What the firmware of this printer obeys: speeds mm/s, accelerations mm/s²."""
-    # Klipper has one acceleration for printing and travelling.
-    travel = printer.acceleration if printer.flavour == "klipper" else printer.travel_acceleration
+    one = printer.firmware.one_acceleration
     return Limits(
         max_speed=(printer.max_speed_x, printer.max_speed_y, printer.max_speed_z, printer.max_speed_e),
         max_acceleration=(
@@ -24,12 +20,12 @@ def limits_of(printer: Printer) -> Limits:
             printer.max_acceleration_e,
         ),
         acceleration=printer.acceleration,
-        travel_acceleration=travel,
+        travel_acceleration=printer.acceleration if one else printer.travel_acceleration,
         retract_acceleration=printer.retract_acceleration,
         corner=printer.corner,
         junction_deviation=printer.junction_deviation,
         jerk=(printer.jerk_xy, printer.jerk_xy, printer.jerk_z, printer.jerk_e),
         square_corner_velocity=printer.square_corner_velocity,
         minimum_cruise_ratio=printer.minimum_cruise_ratio,
-        planner_blocks=_BLOCKS[printer.flavour],
+        planner_blocks=printer.firmware.planner_blocks,
     )

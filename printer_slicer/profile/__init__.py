@@ -10,6 +10,8 @@ from printer_slicer.profile.files import (
     settings_table,
     settings_text,
 )
+from printer_slicer.profile.firmware import FIRMWARES, Firmware
+from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.settings import (
     AreaPlanner,
     CuspPlanner,
@@ -19,7 +21,6 @@ from printer_slicer.profile.settings import (
     OptimalPlanner,
     Planner,
     Printer,
-    Profile,
     Quality,
     Speeds,
     StepwisePlanner,
@@ -28,9 +29,11 @@ from printer_slicer.profile.settings import (
 
 __all__ = [
     "DEFAULT_NAMES",
+    "FIRMWARES",
     "KINDS",
     "AreaPlanner",
     "CuspPlanner",
+    "Firmware",
     "GeneticPlanner",
     "HeightRange",
     "Material",

@@ -7,7 +7,8 @@ from itertools import pairwise
 from math import floor
 from typing import NamedTuple
 
-from printer_slicer.profile.settings import HIGHEST_BEAD, OptimalPlanner, Profile
+from printer_slicer.profile.profile import HIGHEST_BEAD, Profile
+from printer_slicer.profile.settings import OptimalPlanner
 
 __all__ = ["Conflict", "conflicts"]
 
@@ -33,6 +34,7 @@ def conflicts(profile: Profile) -> Iterator[Conflict]:
     yield from _widths(profile)
     yield from _raft(profile)
     yield from _heat(profile)
+    yield from _firmware(profile)
 
 
 def _varies(profile: Profile) -> bool:
@@ -175,3 +177,14 @@ def _heat(profile: Profile) -> Iterator[Conflict]:
                     f"{wanted:g} °C, but printer {printer.name!r} allows {limit:g} °C",
                     "choose another material or printer",
                 )
+
+
+def _firmware(profile: Profile) -> Iterator[Conflict]:
+    """The firmware can do what is asked of it."""
+    printer, firmware = profile.printer, profile.printer.firmware
+    if printer.firmware_retraction and not firmware.firmware_retraction:
+        unable = f"printer.flavour {printer.flavour} cannot be told how far to retract"
+        yield Conflict("printer.firmware_retraction", unable, "set it to false")
+    if profile.material.pressure_advance and not firmware.pressure_advance:
+        unable = f"printer.flavour {printer.flavour} has no command for it"
+        yield Conflict("material.pressure_advance", unable, "set it to 0")

@@ -18,12 +18,12 @@ import msgspec
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.lists import list_as_text, list_from_text
+from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.settings import (
     PLANNER_SETTINGS,
     Material,
     OptimalPlanner,
     Printer,
-    Profile,
     Quality,
     Speeds,
 )

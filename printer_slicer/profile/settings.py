@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from printer_slicer.profile.base import Settings, meta
+from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.planners import (
     PLANNER_SETTINGS,
     AreaPlanner,
@@ -23,7 +24,6 @@ from printer_slicer.profile.planners import (
 from printer_slicer.profile.quality import Quality, Speeds
 
 __all__ = [
-    "HIGHEST_BEAD",
     "PLANNER_SETTINGS",
     "AreaPlanner",
     "CuspPlanner",
@@ -33,21 +33,21 @@ __all__ = [
     "OptimalPlanner",
     "Planner",
     "Printer",
-    "Profile",
     "Quality",
     "Speeds",
     "StepwisePlanner",
     "UniformPlanner",
 ]
 
-HIGHEST_BEAD = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
-
 
 class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What the machine is and what it can do."""
 
     name: Annotated[str, meta("what people call this machine")]
-    flavour: Annotated[Literal["marlin", "klipper"], meta("dialect of G-code")] = "marlin"
+    flavour: Annotated[
+        Literal["marlin", "marlin_legacy", "klipper", "reprapfirmware", "repetier", "smoothie", "prusa"],
+        meta("dialect of G-code; marlin is 2, marlin_legacy 1.1"),
+    ] = "marlin"
     bed_x: Annotated[float, meta("width of the bed", "mm", ge=20, le=5000)]
     bed_y: Annotated[float, meta("depth of the bed", "mm", ge=20, le=5000)]
     bed_z: Annotated[float, meta("greatest height of a part", "mm", ge=20, le=5000)]
@@ -98,6 +98,12 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     z_hop: Annotated[float, meta("lift during a retracted travel", "mm", ge=0, le=5)] = 0
     z_hop_ramp: Annotated[bool, meta("lift while travelling, in a slope, not straight up")] = False
     relative_extrusion: Annotated[bool, meta("E words are differences (M83)")] = True
+    firmware_retraction: Annotated[
+        bool, meta("retract by G10 and G11, with the lengths and speeds above told to the firmware")
+    ] = False
+    progress: Annotated[bool, meta("tell the display share and time left (M73), where the flavour can")] = (
+        True
+    )
     baud: Annotated[int, meta("speed of the serial port", "Bd", ge=1200, le=12000000)] = 115200
     receive_buffer: Annotated[
         int, meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
@@ -111,6 +117,11 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pause_gcode: Annotated[
         str, meta("G-code where the print pauses (quality.pause_at); empty: the flavour's own command")
     ] = ""
+
+    @property
+    def firmware(self) -> Firmware:
+        """What this printer's firmware does in its own way."""
+        return FIRMWARES[self.flavour]
 
     @property
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -130,6 +141,9 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     first_layer_nozzle_temperature: Annotated[float, meta("nozzle, first layer", "°C", ge=0, le=500)] = 215
     bed_temperature: Annotated[float, meta("bed", "°C", ge=0, le=200)] = 60
     first_layer_bed_temperature: Annotated[float, meta("bed, first layer", "°C", ge=0, le=200)] = 60
+    pressure_advance: Annotated[
+        float, meta("linear advance; 0: the printer's own setting is left as it is", "s", ge=0, le=5)
+    ] = 0
     max_flow: Annotated[float, meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200)] = 12
     first_layer_max_flow_ratio: Annotated[
         float, meta("the same on the first layer, as a share of it", "ratio", ge=0.1, le=1)
@@ -156,59 +170,3 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     fan_layer_time: Annotated[float, meta("layers quicker than this get more fan", "s", ge=0, le=600)] = 30
     min_layer_time: Annotated[float, meta("slow down until a layer takes this long", "s", ge=0, le=600)] = 8
     min_speed: Annotated[float, meta("but never print slower than this", "mm/s", ge=1, le=100)] = 12
-
-
-class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Everything that decides how a part becomes G-code."""
-
-    printer: Printer
-    material: Material
-    quality: Quality
-
-    @property
-    def dials(self) -> OptimalPlanner:
-        """The dials of the planner `optimal`; as they usually are where another planner is chosen."""
-        planner = self.quality.planner
-        return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
-
-    @property
-    def extrusion_width(self) -> float:
-        """Width of a bead, mm, with the default filled in."""
-        return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
-
-    @property
-    def width_on_bed(self) -> float:
-        """Width of a bead on the bed, mm, with the default filled in."""
-        return self.quality.first_layer_width or self.extrusion_width
-
-    @property
-    def width_of_first_layer(self) -> float:
-        """Width of a bead in the part's first layer, mm: that on the bed, unless there is a raft between."""
-        return self.extrusion_width if self.quality.raft_height else self.width_on_bed
-
-    @property
-    def bead_widths(self) -> tuple[float, float]:
-        """Narrowest and widest bead in narrow places, mm, with the defaults filled in."""
-        quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
-        narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
-        return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
-
-    @property
-    def highest_bead(self) -> float:
-        """Highest bead that the nozzle presses down and that is no higher than wide, mm."""
-        return min(HIGHEST_BEAD * self.printer.nozzle_diameter, self.extrusion_width)
-
-    @property
-    def thinnest_feature(self) -> float:
-        """Thinnest wall that is printed, mm, with the default filled in."""
-        return self.quality.min_feature or 0.25 * self.printer.nozzle_diameter
-
-    @property
-    def thinnest(self) -> float:
-        """Thinnest layer a planner may choose, mm."""
-        return min(self.quality.layer_heights, default=self.quality.thinnest_layer or self.printer.min_layer)
-
-    @property
-    def thickest(self) -> float:
-        """Thickest layer a planner may choose, mm."""
-        return max(self.quality.layer_heights, default=self.quality.thickest_layer or self.printer.max_layer)

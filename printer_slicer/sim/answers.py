@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.board import Board, Steps
     from printer_slicer.sim.words import Command
 
-__all__ = ["TABLE", "tool"]
+__all__ = ["TABLE", "ask_person", "limit_accelerations", "nothing", "positive", "tool"]
 
 UUID: Final = "cede2a2f-41a2-4748-9b12-c55c62f367ff"
 """Marlin's default, the same for every board whose owner did not make one."""
@@ -117,39 +117,59 @@ def _steps(board: Board, command: Command) -> None:
 
 def _accelerations(board: Board, command: Command) -> None:
     """M201."""
-    most = replaced(board.limits.max_acceleration, _positive(command, AXES))
+    most = replaced(board.limits.max_acceleration, positive(command, AXES))
     board.set_limits(replace(board.limits, max_acceleration=most))
 
 
 def _speeds(board: Board, command: Command) -> None:
     """M203."""
-    most = replaced(board.limits.max_speed, _positive(command, AXES))
+    most = replaced(board.limits.max_speed, positive(command, AXES))
     board.set_limits(replace(board.limits, max_speed=most))
 
 
 def _move_accelerations(board: Board, command: Command) -> None:
     """M204: P printing, T travel, R retraction; S is the old word for P and T."""
-    new, old = _positive(command, "PRST"), board.limits
+    new = positive(command, "PRST")
     both = new.get("S")
+    limit_accelerations(board, new.get("P", both), new.get("T", both), new.get("R"))
+
+
+def limit_accelerations(
+    board: Board, printing: float | None = None, travel: float | None = None, retract: float | None = None
+) -> None:
+    """Set accelerations, mm/s²; None leaves one as it is."""
+    old = board.limits
     board.set_limits(
         replace(
             old,
-            acceleration=new.get("P", both or old.acceleration),
-            travel_acceleration=new.get("T", both or old.travel_acceleration),
-            retract_acceleration=new.get("R", old.retract_acceleration),
+            acceleration=printing or old.acceleration,
+            travel_acceleration=travel or old.travel_acceleration,
+            retract_acceleration=retract or old.retract_acceleration,
         )
     )
+
+
+def _retraction(board: Board, command: Command) -> None:
+    """M207: S mm, F mm/min, and T mm/min forward."""
+    new, (length, back, forward) = command.values("SFT"), board.retraction
+    board.retraction = new.get("S", length), new.get("F", back * 60) / 60, new.get("T", forward * 60) / 60
+
+
+def _deretraction(board: Board, command: Command) -> None:
+    """M208: F mm/min forward."""
+    length, back, forward = board.retraction
+    board.retraction = length, back, command.values("F").get("F", forward * 60) / 60
 
 
 def _corners(board: Board, command: Command) -> None:
     """M205: J junction deviation, X Y Z E jerk."""
     old = board.limits
-    deviation = _positive(command, "J").get("J", old.junction_deviation)
-    jerk = replaced(old.jerk, _positive(command, AXES))
+    deviation = positive(command, "J").get("J", old.junction_deviation)
+    jerk = replaced(old.jerk, positive(command, AXES))
     board.set_limits(replace(old, junction_deviation=deviation, jerk=jerk))
 
 
-def _positive(command: Command, letters: str) -> dict[str, float]:
+def positive(command: Command, letters: str) -> dict[str, float]:
     """The values that can be limits; a machine with a limit of zero would never arrive."""
     return {letter: value for letter, value in command.values(letters).items() if value > 0.0}
 
@@ -228,7 +248,7 @@ def tool(board: Board, command: Command) -> None:
         board.violated("no such extruder")
 
 
-def _ask_person(board: Board, command: Command) -> Steps:
+def ask_person(board: Board, command: Command) -> Steps:
     """M0 and M1: wait for M108, for the time given, or for the person of this machine."""
     yield from board.drained()
     seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
@@ -239,28 +259,28 @@ def _ask_person(board: Board, command: Command) -> Steps:
     board.waiting, board.busy_with = False, "processing"
 
 
-def _nothing(_: Board, __: Command) -> None:
+def nothing(_: Board, __: Command) -> None:
     """Known, and without an effect that could be seen from outside."""
 
 
 TABLE: Final = {
-    "M0": _ask_person,
-    "M1": _ask_person,
-    "M17": _nothing,
+    "M0": ask_person,
+    "M1": ask_person,
+    "M17": nothing,
     "M31": _timer_reading,
-    "M73": _nothing,
+    "M73": nothing,
     "M75": _timer,
     "M76": _timer,
     "M77": _timer,
     "M92": _steps,
     "M105": _temperatures,
-    "M108": _nothing,
+    "M108": nothing,
     "M110": _line_number,
     "M112": _kill,
     "M113": _busy_reports,
     "M114": _place,
     "M115": _firmware,
-    "M117": _nothing,
+    "M117": nothing,
     "M118": _tell,
     "M119": _endstops,
     "M155": _temperature_reports,
@@ -268,8 +288,13 @@ TABLE: Final = {
     "M203": _speeds,
     "M204": _move_accelerations,
     "M205": _corners,
+    "M207": _retraction,
+    "M208": _deretraction,
     "M211": _soft_endstops,
     "M220": _speed_ratio,
     "M221": _flow_ratio,
+    "M486": nothing,
     "M503": _settings,
+    "M600": ask_person,
+    "M601": ask_person,
 }

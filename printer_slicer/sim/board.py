@@ -34,6 +34,8 @@ class Board:
         filament: mm fed since power-on, as planned.
         unit: mm per unit of the program.
         feed: mm/s asked for last.
+        retraction: of G10 and G11: mm, mm/s back, mm/s forward.
+        retracted: whether G10 was the last of them.
         homed: x, y, z.
         guarded: all axes are homed and the soft endstops are on.
         hot: the hotend is known to stay hot enough until something changes.
@@ -67,6 +69,8 @@ class Board:
         self.relative_e = False
         self.unit = 1.0
         self.feed = 25.0
+        self.retraction = (0.0, 25.0, 25.0)
+        self.retracted = False
         self.speed_ratio = 1.0
         self.flow_ratio = 1.0
         self.homed = [False, False, False]

@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim import answers, heating, moves
+from printer_slicer.sim.flavours import FLAVOURS
 from printer_slicer.sim.words import Command
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 _TABLE: Final[dict[str, Handler]] = {**moves.TABLE, **heating.TABLE, **answers.TABLE}
+_TABLES: Final = {name: {**_TABLE, **own} for name, own in FLAVOURS.items()}
 
 _EXTENDED: Final = re.compile(r"[A-Z]+_[A-Z_]+\b").match
 """A command of Klipper's kind, a word with an underscore."""
@@ -26,7 +28,7 @@ _EXTENDED: Final = re.compile(r"[A-Z]+_[A-Z_]+\b").match
 def run(board: Board, text: str) -> Steps | None:
     """Begin a command: None when it is done, otherwise what is left of it."""
     command = Command(text)
-    handler = _TABLE.get(command.code)
+    handler = _TABLES[board.front_end.flavour].get(command.code or text.partition(" ")[0])
     if handler is None and command.code.startswith("T"):
         handler = answers.tool
     if handler is not None:

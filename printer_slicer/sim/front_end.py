@@ -57,6 +57,7 @@ class FrontEnd:
             them.
         host_actions: says `//action:poweroff` when it halts.
         reports_area: M115 ends with the size of the machine.
+        flavour: whose meanings commands have that differ from firmware to firmware.
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
         wait_seconds: an idle printer says `wait` so often; 0 = never.
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
@@ -76,6 +77,7 @@ class FrontEnd:
     emergency_parser: bool = False
     host_actions: bool = False
     reports_area: bool = False
+    flavour: str = "marlin"
     ignores_extended: bool = False
     wait_seconds: float = 0.0
     busy_seconds: float = 2.0

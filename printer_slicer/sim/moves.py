@@ -165,6 +165,22 @@ def _chords(board: Board, points: Iterator[Axes]) -> Steps:
             return
 
 
+def _firmware_retraction(board: Board, command: Command) -> Steps | None:
+    """G10 and G11: turn the extruder, unless it is turned so already; E stays what it was."""
+    back = command.code == "G10"
+    if command.words or back == board.retracted:
+        return None
+    board.retracted = back
+    length, out, forward = board.retraction
+    feed, position = board.feed, board.position
+    board.feed = out if back else forward
+    x, y, z, e = position
+    block = _prepared(board, (x, y, z, e - length if back else e + length))
+    board.feed, board.position = feed, position
+    board.mover.advance(board.now)
+    return None if block is None else _pushed_later(board, block, (x, y, z, board.filament))
+
+
 def _dwell(board: Board, command: Command) -> Steps:
     """G4: stand still, then wait."""
     yield from board.drained()
@@ -268,6 +284,8 @@ TABLE: Final = {
     "G2": _arc,
     "G3": _arc,
     "G4": _dwell,
+    "G10": _firmware_retraction,
+    "G11": _firmware_retraction,
     "G20": _units,
     "G21": _units,
     "G28": _home,

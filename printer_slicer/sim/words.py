@@ -15,6 +15,7 @@ SIMPLE_MOVE: Final = re.compile(
 """Matches a G0 or G1 with words in the usual order and gives them as five groups."""
 
 _CODE: Final = re.compile(r"([A-Z]) *([0-9]+(?:\.[0-9]+)?)")
+_SETTING: Final = re.compile(rf"\b([A-Z_]+)=({_NUMBER})")
 _WORD: Final = re.compile(rf"([A-Z]) *({_NUMBER})?")
 
 
@@ -46,3 +47,7 @@ class Command:
     def values(self, letters: str) -> dict[str, float]:
         """The numbers behind those of the letters that have one."""
         return {letter: value for letter in letters if (value := self.value(letter)) is not None}
+
+    def setting(self, name: str) -> float | None:
+        """The number of NAME=number, as extended commands have it."""
+        return next((float(value) for key, value in _SETTING.findall(self.text) if key == name), None)

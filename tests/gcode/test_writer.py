@@ -12,7 +12,7 @@ from printer_slicer.gcode import FLAVOURS, spoken, write_gcode
 from printer_slicer.gcode.notes import TYPE_NAMES
 from printer_slicer.model import Bool, Fan, Float, Heat, Int, LayerPlan, Program, Role
 from printer_slicer.pipeline import gcode_of, slice_part
-from printer_slicer.profile import Profile, profile_with
+from printer_slicer.profile import FIRMWARES, Profile, profile_with, settings_table
 from tests.parts import box, joined, profile, sphere, two_boxes
 from tests.tiny_gcode import Step, body, commands, steps
 
@@ -279,7 +279,9 @@ def test_fan_and_heat_stand_before_the_move_they_belong_to(printer: str) -> None
 
 
 def test_every_flavour_a_printer_may_have_is_in_the_table() -> None:
-    assert set(FLAVOURS) == {"marlin", "klipper"}
+    known = next(row[3] for row in settings_table() if row[0] == "printer.flavour")
+
+    assert sorted(FLAVOURS) == known.split(" | ") == sorted(FIRMWARES)
 
 
 def test_marlin_is_told_its_limits() -> None:
@@ -305,7 +307,7 @@ def test_marlin_with_junction_deviation_is_told_it() -> None:
 
 def test_klipper_is_told_its_limits_in_its_own_words() -> None:
     lines = commands(write_gcode(sliced("corexy_klipper"), wanted("corexy_klipper", True)))
-    limit = next(line for line in lines if line.startswith(b"SET_VELOCITY_LIMIT"))
+    limit = b" ".join(line for line in lines if line.startswith(b"SET_VELOCITY_LIMIT"))
 
     assert b"SQUARE_CORNER_VELOCITY=5" in limit
     assert b"MINIMUM_CRUISE_RATIO=0.5" in limit

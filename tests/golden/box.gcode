@@ -5,6 +5,7 @@
 ; filament used [g] = 0.08
 ; layers = 3
 ; planner = uniform
+M73 P0 R1
 G21 ; mm
 G90
 M83
@@ -86,6 +87,7 @@ G1 E0.8 F1500
 G1 X45.632 E0.2957 F1200
 G1 Y35.632 E0.29569
 G1 X54.368 E0.2957
+M73 P15 R1
 G1 Y44.368 E0.2957
 G0 X54.775 Y44.775 F9000
 ;TYPE:External perimeter
@@ -137,6 +139,7 @@ G1 X49.344 Y35.874 E0.22777
 G1 X48.765 E0.00755
 ;WIDTH:0.4479
 G1 X54.126 Y41.235 E0.25531
+M73 P30 R1
 ;WIDTH:0.2
 G1 Y41.813 E0.00755
 ;WIDTH:0.4479
@@ -177,6 +180,7 @@ G1 X45.874 Y38.187 E0.28285
 G1 Y38.765 E0.00755
 ;WIDTH:0.4479
 G1 X51.235 Y44.126 E0.25531
+M73 P45 R1
 ;WIDTH:0.2
 G1 X50.656 E0.00755
 ;WIDTH:0.4479
@@ -230,6 +234,7 @@ G1 X45.611 E0.42223 F720
 G1 Y35.611 E0.42223
 G1 X54.389 E0.42222
 G1 Y44.389 E0.42223
+M73 P60 R1
 G0 X54.775 Y44.775 F9000
 ;TYPE:External perimeter
 G1 X45.225 E0.45932 F2100
@@ -262,6 +267,7 @@ G1 Y38.638 E0.03996
 M106 S255
 G0 Z0.8 F600
 G0 X54.389 Y44.389 F9000
+M73 P75 R1
 ;TYPE:Perimeter
 ;WIDTH:0.45
 G1 X45.611 E0.42223 F3000
@@ -338,6 +344,7 @@ G1 X54.119 Y43.029 E0.48142
 G1 Y43.574 E0.01602
 ;WIDTH:0.4462
 G1 X46.426 Y35.881 E0.51814
+M73 P90 R1
 ;WIDTH:0.3
 G1 X45.881 E0.01602
 ;WIDTH:0.4462
@@ -407,6 +414,7 @@ G1 X45.924 Y44.014 E0.00161
 G1 X45.969 E0.00161
 G1 X45.992 Y44.054 E0.00161
 G1 E-0.8 F2100
+M73 P100 R0
 M104 S0
 ; settings
 ; printer.name = golden printer
@@ -448,6 +456,8 @@ M104 S0
 ; printer.z_hop = 0.4
 ; printer.z_hop_ramp = False
 ; printer.relative_extrusion = True
+; printer.firmware_retraction = False
+; printer.progress = True
 ; printer.baud = 115200
 ; printer.receive_buffer = 128
 ; printer.start_gcode = G28\nM109 S{first_layer_nozzle_temperature}\n
@@ -463,6 +473,7 @@ M104 S0
 ; material.first_layer_nozzle_temperature = 210.0
 ; material.bed_temperature = 60
 ; material.first_layer_bed_temperature = 60
+; material.pressure_advance = 0
 ; material.max_flow = 12
 ; material.first_layer_max_flow_ratio = 1
 ; material.fan_ratio = 0.5

@@ -1,0 +1,257 @@
+"""What commands do to a machine that is only imagined: where it goes, how fast, under which limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
+
+__all__ = ["MARLIN_ACTIONS", "Action", "State", "limit", "passed_over", "set_accelerations"]
+
+
+@dataclass(slots=True)
+class State:
+    """Where the machine is and how it reads numbers.
+
+    Attributes:
+        retraction: of G10 and G11: mm, mm/s back, mm/s forward.
+        retracted: whether G10 was the last of them.
+        changes: of limits, as `Moves` has them.
+        rows: position at the end (3), way (4), speed, acceleration, command, tool of each move.
+        stops: moves after which the machine stands still.
+    """
+
+    home: tuple[float, float, float]
+    position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
+    offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
+    relative: bool = False
+    relative_e: bool = False
+    unit: float = 1.0
+    diameter: float = 1.75
+    volumetric: bool = False
+    tool: int = 0
+    feed: float = 25.0
+    printing: float = np.nan
+    travel: float = np.nan
+    retract: float = np.nan
+    speed_ratio: float = 1.0
+    dwell: float = 0.0
+    retraction: tuple[float, float, float] = (0.0, 25.0, 25.0)
+    retracted: bool = False
+    changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    stops: list[int] = field(default_factory=list)
+
+    @property
+    def unit_e(self) -> float:
+        """Mm of filament that an E of 1 feeds; mm³, or cubic inches, of it where M200 says so."""
+        return self.unit**3 / (np.pi * self.diameter**2 / 4) if self.volumetric else self.unit
+
+
+Action = Callable[[State, Mapping[str, float], int], None]
+"""What a command does, given its numbers and its place among the commands."""
+
+
+def _goal(state: State, words: Mapping[str, float]) -> list[float]:
+    """Where the words lead, in machine coordinates."""
+    goal = list(state.position)
+    for axis, letter in enumerate("XYZE"):
+        if letter in words:
+            value = words[letter] * (state.unit_e if letter == "E" else state.unit)
+            relative = state.relative_e if letter == "E" else state.relative
+            goal[axis] = goal[axis] + value if relative else value - state.offset[axis]
+    if words.get("F", 0) > 0:
+        state.feed = words["F"] * state.unit / 60
+    return goal
+
+
+def _move(state: State, goal: list[float], index: int) -> None:
+    """One straight move."""
+    delta = [after - before for after, before in zip(goal, state.position, strict=True)]
+    if any(delta):
+        travels = delta[0] or delta[1] or delta[2]
+        acceleration = state.travel if not delta[3] else state.printing if travels else state.retract
+        state.rows.append(
+            (*goal[:3], *delta, state.feed * state.speed_ratio, acceleration, index, state.tool)
+        )
+    state.position = goal
+
+
+def _line(state: State, words: Mapping[str, float], index: int) -> None:
+    """G0 and G1: straight to where the words lead."""
+    _move(state, _goal(state, words), index)
+
+
+def _arc(clockwise: bool) -> Action:
+    """G2 or G3."""
+
+    def run(state: State, words: Mapping[str, float], index: int) -> None:
+        """An arc as straight moves, around a centre (I and J) or with a radius (R)."""
+        x, y, z, e = state.position
+        goal = _goal(state, words)
+        unit = state.unit
+        if "R" in words:
+            centre = centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
+        else:
+            centre = centre_by_offset((x, y), words.get("I", 0.0) * unit, words.get("J", 0.0) * unit)
+        if centre is not None:  # firmware refuses an arc without one
+            gx, gy, gz, ge = goal
+            for point in arc_points((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
+                _move(state, list(point), index)
+
+    return run
+
+
+def _set_position(state: State, words: Mapping[str, float], _index: int) -> None:
+    """G92: the same place under other numbers."""
+    for axis, letter in enumerate("XYZE"):
+        if letter in words:
+            if letter == "E":
+                state.position[3] = words[letter] * state.unit_e
+            else:
+                state.offset[axis] = words[letter] * state.unit - state.position[axis]
+
+
+def _home(state: State, words: Mapping[str, float], _index: int) -> None:
+    """G28: the axes that are named, or all but the filament, stand at their endstops, without offsets."""
+    named = [axis for axis, letter in enumerate("XYZ") if letter in words]
+    for axis in named or range(3):
+        state.position[axis], state.offset[axis] = state.home[axis], 0.0
+
+
+def _dwell(state: State, words: Mapping[str, float], _index: int) -> None:
+    """G4: S in seconds, or else P in milliseconds."""
+    state.dwell += words["S"] if "S" in words else words.get("P", 0.0) / 1000
+
+
+def _acceleration(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M204: S sets printing and travel, P, T and R one each."""
+    state.printing = words.get("P", words.get("S", state.printing))
+    state.travel = words.get("T", words.get("S", state.travel))
+    state.retract = words.get("R", state.retract)
+
+
+def limit(kind: str, renamed: Mapping[str, str] | None = None, scale: float = 1.0) -> Action:
+    """An action that changes limits: M201, M203 or M205, as Marlin has them.
+
+    Args:
+        kind: which of them the command is like.
+        renamed: its letters -> those of `kind`; others are passed over. None: the same letters.
+        scale: its unit in mm and s.
+    """
+
+    def run(state: State, words: Mapping[str, float], _index: int) -> None:
+        """The limits that are named hold from the next move on; those of 0 are passed over."""
+        names = renamed if renamed is not None else {letter: letter for letter in words}
+        values = {names[one]: value * scale for one, value in words.items() if value > 0 and one in names}
+        state.changes.append((len(state.rows), kind, values))
+
+    return run
+
+
+def set_accelerations(*which: str, letters: str) -> Action:
+    """An action that sets some of `printing`, `travel`, `retract` to the least of its numbers with these letters."""
+
+    def run(state: State, words: Mapping[str, float], _index: int) -> None:
+        """They hold from the next move on."""
+        values = [words[letter] for letter in letters if words.get(letter, 0) > 0]
+        for name in which if values else ():
+            setattr(state, name, min(values))
+
+    return run
+
+
+def passed_over(_state: State, _words: Mapping[str, float], _index: int) -> None:
+    """Nothing that has to do with moves."""
+
+
+def _retraction(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M207: S mm, F mm/min, and in RepRapFirmware T mm/min forward."""
+    length, back, forward = state.retraction
+    back = words.get("F", 60 * back) / 60
+    state.retraction = words.get("S", length), back, words.get("T", 60 * forward) / 60
+
+
+def _deretraction(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M208: F mm/min forward; more filament than was pulled back (S) is not known here."""
+    length, back, forward = state.retraction
+    state.retraction = length, back, words.get("F", 60 * forward) / 60
+
+
+def _firmware_retraction(back: bool) -> Action:
+    """G10 or G11."""
+
+    def run(state: State, words: Mapping[str, float], index: int) -> None:
+        """Turn the extruder, unless it is turned so already; E stays what it was. Letters make it another command."""
+        if words or state.retracted == back:
+            return
+        state.retracted = back
+        length, out, forward = state.retraction
+        x, y, z, e = state.position
+        feed, state.feed = state.feed, out if back else forward
+        _move(state, [x, y, z, e - length if back else e + length], index)
+        state.position, state.feed = [x, y, z, e], feed
+
+    return run
+
+
+def _speed_ratio(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M220: the share of all speeds from now on, in percent."""
+    if "S" in words:
+        state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
+
+
+def _volumetric(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M200: from now on E counts mm³ of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
+    diameter = words.get("D", 0.0) * state.unit
+    state.volumetric = bool(words.get("S", diameter))
+    state.diameter = diameter or state.diameter
+
+
+def _tool(state: State, words: Mapping[str, float], _index: int) -> None:
+    """T0, T1 and so on: another tool from now on."""
+    state.tool = int(words["T"])
+
+
+def _mode(name: str, value: float) -> Action:
+    """How numbers are read from now on: in mm or inches, from the origin or from where the machine is."""
+
+    def run(state: State, _words: Mapping[str, float], _index: int) -> None:
+        """Set this mode."""
+        setattr(state, name, value)
+        if name == "relative":  # G90 and G91 speak of all axes; M82 and M83 may differ afterwards
+            state.relative_e = bool(value)
+
+    return run
+
+
+MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
+    "G0": _line,
+    "G1": _line,
+    "G2": _arc(clockwise=True),
+    "G3": _arc(clockwise=False),
+    "G4": _dwell,
+    "G10": _firmware_retraction(back=True),
+    "G11": _firmware_retraction(back=False),
+    "G20": _mode("unit", 25.4),
+    "G21": _mode("unit", 1.0),
+    "G28": _home,
+    "G90": _mode("relative", False),
+    "G91": _mode("relative", True),
+    "G92": _set_position,
+    "M82": _mode("relative_e", False),
+    "M83": _mode("relative_e", True),
+    "M200": _volumetric,
+    "M201": limit("M201"),
+    "M203": limit("M203"),
+    "M204": _acceleration,
+    "M205": limit("M205"),
+    "M207": _retraction,
+    "M208": _deretraction,
+    "M220": _speed_ratio,
+    "T": _tool,
+}

@@ -1,0 +1,66 @@
+"""The three owners of settings together, and what follows from several settings at once."""
+
+from __future__ import annotations
+
+from printer_slicer.profile.base import Settings
+from printer_slicer.profile.settings import Material, OptimalPlanner, Printer, Quality
+
+__all__ = ["HIGHEST_BEAD", "Profile"]
+
+HIGHEST_BEAD = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
+
+
+class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Everything that decides how a part becomes G-code."""
+
+    printer: Printer
+    material: Material
+    quality: Quality
+
+    @property
+    def dials(self) -> OptimalPlanner:
+        """The dials of the planner `optimal`; as they usually are where another planner is chosen."""
+        planner = self.quality.planner
+        return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+
+    @property
+    def extrusion_width(self) -> float:
+        """Width of a bead, mm, with the default filled in."""
+        return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
+
+    @property
+    def width_on_bed(self) -> float:
+        """Width of a bead on the bed, mm, with the default filled in."""
+        return self.quality.first_layer_width or self.extrusion_width
+
+    @property
+    def width_of_first_layer(self) -> float:
+        """Width of a bead in the part's first layer, mm: that on the bed, unless there is a raft between."""
+        return self.extrusion_width if self.quality.raft_height else self.width_on_bed
+
+    @property
+    def bead_widths(self) -> tuple[float, float]:
+        """Narrowest and widest bead in narrow places, mm, with the defaults filled in."""
+        quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
+        narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
+        return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
+
+    @property
+    def highest_bead(self) -> float:
+        """Highest bead that the nozzle presses down and that is no higher than wide, mm."""
+        return min(HIGHEST_BEAD * self.printer.nozzle_diameter, self.extrusion_width)
+
+    @property
+    def thinnest_feature(self) -> float:
+        """Thinnest wall that is printed, mm, with the default filled in."""
+        return self.quality.min_feature or 0.25 * self.printer.nozzle_diameter
+
+    @property
+    def thinnest(self) -> float:
+        """Thinnest layer a planner may choose, mm."""
+        return min(self.quality.layer_heights, default=self.quality.thinnest_layer or self.printer.min_layer)
+
+    @property
+    def thickest(self) -> float:
+        """Thickest layer a planner may choose, mm."""
+        return max(self.quality.layer_heights, default=self.quality.thickest_layer or self.printer.max_layer)

@@ -1,0 +1,112 @@
+"""Commands that other firmwares than Marlin 2 have, or by which they mean something else.
+
+The simulated printer speaks as Marlin does and moves as its profile says; these tables let it understand files that
+were written for another firmware. Sources are named where such files are written.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.sim.answers import ask_person, limit_accelerations, nothing, positive
+from printer_slicer.sim.machine import AXES, replaced
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from printer_slicer.sim.board import Board, Steps
+    from printer_slicer.sim.words import Command
+
+__all__ = ["FLAVOURS"]
+
+_MINUTE: Final = 60.0
+
+
+def _velocity_limit(board: Board, command: Command) -> None:
+    """Klipper's SET_VELOCITY_LIMIT: the acceleration of all moves."""
+    value = command.setting("ACCEL")
+    limit_accelerations(board, value, value, value)
+
+
+def _retraction(board: Board, command: Command) -> None:
+    """Klipper's SET_RETRACTION."""
+    names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED")
+    new = [command.setting(name) for name in names]
+    length, back, forward = (
+        old if value is None else value for value, old in zip(new, board.retraction, strict=True)
+    )
+    board.retraction = length, back, forward
+
+
+def _speeds_per_minute(board: Board, command: Command) -> None:
+    """RepRapFirmware's M203."""
+    new = {axis: value / _MINUTE for axis, value in positive(command, AXES).items()}
+    board.set_limits(replace(board.limits, max_speed=replaced(board.limits.max_speed, new)))
+
+
+def _jerks_per_minute(board: Board, command: Command) -> None:
+    """RepRapFirmware's M566."""
+    new = {axis: value / _MINUTE for axis, value in positive(command, AXES).items()}
+    board.set_limits(replace(board.limits, jerk=replaced(board.limits.jerk, new)))
+
+
+def _print_acceleration(board: Board, command: Command) -> None:
+    """Repetier's M201."""
+    limit_accelerations(board, printing=min(positive(command, "XY").values(), default=None))
+
+
+def _travel_acceleration(board: Board, command: Command) -> None:
+    """Repetier's M202."""
+    limit_accelerations(board, travel=min(positive(command, "XY").values(), default=None))
+
+
+def _jerks(board: Board, command: Command) -> None:
+    """Repetier's M207: X counts for Y too."""
+    new = positive(command, AXES)
+    new |= {"Y": new["X"]} if "X" in new else {}
+    board.set_limits(replace(board.limits, jerk=replaced(board.limits.jerk, new)))
+
+
+def _accelerations(board: Board, command: Command) -> None:
+    """Smoothie's M204: S of all moves, E of the extruder alone."""
+    new = positive(command, "SE")
+    limit_accelerations(board, new.get("S"), new.get("S"), new.get("E"))
+
+
+def _junction_deviation(board: Board, command: Command) -> None:
+    """Smoothie's M205."""
+    deviation = positive(command, "X").get("X", board.limits.junction_deviation)
+    board.set_limits(replace(board.limits, junction_deviation=deviation))
+
+
+FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] = {
+    "marlin": {},
+    "marlin_legacy": {},
+    "prusa": {},
+    "klipper": {
+        "PAUSE": ask_person,
+        "SET_RETRACTION": _retraction,
+        "SET_VELOCITY_LIMIT": _velocity_limit,
+    },
+    "reprapfirmware": {
+        "M203": _speeds_per_minute,
+        "M226": ask_person,
+        "M566": _jerks_per_minute,
+        "M572": nothing,
+    },
+    "repetier": {
+        "@pause": ask_person,
+        "M201": _print_acceleration,
+        "M202": _travel_acceleration,
+        "M203": nothing,
+        "M204": nothing,
+        "M205": nothing,
+        "M207": _jerks,
+        "M208": nothing,
+    },
+    "smoothie": {
+        "M204": _accelerations,
+        "M205": _junction_deviation,
+    },
+}
