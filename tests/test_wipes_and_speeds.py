@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import Bool, Float, LayerPlan, Program, Role
-from printer_slicer.pipeline import slice_stages
+from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.jobs import commands_of
+from printer_slicer.model import Acceleration, Bool, Float, LayerPlan, Program, Role
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.profile import Profile
-from tests.parts import box, box_with_hole, plain, sphere, two_boxes
+from tests.parts import box, box_with_hole, plain, profile, sphere, two_boxes
 
 UNEVEN = LayerPlan.from_tops(np.cumsum([0.3, 0.1, 0.2, 0.3, 0.15, 0.25, 0.3, 0.1]))
 BOXES = two_boxes((6.0, 6.0, 1.7))
@@ -159,3 +162,32 @@ def test_when_that_is_not_enough_everything_is_slowed_down() -> None:
 
     beads = (slow.role != Role.TRAVEL) & (slow.filament > 0.01)
     assert slow.speed[beads].max() < 8
+
+
+# --- accelerations ---
+
+
+@pytest.mark.parametrize("printer", ["marlin_220", "corexy_klipper"])
+def test_every_role_has_its_acceleration_and_the_time_follows(printer: str) -> None:
+    asked = {"outer_perimeter": 300, "inner_perimeter": 400, "sparse": 450, "first_layer": 200, "bridge": 150}
+    changes = {f"quality.accelerations.{name}": value for name, value in asked.items()}
+    wanted = profile(printer, **{"min_layer_time": 0} | changes)
+    usual = profile(printer, min_layer_time=0)
+    slow, quick = (slice_stages(box((14, 14, 1.7)), one, plan=UNEVEN).program for one in (wanted, usual))
+
+    events = [event for event in slow.events if isinstance(event, Acceleration)]
+    at = np.searchsorted([event.index for event in events], np.arange(slow.n_moves), side="right") - 1
+    value = np.array([event.value for event in events])[at]
+    above, beads = slow.layer > 0, slow.role != Role.TRAVEL
+    assert (value[beads & ~above] == 200).all()
+    for role, expected in ((Role.OUTER_PERIMETER, 300), (Role.INNER_PERIMETER, 400), (Role.SPARSE, 450)):
+        assert (value[above & (slow.role == role)] == expected).all()
+    assert (value[slow.role == Role.SOLID] == wanted.printer.acceleration).all()
+    assert move_seconds(slow, wanted).sum() > 1.02 * move_seconds(quick, usual).sum()
+    # What other programs read from the file takes as long.
+    beads_only = profile(printer, **{"min_layer_time": 0, "start_gcode": "", "end_gcode": ""} | changes)
+    commands, _ = commands_of(gcode_of(slow, beads_only))
+    moves = read_moves(commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    assert moves.seconds(limits_of(wanted.printer)) == pytest.approx(
+        move_seconds(slow, wanted).sum(), rel=2e-3
+    )

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from printer_slicer.extrusion.accelerating import acceleration_events
 from printer_slicer.extrusion.beads import beads_of, is_perimeter, speeds_of
 from printer_slicer.extrusion.cooling import fans, slowed
 from printer_slicer.extrusion.rows import APPROACH, rows_of
@@ -42,9 +43,10 @@ def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
         role=role,
         width=rows.spread(beads.width),
         height=rows.spread(beads.height),
+        events=acceleration_events(role, paths.layer[rows.path], profile),
     )
     program = slowed(program, profile)
-    events = _heat(program, profile.material) + fans(program, carried, profile)
+    events = [*_heat(program, profile.material), *fans(program, carried, profile), *program.events]
     return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 

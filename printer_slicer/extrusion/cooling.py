@@ -10,7 +10,6 @@ import numpy as np
 from printer_slicer.extrusion.beads import SHARES
 from printer_slicer.extrusion.timing import move_seconds, timed_again
 from printer_slicer.model import Bool, Event, Fan, Float, Int, Program, Role
-from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Material, Profile
 
 __all__ = ["fans", "slowed"]
@@ -58,7 +57,7 @@ def _slowed(
             break
         around = layer[slower < speed][[0, -1]]
         speed = slower
-        seconds = timed_again(program, seconds, speed, around, limits_of(profile.printer))
+        seconds = timed_again(program, seconds, speed, around, profile)
     return speed, seconds
 
 

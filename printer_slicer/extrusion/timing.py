@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.geometry import frozen_array
 from printer_slicer.model import Float, Int, Program
 from printer_slicer.motion.blocks import Limits
@@ -23,8 +24,9 @@ def move_seconds(program: Program, profile: Profile) -> Float:
     limits = limits_of(profile.printer)
     known = _timed.get(program)
     if known is None or known[0] != limits:
-        seconds = frozen_array(durations(_steps(program), program.speed, limits), np.float64, (-1,))
-        _timed[program] = known = limits, seconds
+        asked = accelerations_of(program, profile.printer)
+        seconds = durations(_steps(program), program.speed, limits, acceleration=asked)
+        _timed[program] = known = limits, frozen_array(seconds, np.float64, (-1,))
     return known[1]
 
 
@@ -34,7 +36,7 @@ def known_as(program: Program, other: Program) -> Program:
     return program
 
 
-def timed_again(program: Program, seconds: Float, speed: Float, around: Int, limits: Limits) -> Float:
+def timed_again(program: Program, seconds: Float, speed: Float, around: Int, profile: Profile) -> Float:
     """(K,) how long moves take, where only those from the first to the last layer of `around` have another speed.
 
     Braking for them may reach into the layers beside, no farther: at the step up to a layer the nozzle all but stops.
@@ -42,8 +44,14 @@ def timed_again(program: Program, seconds: Float, speed: Float, around: Int, lim
     # One layer more on both sides: the first and the last of all would begin and end at rest.
     first, begin, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
     asked = slice(first, last)
-    again = durations(_steps(program)[asked], speed[asked], limits)[begin - first : end - first]
-    return np.concatenate([seconds[:begin], again, seconds[end:]])
+    accelerated = accelerations_of(program, profile.printer)
+    again = durations(
+        _steps(program)[asked],
+        speed[asked],
+        limits_of(profile.printer),
+        acceleration=None if accelerated is None else accelerated[asked],
+    )
+    return np.concatenate([seconds[:begin], again[begin - first : end - first], seconds[end:]])
 
 
 def _steps(program: Program) -> Float:

@@ -13,6 +13,7 @@ from printer_slicer.profile.files import (
 from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.settings import (
+    Accelerations,
     AreaPlanner,
     CuspPlanner,
     GeneticPlanner,
@@ -31,6 +32,7 @@ __all__ = [
     "DEFAULT_NAMES",
     "FIRMWARES",
     "KINDS",
+    "Accelerations",
     "AreaPlanner",
     "CuspPlanner",
     "Firmware",

@@ -21,6 +21,7 @@ from printer_slicer.profile.lists import list_as_text, list_from_text
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.settings import (
     PLANNER_SETTINGS,
+    Accelerations,
     Material,
     OptimalPlanner,
     Printer,
@@ -44,6 +45,7 @@ KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Mat
 _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
 DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "adaptive"}
 
+_INNER = {"speeds": Speeds, "accelerations": Accelerations}
 _LISTS = ("layer_heights", "pause_at", "planner.ranges")
 
 
@@ -285,13 +287,13 @@ def _plain(value: Any) -> Any:
 def _keys(kind: str, values: Mapping[str, Any]) -> list[str]:
     """All keys that may be set in a section as it stands: the planner's own settings depend on its kind."""
     struct = KINDS[kind]
-    keys = [name for name in struct.__struct_fields__ if name not in ("planner", "speeds")]
+    keys = [name for name in struct.__struct_fields__ if name not in ("planner", *_INNER)]
     if kind == "quality":
         table = values.get("planner")
         chosen = table.get("kind", "optimal") if isinstance(table, dict) else "optimal"
         planner = PLANNER_SETTINGS.get(str(chosen), OptimalPlanner)
         keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
-        keys += [f"speeds.{name}" for name in Speeds.__struct_fields__]
+        keys += [f"{inner}.{name}" for inner, owner in _INNER.items() for name in owner.__struct_fields__]
     return keys
 
 

@@ -9,7 +9,7 @@ from msgspec import field
 from printer_slicer.profile.base import Settings, meta
 from printer_slicer.profile.planners import OptimalPlanner, Planner
 
-__all__ = ["Quality", "Speeds"]
+__all__ = ["Accelerations", "Quality", "Speeds"]
 
 
 class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -67,6 +67,19 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, meta("for that, speeds change by at most this factor", "ratio", ge=1, le=10)
     ] = 2
     travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
+
+
+class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How hard each role is accelerated; 0: as `printer.acceleration` has it, which is the most for all of them."""
+
+    first_layer: Annotated[float, meta("everything on the first layer", "mm/s²", ge=0, le=100000)] = 0
+    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000)] = 0
+    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000)] = 0
+    overhang: Annotated[float, meta("perimeters that hang over air", "mm/s²", ge=0, le=100000)] = 0
+    bridge: Annotated[float, meta("bridges", "mm/s²", ge=0, le=100000)] = 0
+    sparse: Annotated[float, meta("sparse infill", "mm/s²", ge=0, le=100000)] = 0
+    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s²", ge=0, le=100000)] = 0
+    top_skin: Annotated[float, meta("top skins and ironing", "mm/s²", ge=0, le=100000)] = 0
 
 
 class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -273,3 +286,4 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         meta("the print pauses before it goes on above these heights over the bed", "mm"),
     ] = ()
     speeds: Speeds = field(default_factory=Speeds)
+    accelerations: Accelerations = field(default_factory=Accelerations)

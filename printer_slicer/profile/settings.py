@@ -21,10 +21,11 @@ from printer_slicer.profile.planners import (
     StepwisePlanner,
     UniformPlanner,
 )
-from printer_slicer.profile.quality import Quality, Speeds
+from printer_slicer.profile.quality import Accelerations, Quality, Speeds
 
 __all__ = [
     "PLANNER_SETTINGS",
+    "Accelerations",
     "AreaPlanner",
     "CuspPlanner",
     "GeneticPlanner",

@@ -575,3 +575,11 @@ M104 S0
 ; quality.speeds.even_flow_ratio = 0
 ; quality.speeds.even_flow_most = 2
 ; quality.speeds.travel = 150
+; quality.accelerations.first_layer = 0
+; quality.accelerations.outer_perimeter = 0
+; quality.accelerations.inner_perimeter = 0
+; quality.accelerations.overhang = 0
+; quality.accelerations.bridge = 0
+; quality.accelerations.sparse = 0
+; quality.accelerations.solid = 0
+; quality.accelerations.top_skin = 0

@@ -1,0 +1,54 @@
+"""How hard moves are accelerated: each role as the profile says, where it says anything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.model import Acceleration, Float, Int, Program, Role
+from printer_slicer.profile import Printer, Profile
+
+__all__ = ["acceleration_events", "accelerations_of"]
+
+
+def acceleration_events(role: Int, layer: Int, profile: Profile) -> tuple[Acceleration, ...]:
+    """Changes of acceleration before moves of roles (K,) on layers (K,), none where the profile has but one."""
+    beads = np.flatnonzero(role != Role.TRAVEL)
+    of_role = _of_roles(profile)
+    wanted = of_role[role[beads]]
+    first = profile.quality.accelerations.first_layer
+    if first:
+        wanted = np.where(layer[beads] == 0, min(first, profile.printer.acceleration), wanted)
+    change = np.flatnonzero(np.diff(wanted, prepend=profile.printer.acceleration) != 0)
+    return tuple(
+        Acceleration(index, value)
+        for index, value in zip(beads[change].tolist(), wanted[change].tolist(), strict=True)
+    )
+
+
+def accelerations_of(program: Program, printer: Printer) -> Float | None:
+    """(K,) mm/s² that each move asks for; None where none asks for any of its own."""
+    events = [event for event in program.events if isinstance(event, Acceleration)]
+    if not events:
+        return None
+    at = np.searchsorted([event.index for event in events], np.arange(program.n_moves), side="right")
+    set_by_then = np.array([printer.acceleration, *(event.value for event in events)])[at]
+    if printer.firmware.one_acceleration:
+        return set_by_then
+    moves = (program.xyz != program.start).any(axis=1)
+    feeds = program.filament != 0
+    others = np.where(feeds, printer.retract_acceleration, printer.travel_acceleration)
+    return np.where(moves & feeds, set_by_then, others)
+
+
+def _of_roles(profile: Profile) -> Float:
+    """(roles,) mm/s²."""
+    wanted, most = profile.quality.accelerations, profile.printer.acceleration
+    of_role = np.zeros(len(Role))
+    of_role[Role.OUTER_PERIMETER] = wanted.outer_perimeter
+    of_role[Role.INNER_PERIMETER] = wanted.inner_perimeter
+    of_role[Role.OVERHANG_PERIMETER] = wanted.overhang
+    of_role[[Role.BRIDGE, Role.INTERNAL_BRIDGE]] = wanted.bridge
+    of_role[Role.SPARSE] = wanted.sparse
+    of_role[[Role.SOLID, Role.BOTTOM_SKIN]] = wanted.solid
+    of_role[[Role.TOP_SKIN, Role.IRONING]] = wanted.top_skin
+    return np.where(of_role > 0, np.minimum(of_role, most), most)
