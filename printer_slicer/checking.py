@@ -293,7 +293,7 @@ def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:
         depth = "the shell is taken to be two beads deep; --shell changes it"
         yield f"the file does not tell perimeters from infill: {depth}"
     if stack.spiral:
-        yield "z rises along the beads: every turn is taken for a layer"
+        yield "z rises along the beads: every turn is taken for a layer; the first and the last, a ramp, are not judged"
     volume = stack.beads.volume
     beside = float(volume[~ledger.of_part & (stack.beads.purpose != Purpose.SUPPORT)].sum())
     if beside > 0.1:

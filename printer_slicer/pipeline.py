@@ -46,6 +46,15 @@ __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "
 
 Report = Callable[[str], None]
 _LONGEST = 1e8  # s
+# What a spiral is made of.
+_SPIRAL = {
+    "quality.perimeters": 1,
+    "quality.infill_density": 0,
+    "quality.top_thickness": 0,
+    "quality.min_sparse_area": 0,
+    "quality.extra_perimeters": False,
+    "quality.seam": "aligned",
+}
 _ROUNDS = 6  # of asking for a plan within a time budget
 
 
@@ -153,6 +162,7 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
 
 def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) -> Stages:
     """From a placed part and its plan to the moves."""
+    profile = profile_with(profile, _SPIRAL) if profile.quality.spiral else profile
     report("slicing")
     sections = compensated(cut(part, plan, profile.quality.resolution), profile)
     report("perimeters")

@@ -17,7 +17,7 @@ from printer_slicer.sim.heater import HeaterSpec
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.sim.tally import Report
+from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
@@ -218,9 +218,9 @@ def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
 
     The start G-code may lay a line at a height of its own; such heights are left out of the comparison with the plan.
     """
-    if tuple(seen) != job.heights[: len(seen)] or len(seen) != len(job.heights):
+    if tuple(seen) != job.heights[: len(seen)] or len(seen) != min(len(job.heights), MOST_LAYERS):
         return False
-    if job.program is None:
+    if job.program is None or job.program.climbs:
         return True
     # Heights of the start G-code: those of the moves before the first layer comment.
     primed = set(_heights_before(job))

@@ -258,7 +258,7 @@ def _beads(program: Program) -> Iterator[_Note]:
     """Role, width and height of beads, where they change."""
     height = _layer_heights(program)
     beads = np.flatnonzero(program.role != Role.TRAVEL)
-    role, width, thick = program.role[beads], program.width[beads], program.height[beads]
+    role, width, thick = program.role[beads], program.width[beads], _told_heights(program, beads)
     new_role = np.diff(role, prepend=-1) != 0
     new_width = np.diff(width, prepend=-1.0) != 0
     of_layer = program.layer[beads]
@@ -276,5 +276,11 @@ def _layer_heights(program: Program) -> Float:
     height = program.plan.height
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     layer, first = np.unique(program.layer[beads], return_index=True)
-    height[layer] = program.height[beads[first]]
+    height[layer] = _told_heights(program, beads[first])
     return height
+
+
+def _told_heights(program: Program, beads: Int) -> Float:
+    """(n,) how high beads are; those that climb, and grow on the way, as high as their layer."""
+    climbs = np.abs(program.xyz[beads, 2] - program.start[beads, 2]) > 1e-9
+    return np.where(climbs, program.plan.height[program.layer[beads]], program.height[beads])

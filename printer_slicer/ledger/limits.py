@@ -97,7 +97,7 @@ def findings(ledger: Ledger, limits: Limits = Limits()) -> tuple[Finding, ...]:
 
 def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Finding]:
     """One finding for each run of layers."""
-    broken = np.flatnonzero(kind.broken)
+    broken = np.flatnonzero(kind.broken & ~ledger.stack.ramps)
     if not len(broken):
         return
     cuts = [0, *(np.flatnonzero(np.diff(broken) > 1) + 1).tolist(), len(broken)]

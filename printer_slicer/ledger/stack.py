@@ -16,6 +16,9 @@ from printer_slicer.model import Program
 
 __all__ = ["Stack", "stack_of", "stacked", "through_layers"]
 
+_STEADY: Final = 0.1  # mm
+_HAIR: Final = 0.02  # of a turn
+_UNEVEN: Final = 0.6  # of a turn, that one may begin higher or lower than if all were as high
 _LEVEL: Final = (
     0.004  # mm: heights of the nozzle closer than this are one layer; files round z to 0.001 or 0.01
 )
@@ -69,15 +72,23 @@ class Stack:
 
     @property
     def rising(self) -> Bool:
-        """(L,) layers that are laid, for the most part, while z rises: turns of a spiral."""
+        """(L,) layers that are laid, about half of them at least, while z rises: turns of a spiral."""
         own = self.layer >= 0
-        length = self.beads.length * np.where(np.abs(self.beads.rise) >= _FLAT, 1.0, -1.0)
+        length = self.beads.length * np.where(np.abs(self.beads.rise) >= _FLAT, 1.0, -0.9)
         return np.bincount(self.layer[own], length[own], self.n_layers) > 0
 
     @property
     def spiral(self) -> bool:
         """Whether most layers are turns of a spiral."""
         return 2 * int(self.rising.sum()) > self.n_layers
+
+    @property
+    def ramps(self) -> Bool:
+        """(L,) the first and the last turn of a spiral: there beads grow from nothing, or end with nothing."""
+        result = np.zeros(self.n_layers, np.bool_)
+        if self.spiral:
+            result[np.flatnonzero(self.rising)[[0, -1]]] = True
+        return result
 
 
 def through_layers(stack: Stack) -> tuple[Stack, Int]:
@@ -133,12 +144,15 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
     own = own & (beads.z_top > _LEVEL)  # what is laid on the bed itself, or under it, has no height
     flat = _lie_flat(beads, own)
     levels = _levels(beads.z_top[own & flat])
-    free = np.flatnonzero(own & ~flat & (beads.z_top > levels.max(initial=0.0) + _LEVEL))
-    low, step, n_turns = _turns(beads.take(free), levels)
-    turns = low + (np.arange(n_turns) + 0.5) * step
+    rim = _is_rim(levels, beads, own & ~flat)
+    levels = levels[:-1] if rim else levels
+    above = beads.z_top > levels.max(initial=0.0) + _LEVEL
+    edges = _turns(beads.take(np.flatnonzero(own & ~flat & above)), levels)
+    free = np.flatnonzero(own & (~flat | rim) & above)
+    turns = (edges[1:] + edges[:-1]) / 2
     top = np.concatenate([levels, turns])
     bottom = np.concatenate([np.zeros(1), top[:-1]])[: len(top)]
-    bottom[len(levels) :] = turns - step
+    bottom[len(levels) : len(levels) + 1] = turns[:1] - np.diff(edges)[:1]
     if len(levels):
         # On a raft, what lies below the first layer of the part is the raft, or a little air over it.
         raft = (beads.purpose == Purpose.SUPPORT) & (beads.z_top < top[0] - _THINNEST)
@@ -147,7 +161,7 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
         bottom[0] = np.clip(usual, below, below + _CONTACT) if raft.any() else 0.0
     layer = np.searchsorted(levels, beads.z_top - _LEVEL)
     middle = beads.z_top[free] - beads.rise[free] / 2
-    layer[free] = len(levels) + np.clip(np.floor((middle - low) / step), 0, max(n_turns - 1, 0))
+    layer[free] = len(levels) + np.searchsorted(edges[1:-1], middle, side="right")
     away = np.abs(np.append(top, np.inf)[np.minimum(layer, len(top))] - beads.z_top) > 2 * _LEVEL
     layer = np.where((away & ~own) | (layer >= len(top)), -1, layer)
     return Stack(replace(beads, height=_heights(beads, layer, top, bottom, len(levels))), layer, top, bottom)
@@ -175,20 +189,40 @@ def _levels(z: Float) -> Float:
     return np.asarray(values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]])
 
 
-def _turns(free: Beads, levels: Float) -> tuple[float, float, int]:
-    """Where a spiral begins, how much it rises with each turn, mm, and how many turns it has."""
+def _is_rim(levels: Float, beads: Beads, sloped: Bool) -> bool:
+    """Whether the highest of the levels is where a spiral ends in a flat turn, and no layer by itself."""
+    if len(levels) < 2:
+        return False
+    between = sloped & (beads.z_top > levels[-2] + _LEVEL)
+    climbed = float(np.maximum(beads.rise[between], 0.0).sum())
+    usual = float(np.diff(levels[:-1], prepend=0.0).max())
+    return bool(levels[-1] - levels[-2] > 2.5 * usual and climbed > 0.9 * (levels[-1] - levels[-2]))
+
+
+def _turns(free: Beads, levels: Float) -> Float:
+    """(T + 1,) the heights at which the T turns of a spiral begin and end, mm."""
     rise = float(np.maximum(free.rise, 0.0).sum())
     if not rise > 0:
-        return 0.0, 1.0, 0
-    # Once around any loop that does not cross itself, the heading turns once.
+        return np.zeros(1)
+    # Once around any loop that does not cross itself, the heading turns once. That of very short beads is rounding.
+    low = float((free.z_top - free.rise).min())
+    free = free.take(np.flatnonzero(free.length >= min(_STEADY, float(free.length.max()))))
     way = free.end - free.begin
     heading = np.arctan2(way[:, 1], way[:, 0])
-    turned = (np.diff(heading) + pi) % (2 * pi) - pi
-    step = rise / max(abs(float(turned.sum())) / (2 * pi), 1.0)
+    turned = (np.diff(heading, prepend=heading[:1]) + pi) % (2 * pi) - pi
+    turned = np.cumsum(turned) * np.sign(turned.sum() or 1.0) / (2 * pi)
+    step = rise / max(float(turned[-1]), 1.0)
+    n_turns = max(round(rise / step), 1)
+    even = low + np.arange(n_turns + 1) * step
+    # Where layers differ in height, so do turns.
+    begins = np.searchsorted(np.maximum.accumulate(turned), np.arange(1, n_turns) - _HAIR)
+    passed = (free.z_top - free.rise)[np.minimum(begins, free.n_beads - 1)]
+    if (np.abs(passed - even[1:-1]) > _UNEVEN * step).any():
+        return np.concatenate([even[:1], passed, np.array([low + rise])])
     usual = float(levels[-1] - levels[-2]) if len(levels) > 1 else 0.0
     if abs(step - usual) < usual / 10:
-        step = usual
-    return float((free.z_top - free.rise).min()), step, max(round(rise / step), 1)
+        even = low + np.arange(max(round(rise / usual), 1) + 1) * usual
+    return np.asarray(even, np.float64)
 
 
 def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -> Float:

@@ -124,24 +124,27 @@ class Toolpaths:
         height: Float | None = None,
         carried: Float | None = None,
         sweep: Int | None = None,
+        slope: tuple[Float, Float] | None = None,
     ) -> Toolpaths:
         """Paths given one after the other with `size` (M,) points each, in any order of layers.
 
         `width` is (N,) for each point or (M,) for each path; `height` (M,) is the layer's where it is not given. All of
-        it is carried and free to be ordered where `carried` and `sweep` are not given.
+        it is carried and free to be ordered where `carried` and `sweep` are not given. `slope` is `rise` and `share`.
         """
         flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
         heights = plan.height[layer] if height is None else height
         widths = width if len(width) == len(xy) else np.repeat(width, size)
         shares = np.ones(len(xy)) if carried is None else carried
         sweeps = np.full(len(layer), -1) if sweep is None else sweep
+        rise, share = (np.zeros(len(xy)), np.ones(len(xy))) if slope is None else slope
         if (np.diff(layer) < 0).any():
             order = np.argsort(layer, kind="stable")
-            (xy, widths, shares), size = reordered((xy, widths, shares), size, order)
+            columns = (xy, widths, shares, rise, share)
+            (xy, widths, shares, rise, share), size = reordered(columns, size, order)
             layer, role, flags = layer[order], role[order], flags[order]
             heights, sweeps = heights[order], sweeps[order]
         start = np.concatenate([[0], np.cumsum(size)])
-        return cls(plan, xy, widths, start, layer, role, heights, flags, shares, sweeps)
+        return cls(plan, xy, widths, start, layer, role, heights, flags, shares, sweeps, rise, share)
 
     @classmethod
     def joined(cls, plan: LayerPlan, parts: Sequence[Toolpaths]) -> Toolpaths:
@@ -157,6 +160,10 @@ class Toolpaths:
             height=np.concatenate([part.height for part in parts]),
             carried=np.concatenate([part.carried for part in parts]),
             sweep=_numbered_apart([part.sweep for part in parts]),
+            slope=(
+                np.concatenate([part.rise for part in parts]),
+                np.concatenate([part.share for part in parts]),
+            ),
         )
 
     def lifted(self, plan: LayerPlan) -> Toolpaths:
@@ -315,6 +322,12 @@ class Program:
     def printed(self) -> Int:
         """The layers that hold plastic; those where the part is narrower than a bead do not."""
         return distinct(self.layer[self.role != Role.TRAVEL])
+
+    @property
+    def climbs(self) -> bool:
+        """Whether beads are laid while z changes: in spirals, and in seams that are slopes."""
+        beads = self.role != Role.TRAVEL
+        return bool((self.xyz[beads, 2] != self.start[beads, 2]).any())
 
     @property
     def filament_used(self) -> float:

@@ -20,6 +20,7 @@ from printer_slicer.ordering.nearby import begun_nearby, begun_toward_seams
 from printer_slicer.ordering.route import routed
 from printer_slicer.ordering.scarf import scarfed
 from printer_slicer.ordering.seams import with_seams
+from printer_slicer.ordering.spiral import spiralled, turns_of_spiral
 from printer_slicer.ordering.units import Units, inner_loops, units_of
 from printer_slicer.ordering.walls import clustered
 from printer_slicer.profile import Profile
@@ -28,15 +29,25 @@ __all__ = ["order"]
 
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
-    """The same paths in printing order; open ones may be turned around, loops begin at their seam."""
+    """The same paths in printing order; open ones may be turned around, loops begin at their seam.
+
+    Raises:
+        PartError: a spiral is asked for, and a layer does not have one outline.
+    """
     if paths.n_paths == 0:
         return paths
+    if profile.quality.spiral:
+        return spiralled(_ordered(turns_of_spiral(paths, profile), sections, profile), profile)
+    return scarfed(broken(_ordered(paths, sections, profile)), profile)
+
+
+def _ordered(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     paths = with_seams(closed_up(paths), profile)
     island = _islands(paths, sections.solid)
     paths, clusters = clustered(begun_toward_seams(paths, island, profile), inner_loops(paths), profile)
     units = units_of(paths, island, clusters, profile)
     ordered = _printed(paths, units, *routed(units))
-    return scarfed(broken(begun_nearby(ordered, profile)), profile)
+    return begun_nearby(ordered, profile)
 
 
 def _islands(paths: Toolpaths, solid: Areas) -> Int:

@@ -281,6 +281,12 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     raft_base_density: Annotated[
         float, meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
     ] = 0.5
+    spiral: Annotated[
+        bool,
+        meta(
+            "vase: above the bottom one perimeter that climbs without a break; without infill, top and inner perimeters"
+        ),
+    ] = False
     pause_at: Annotated[
         tuple[Annotated[float, meta("", ge=0, le=10000)], ...],
         meta("the print pauses before it goes on above these heights over the bed", "mm"),

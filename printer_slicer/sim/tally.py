@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from printer_slicer.motion.rules import Axes
     from printer_slicer.sim.machine import Position
 
-__all__ = ["Report", "Tally", "Violation"]
+__all__ = ["MOST_LAYERS", "Report", "Tally", "Violation"]
 
 MOST_VIOLATIONS: Final = 1000
 MOST_LAYERS: Final = 20_000

@@ -554,6 +554,7 @@ M104 S0
 ; quality.raft_margin = 3
 ; quality.raft_gap = 0.16
 ; quality.raft_base_density = 0.5
+; quality.spiral = False
 ; quality.pause_at = 
 ; quality.speeds.outer_perimeter = 35
 ; quality.speeds.inner_perimeter = 50

@@ -1,0 +1,125 @@
+"""A spiral: the outlines of all layers above the bottom as one bead that climbs without a break.
+
+On its way around a layer the nozzle climbs from the bottom of the layer to its top, and goes over from the outline
+below to its own. The bead reaches down to the turn below, whatever the heights of the two layers are: it begins with
+nothing on the first turn, and a last turn at the top ends with nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from printer_slicer.errors import PartError
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Float, Int, LayerPlan, Role, Toolpaths
+from printer_slicer.ordering.loops import Loops, begun_at
+from printer_slicer.profile import Profile
+
+__all__ = ["spiralled", "turns_of_spiral"]
+
+_BLENDED = (
+    3.0  # bead widths that the outline below may lie beside a place; farther off the way is not smoothed
+)
+
+
+def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
+    """The paths without those that a spiral has no room for: above the bottom only outer loops are left.
+
+    Raises:
+        PartError: a layer above the bottom has no outline, or several.
+    """
+    first = _first_turn(paths.plan, profile)
+    outer = paths.closed & (paths.role == Role.OUTER_PERIMETER) & (paths.layer >= first)
+    n_loops = np.bincount(paths.layer[outer], minlength=paths.plan.n_layers)[first:]
+    wrong = np.flatnonzero(n_loops != 1)
+    # The tip of a part may be too thin for any bead; there the spiral ends.
+    last = int(np.flatnonzero(n_loops)[-1]) if n_loops.any() else -1
+    wrong = wrong[wrong <= last]
+    if last < 0 or len(wrong):
+        z = float(paths.plan.top[first + int(wrong[0])]) if len(wrong) else float(paths.plan.top[-1])
+        count = int(n_loops[wrong[0]]) if len(wrong) else 0
+        raise PartError(
+            f"a spiral needs one outline on every layer above the bottom; at z {z:g} mm there are {count}",
+            remedy="print it without quality.spiral, or a part without holes and branches",
+        )
+    return paths.take(np.flatnonzero(outer | (paths.layer < first)))
+
+
+def spiralled(paths: Toolpaths, profile: Profile) -> Toolpaths:
+    """Paths in printing order, those above the bottom as one bead that climbs; all of them are outer loops."""
+    first = _first_turn(paths.plan, profile)
+    chosen = np.flatnonzero(paths.layer >= first)
+    if not len(chosen):
+        return paths
+    paths = _begun_above_each_other(paths, chosen)
+    loops = Loops.of(paths, chosen)
+    below = np.flatnonzero(paths.layer == first - 1)
+    base = below[paths.closed[below] & (paths.role[below] == Role.OUTER_PERIMETER)]
+    turns = _turns(paths, loops, Loops.of(paths, base[:1]), profile)
+    return Toolpaths.joined(paths.plan, [paths.take(np.flatnonzero(paths.layer < first)), turns])
+
+
+def _first_turn(plan: LayerPlan, profile: Profile) -> int:
+    """The first layer that is not part of the bottom; never the one on the bed, which has to stick."""
+    return max(1, int(np.searchsorted(plan.bottom, profile.quality.bottom_thickness - 1e-9)))
+
+
+def _begun_above_each_other(paths: Toolpaths, chosen: Int) -> Toolpaths:
+    """Every turn begins at its place nearest to where the turn below does."""
+    loops = Loops.of(paths, chosen)
+    along = np.zeros(loops.n_loops)
+    place = loops.xy[loops.start[0]][None]
+    for turn in range(1, loops.n_loops):
+        along[turn : turn + 1], _ = loops.nearest(np.array([turn]), place)
+        place = loops.at(np.array([turn]), along[turn : turn + 1])
+    return begun_at(paths, loops, along)
+
+
+def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Toolpaths:
+    """The loops (R,) as open paths that climb, and one more turn at the top."""
+    n = np.append(np.diff(loops.start), np.diff(loops.start)[-1])
+    turn = np.repeat(np.arange(len(n)), n + 1)
+    step = consecutive(np.zeros_like(n), n + 1)
+    loop = np.minimum(turn, loops.n_loops - 1)
+    point = loops.start[loop] + step % n[turn]
+    around = np.where(step == n[turn], loops.length[loop], loops.reach[point])
+    share = around / np.maximum(loops.length[loop], 1e-9)
+    layer = loops.layer[loop]
+    height = paths.plan.height[layer]
+    under = np.append(0.0, paths.plan.height[loops.layer])[turn]  # of the turn below; nothing below the first
+    is_last = turn == loops.n_loops
+    bead_height = np.where(is_last, (1 - share) * height, (1 - share) * under + share * height)
+    xy = _blended(loops, base, (turn, point, share), _BLENDED * profile.extrusion_width)
+    of_paths = loops.point[point]
+    made = Toolpaths.gathered(
+        paths.plan,
+        xy=xy,
+        size=n + 1,
+        layer=np.append(loops.layer, loops.layer[-1]),
+        role=np.full(len(n), int(Role.OUTER_PERIMETER)),
+        width=paths.width[of_paths],
+        closed=False,
+        carried=paths.carried[of_paths],
+    )
+    rise = np.where(is_last, 0.0, -(1 - share) * height)
+    return replace(made, rise=rise, share=bead_height / height)
+
+
+def _blended(loops: Loops, base: Loops, way: tuple[Int, Int, Float], reach: float) -> Float:
+    """(n, 2) places on the way from the turn below to their own: by turn, point of the loops, and share round."""
+    turn, point, share = way
+    xy = loops.xy[point].copy()
+    for index in range(loops.n_loops):
+        under, which = (loops, index - 1) if index else (base, 0)
+        if not under.n_loops:
+            continue
+        own = np.flatnonzero(turn == index)
+        goal = loops.xy[point[own]]
+        along, gap = under.nearest(np.full(len(own), which), goal)
+        near = gap < reach
+        beside = under.at(np.full(len(own), which), along)
+        part = share[own][:, None]
+        xy[own[near]] = ((1 - part) * beside + part * goal)[near]
+    return xy
