@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
 
-__all__ = ["any_crossing", "crossed", "crossings", "rings_around"]
+__all__ = ["any_crossing", "crossed", "crossing_shares", "crossings", "rings_around"]
 
 _PAIRS_AT_ONCE = 1 << 18  # of ways and edges: what is compared stays small
 
@@ -86,20 +86,27 @@ def crossings(outlines: Areas, begin: Float, end: Float, layer: Int) -> Int:
     tree = SegmentTree(np.stack([a + aside, b + aside], axis=1))
     way, edge = tree.meeting(begin + way_aside, end + way_aside)
     for some in np.array_split(np.arange(len(way)), len(way) // _PAIRS_AT_ONCE + 1):
-        cross = _pairs_cross(begin, end, a, b, way[some], edge[some])
-        result += np.bincount(way[some][cross], minlength=len(begin))
+        one, other = way[some], edge[some]
+        share = crossing_shares(
+            *(of.take(one, axis=0) for of in (begin, end)), *(of.take(other, axis=0) for of in (a, b))
+        )
+        result += np.bincount(one[~np.isnan(share)], minlength=len(begin))
     return result
 
 
-def _pairs_cross(begin: Float, end: Float, a: Float, b: Float, way: Int, edge: Int) -> Bool:  # noqa: PLR0917
-    """(n,) whether each way crosses its edge; see `any_crossing`."""
-    (dx, dy), (ex, ey) = (end - begin).take(way, axis=0).T, (b - a).take(edge, axis=0).T
-    gap_x, gap_y = (a.take(edge, axis=0) - begin.take(way, axis=0)).T
+def crossing_shares(begin: Float, end: Float, a: Float, b: Float) -> Float:
+    """(n,) where each way (n, 2) to (n, 2) crosses its edge from `a` to `b` (n, 2), 0 to 1; nan where it does not.
+
+    Which ways cross is decided as by `any_crossing`, without dividing.
+    """
+    (dx, dy), (ex, ey) = (end - begin).T, (b - a).T
+    gap_x, gap_y = (a - begin).T
     side_a = dx * gap_y - dy * gap_x
     side_b = dx * (gap_y + ey) - dy * (gap_x + ex)
     along, turn = gap_y * ex - gap_x * ey, dy * ex - dx * ey
     along, turn = along * np.sign(turn), np.abs(turn)
-    return np.asarray(((side_a < 0) != (side_b < 0)) & (along > 0) & (along < turn))
+    cross = ((side_a < 0) != (side_b < 0)) & (along > 0) & (along < turn)
+    return np.where(cross, along / np.where(cross, turn, 1.0), np.nan)
 
 
 def any_crossing(begin: Float, end: Float, a: Float, b: Float) -> Bool:

@@ -182,6 +182,18 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         meta("height of the bead where such a slope begins, as a share of the layer's", "0-1", ge=0, le=0.9),
     ] = 0.1
     scarf_inner: Annotated[bool, meta("inner perimeters too")] = False
+    avoid_crossing: Annotated[
+        bool, meta("travel inside the part, around its holes and corners, where that leads to the next bead")
+    ] = True
+    max_detour: Annotated[
+        float,
+        meta(
+            "ways inside may be this much longer than straight ones; 0: only where they are quicker than a retraction",
+            "mm",
+            ge=0,
+            le=10000,
+        ),
+    ] = 50
     bottom_thickness: Annotated[float, meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
         0.6
     )

@@ -96,6 +96,9 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float,
         meta("retract while going back over this much of the last bead; 0: standing", "mm", ge=0, le=20),
     ] = 0
+    retract_inside: Annotated[
+        float, meta("longer travels retract inside the part, too; 0: none does", "mm", ge=0, le=10000)
+    ] = 0
     z_hop: Annotated[float, meta("lift during a retracted travel", "mm", ge=0, le=5)] = 0
     z_hop_ramp: Annotated[bool, meta("lift while travelling, in a slope, not straight up")] = False
     relative_extrusion: Annotated[bool, meta("E words are differences (M83)")] = True

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import crossings
-from printer_slicer.model import Sections, Toolpaths, Travels, leaves
+from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.planes import spread
+from printer_slicer.model import Bool, Int, Sections, Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
+from printer_slicer.travels.avoiding import rerouted
+from printer_slicer.travels.routes import Routes, straight
+from printer_slicer.travels.scars import over_top_skin
 
 __all__ = ["travel"]
 
@@ -14,11 +18,38 @@ __all__ = ["travel"]
 def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
     """The ways between paths in printing order.
 
-    The filament is pulled back where a way leaves the part; what oozes inside is not seen.
+    Ways whose ends lie in one piece of the part go around its holes and corners, if they are not much longer than
+    straight ones; others cross as few outlines as they can at little cost. The filament is pulled back where a way
+    leaves the part or passes over top skin that is printed already, if it is longer than
+    `printer.retract_before_travel`; what oozes anywhere else inside is not seen.
     """
-    printer = profile.printer
     begin, end = leaves(paths)
-    crossed = np.zeros(paths.n_paths, np.int64)
-    crossed[1:] = crossings(sections.solid, begin[1:], end[1:], paths.layer[1:])
-    long = np.hypot(*(end - begin).T) > printer.retract_before_travel
-    return Travels.straight((crossed > 0) & long & (printer.retract_length > 0), crossed)
+    if paths.n_paths < 2:
+        return Travels.straight(np.zeros(paths.n_paths, np.bool_), np.zeros(paths.n_paths, np.int64))
+    every = np.concatenate([begin, end])
+    outlines = Outlines(sections.solid, every.min(axis=0), every.max(axis=0))
+    ways = straight(begin[1:], end[1:], paths.layer[1:])
+    crossings = ways.crossings(outlines)
+    if profile.quality.avoid_crossing:
+        ways, crossings = rerouted(ways, crossings, sections.solid, outlines, profile)
+    retract = _retracted(paths, ways, crossings, profile)
+    route, place = spread(ways.count)
+    between = (place > 0) & (place < ways.count[route] - 1)
+    return Travels(
+        ways.xy[between],
+        np.append([0, 0], np.cumsum(ways.count - 2)),
+        np.append(False, retract),
+        np.append(0, crossings),
+    )
+
+
+def _retracted(paths: Toolpaths, ways: Routes, crossings: Int, profile: Profile) -> Bool:
+    """(W,) on which ways the filament is pulled back."""
+    printer, length = profile.printer, ways.length()
+    long = (length > printer.retract_before_travel) & (printer.retract_length > 0)
+    result = long & (crossings > 0)
+    if printer.retract_inside:
+        result |= long & (length > printer.retract_inside)
+    some = np.flatnonzero(long & ~result)
+    result[some] = over_top_skin(paths, ways.take(some), some + 1)
+    return result

@@ -453,6 +453,7 @@ M104 S0
 ; printer.retract_before_travel = 1.5
 ; printer.deretract_extra = 0
 ; printer.wipe_distance = 0
+; printer.retract_inside = 0
 ; printer.z_hop = 0.4
 ; printer.z_hop_ramp = False
 ; printer.relative_extrusion = True
@@ -521,6 +522,8 @@ M104 S0
 ; quality.scarf_length = 0
 ; quality.scarf_start = 0.1
 ; quality.scarf_inner = False
+; quality.avoid_crossing = True
+; quality.max_detour = 50
 ; quality.bottom_thickness = 0.2
 ; quality.top_thickness = 0.3
 ; quality.min_sparse_area = 15

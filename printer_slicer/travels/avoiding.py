@@ -1,0 +1,95 @@
+"""Ways that cross outlines, led around them where that is worth it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from printer_slicer.geometry.areas import distinct
+from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.model import Areas, Int
+from printer_slicer.profile import Profile
+from printer_slicer.travels.ground import Ground
+from printer_slicer.travels.rooms import abroad, rooms_of
+from printer_slicer.travels.routes import Routes, eased, through, without_stops
+from printer_slicer.travels.routing import Asked, routed
+from printer_slicer.travels.worth import longest_worthwhile
+
+__all__ = ["rerouted"]
+
+_CLEARANCE = 0.25  # bead widths that ways keep from outlines: even a wall of one narrow bead can be passed
+_ROOM = 0.75  # bead widths more that they keep where there is room
+_TOLL = 3.0  # mm that a way with a retraction may be longer to cross one outline less
+
+
+def rerouted(
+    ways: Routes, crossings: Int, solid: Areas, outlines: Outlines, profile: Profile
+) -> tuple[Routes, Int]:
+    """The ways that cross no outlines, or fewer, where there are such and they are not too long.
+
+    Args:
+        ways: straight ones.
+        crossings: (W,) how many outlines each crosses.
+        solid: the sections.
+        outlines: of the sections.
+        profile: what is worth it.
+
+    Returns:
+        All ways, and (W,) how many outlines they cross now.
+    """
+    crossing = np.flatnonzero(crossings)
+    if not len(crossing):
+        return ways, crossings
+    some, width = ways.take(crossing), profile.extrusion_width
+    solid = solid.of_layers(distinct(some.layer))
+    rooms = rooms_of(solid, (some.xy.min(axis=0), some.xy.max(axis=0)), _CLEARANCE * width)
+    (begin, room), (end, other) = (rooms.entered(ends, some.layer) for ends in some.ends)
+    inside = np.flatnonzero((room == other) & (room >= 0))
+    straight, none = some.length(), np.zeros(len(crossing))
+    asked = Asked(begin, end, room, longest_worthwhile(straight, profile), none)
+    improving = _Improving(outlines, _ROOM * width, ways, crossings)
+    improving.seek(crossing[inside], asked.take(inside), rooms.ground)
+    fewest = (room >= 0).astype(np.float64) + (other >= 0)
+    spare = improving.crossings[crossing] - fewest
+    many = np.flatnonzero(spare > 0)
+    if len(many):
+        asked = Asked(*some.ends, some.layer, straight + _TOLL * spare, _TOLL * fewest)
+        ground = abroad(solid.of_layers(distinct(some.layer[many])), outlines, rooms, _TOLL)
+        improving.seek(crossing[many], asked.take(many), ground)
+    return improving.ways, improving.crossings
+
+
+@dataclass(slots=True, eq=False)
+class _Improving:
+    """Ways and how many `outlines` they cross, while better ones are found.
+
+    Attributes:
+        outlines: of the sections.
+        room: mm that corners are passed farther away than necessary.
+        ways: (W,) all of them.
+        crossings: (W,)
+    """
+
+    outlines: Outlines
+    room: float
+    ways: Routes
+    crossings: Int
+
+    def seek(self, which: Int, asked: Asked, ground: Ground) -> None:
+        """Replace those of the ways `which` (n,) for which better ones are found."""
+        ends = self.ways.take(which).ends
+        leads = np.hypot(*(asked.begin - ends[0]).T) + np.hypot(*(asked.end - ends[1]).T)
+        asked = replace(asked, limit=asked.limit - leads)
+        found = routed(asked, ground)
+        there = np.flatnonzero(found.there)
+        which, asked, found, leads = which[there], asked.take(there), found.take(there), leads[there]
+        tight, own = through(self.ways.take(which), (asked.begin, asked.end), found, ground.corners)
+        # In rooms nothing is crossed.
+        least = tight.crossings(self.outlines) if np.isfinite(ground.toll) else np.zeros(len(which), np.int64)
+        step = self.room * ground.corners.away[found.corners]
+        better, hits = eased(tight, own, step, (least, asked.limit + leads), self.outlines)
+        use = np.flatnonzero(hits < self.crossings[which])
+        self.crossings = self.crossings.copy()
+        self.crossings[which[use]] = hits[use]
+        self.ways = self.ways.replaced(which[use], without_stops(better.take(use)))

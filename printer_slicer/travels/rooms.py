@@ -1,0 +1,91 @@
+"""Where the nozzle passes inside the part: the sections moved inward."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from printer_slicer.geometry import offset, rings_around, simplify
+from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.geometry.vectors import feet
+from printer_slicer.model import Areas, Float, Int
+from printer_slicer.travels.ground import OFF, Corners, Ground
+
+__all__ = ["Rooms", "abroad", "rooms_of"]
+
+_SIMPLER = 0.5  # of the clearance: what the outlines of rooms may be off
+_REACH = 4.0  # clearances: what is farther out of the rooms is not led in
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rooms:
+    """The sections without a margin along their outlines.
+
+    Attributes:
+        areas: the rooms; each outer ring with the holes in it is one.
+        room: (R,) of each ring the outer ring of the room it bounds.
+        clearance: mm that the rooms are narrower than the sections on each side, about.
+        ground: to seek ways in; its fields are the rings, of which those that bound holes have no corners.
+    """
+
+    areas: Areas
+    room: Int
+    clearance: float
+    ground: Ground
+
+    def entered(self, points: Float, layer: Int) -> tuple[Float, Int]:
+        """Where points (P, 2) on their `layer` (P,) ascending lie in rooms, and in which: (P, 2) and (P,).
+
+        Those in the margin are led in by the nearest way; those outside have no room, -1, and stay where they are.
+        """
+        areas, place = self.areas, points.copy()
+        ring = rings_around(areas, points, layer)
+        room = np.where((ring >= 0) & np.append(areas.ring_area() > 0, False)[ring], ring, -1)
+        out = np.flatnonzero(room < 0)
+        edge = self.ground.outlines.nearest(points[out], layer[out])
+        out, edge = out[edge >= 0], edge[edge >= 0]
+        begin, end = areas.xy[edge], areas.xy[areas.following[edge]]
+        foot, _ = feet(points[out], begin, end)
+        near = np.hypot(*(foot - points[out]).T) <= _REACH * self.clearance
+        along = (end - begin)[near]
+        inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+        place[out[near]] = foot[near] + OFF * inward
+        room[out[near]] = self.room[areas.point_ring[edge[near]]]
+        return place, room
+
+
+def rooms_of(solid: Areas, box: tuple[Float, Float], clearance: float) -> Rooms:
+    """The rooms of sections.
+
+    Args:
+        solid: the sections, of those layers that shall have rooms.
+        box: corners (2,) of the box, mm, in which all points to ask for will lie.
+        clearance: mm.
+    """
+    areas = simplify(offset(solid, -clearance), _SIMPLER * clearance)
+    outer = areas.ring_area() > 0
+    around = rings_around(
+        areas.select(outer), areas.xy[areas.ring_start[:-1][~outer]], areas.ring_layer[~outer]
+    )
+    room = np.arange(areas.n_rings)
+    room[~outer] = np.append(np.flatnonzero(outer), -1)[around]
+    ground = Ground(Corners.of(areas, room), areas.ring_layer, Outlines(areas, *box), np.inf)
+    return Rooms(areas, room, clearance, ground)
+
+
+def abroad(solid: Areas, outlines: Outlines, rooms: Rooms, toll: float) -> Ground:
+    """Where ways are sought that leave the part: each layer is a field, with corners inside and outside of it.
+
+    Args:
+        solid: the sections, of those layers that are asked for; all of them have rooms.
+        outlines: of the sections.
+        rooms: of the sections.
+        toll: mm that a way may be longer to cross one outline less.
+    """
+    around = simplify(offset(solid, rooms.clearance), _SIMPLER * rooms.clearance)
+    outside = Corners.of(around, around.ring_layer, outside=True)
+    within = rooms.ground.corners
+    layer = rooms.areas.ring_layer[within.owner]
+    inside = replace(within, owner=layer).take(np.flatnonzero(solid.used[layer]))
+    return Ground(inside.joined(outside), np.arange(solid.n_layers), outlines, toll)
