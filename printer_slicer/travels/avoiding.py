@@ -20,13 +20,14 @@ __all__ = ["rerouted"]
 
 _CLEARANCE = 0.25  # bead widths that ways keep from outlines: even a wall of one narrow bead can be passed
 _ROOM = 0.75  # bead widths more that they keep where there is room
+_GRAZING = 3.0  # mm that a way may be longer not to come nearer to an outline
 _TOLL = 3.0  # mm that a way with a retraction may be longer to cross one outline less
 
 
 def rerouted(
     ways: Routes, crossings: Int, solid: Areas, outlines: Outlines, profile: Profile
 ) -> tuple[Routes, Int]:
-    """The ways that cross no outlines, or fewer, where there are such and they are not too long.
+    """The ways, led around outlines that they cross or come too near to where that does not make them too long.
 
     Args:
         ways: straight ones.
@@ -38,25 +39,25 @@ def rerouted(
     Returns:
         All ways, and (W,) how many outlines they cross now.
     """
-    crossing = np.flatnonzero(crossings)
-    if not len(crossing):
-        return ways, crossings
-    some, width = ways.take(crossing), profile.extrusion_width
-    solid = solid.of_layers(distinct(some.layer))
-    rooms = rooms_of(solid, (some.xy.min(axis=0), some.xy.max(axis=0)), _CLEARANCE * width)
+    width, length = profile.extrusion_width, ways.length()
+    box = ways.xy.min(axis=0), ways.xy.max(axis=0)
+    rooms = rooms_of(solid, box, _CLEARANCE * width)
+    poor = np.flatnonzero((crossings > 0) | (ways.crossings(rooms.ground.outlines) > 0))
+    some, straight = ways.take(poor), length[poor]
     (begin, room), (end, other) = (rooms.entered(ends, some.layer) for ends in some.ends)
+    limit = longest_worthwhile(straight, profile)
+    limit = np.where(crossings[poor] > 0, limit, np.minimum(limit, straight + _GRAZING))
     inside = np.flatnonzero((room == other) & (room >= 0))
-    straight, none = some.length(), np.zeros(len(crossing))
-    asked = Asked(begin, end, room, longest_worthwhile(straight, profile), none)
     improving = _Improving(outlines, _ROOM * width, ways, crossings)
-    improving.seek(crossing[inside], asked.take(inside), rooms.ground)
+    asked = Asked(begin, end, room, limit, np.zeros(len(poor)))
+    improving.seek(poor[inside], asked.take(inside), rooms.ground)
     fewest = (room >= 0).astype(np.float64) + (other >= 0)
-    spare = improving.crossings[crossing] - fewest
+    spare = improving.crossings[poor] - fewest
     many = np.flatnonzero(spare > 0)
     if len(many):
         asked = Asked(*some.ends, some.layer, straight + _TOLL * spare, _TOLL * fewest)
         ground = abroad(solid.of_layers(distinct(some.layer[many])), outlines, rooms, _TOLL)
-        improving.seek(crossing[many], asked.take(many), ground)
+        improving.seek(poor[many], asked.take(many), ground)
     return improving.ways, improving.crossings
 
 
@@ -89,7 +90,9 @@ class _Improving:
         least = tight.crossings(self.outlines) if np.isfinite(ground.toll) else np.zeros(len(which), np.int64)
         step = self.room * ground.corners.away[found.corners]
         better, hits = eased(tight, own, step, (least, asked.limit + leads), self.outlines)
-        use = np.flatnonzero(hits < self.crossings[which])
+        before = self.crossings[which]
+        # What crosses nothing comes too near to an outline, unless only its ends do.
+        use = np.flatnonzero((hits < before) | (hits == 0) & (before == 0) & (found.count > 0))
         self.crossings = self.crossings.copy()
         self.crossings[which[use]] = hits[use]
         self.ways = self.ways.replaced(which[use], without_stops(better.take(use)))
