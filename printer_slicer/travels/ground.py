@@ -13,6 +13,8 @@ from printer_slicer.model import Areas, Float, Int
 __all__ = ["OFF", "Corners", "Ground"]
 
 OFF = 0.002  # mm from the outlines, so that a way along them does not touch them
+_SHARPEST = 0.5  # cosine of half the turn: sharper corners are not passed farther away
+_COLUMNS = ("place", "tip", "away", "before", "after", "owner")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,36 +23,49 @@ class Corners:
 
     Attributes:
         place: (C, 2) mm, just beside the corner.
+        tip: (C, 2) mm, the corner.
         away: (C, 2) from the corner through there, of length 1: it halves the angle in which ways lie.
         before, after: (C, 2) mm, the points of the outline before and after the corner.
         owner: (C,) what the outline belongs to.
     """
 
     place: Float
+    tip: Float
     away: Float
     before: Float
     after: Float
     owner: Int
 
     @classmethod
-    def of(cls, areas: Areas, owner: Int, *, outside: bool = False) -> Corners:
-        """Those of areas that stick into them, or, `outside`, out of them; `owner` (R,) of each ring, -1: of none."""
+    def of(cls, areas: Areas, owner: Int) -> Corners:
+        """Those that stick into areas; `owner` (R,) of each ring, -1 of rings without any."""
+        return cls._of(areas, owner, -1, OFF)
+
+    @classmethod
+    def around(cls, areas: Areas, owner: Int, off: float) -> Corners:
+        """Those of areas that stick out of them, moved out so that ways from one to the next keep `off` mm away."""
+        return cls._of(areas, owner, 1, off)
+
+    @classmethod
+    def _of(cls, areas: Areas, owner: Int, hand: int, off: float) -> Corners:
         before, after = areas.xy[areas.previous], areas.xy[areas.following]
         coming, going = _unit(areas.xy - before), _unit(after - areas.xy)
-        turn, of_point = cross(coming, going), owner[areas.point_ring]
-        some = np.flatnonzero(((turn > 0) if outside else (turn < 0)) & (of_point >= 0))
-        away = _unit((coming - going)[some])
-        return cls(areas.xy[some] + OFF * away, away, before[some], after[some], of_point[some])
+        of_point = owner[areas.point_ring]
+        some = np.flatnonzero((hand * cross(coming, going) > 0) & (of_point >= 0))
+        away = (coming - going)[some]
+        # As long as twice the sine of half the angle by which the outline turns there.
+        away, cosine = _unit(away), np.sqrt(np.maximum(1 - (away**2).sum(axis=1) / 4, _SHARPEST**2))
+        tip = areas.xy[some]
+        place = tip + (off / cosine)[:, None] * away
+        return cls(place, tip, away, before[some], after[some], of_point[some])
 
     def joined(self, other: Corners) -> Corners:
         """These and others."""
-        names = ("place", "away", "before", "after", "owner")
-        return Corners(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+        return Corners(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _COLUMNS))
 
     def take(self, some: Int) -> Corners:
         """Some of them."""
-        names = ("place", "away", "before", "after", "owner")
-        return Corners(*(getattr(self, name)[some] for name in names))
+        return Corners(*(getattr(self, name)[some] for name in _COLUMNS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -83,8 +83,8 @@ def abroad(solid: Areas, outlines: Outlines, rooms: Rooms, toll: float) -> Groun
         rooms: of the sections.
         toll: mm that a way may be longer to cross one outline less.
     """
-    around = simplify(offset(solid, rooms.clearance), _SIMPLER * rooms.clearance)
-    outside = Corners.of(around, around.ring_layer, outside=True)
+    simple = simplify(solid, _SIMPLER * rooms.clearance)
+    outside = Corners.around(simple, simple.ring_layer, rooms.clearance)
     within = rooms.ground.corners
     layer = rooms.areas.ring_layer[within.owner]
     inside = replace(within, owner=layer).take(np.flatnonzero(solid.used[layer]))

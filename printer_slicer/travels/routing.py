@@ -204,7 +204,7 @@ def _chords(reach: Float, ground: Ground, seen: _Seen) -> tuple[Links, Links]:
 def _passes(place: Float, corner: Int, ground: Ground) -> Bool:
     """(n,) whether a leg from `place` (n, 2) passes the corner (n,) with both of its sides on the same hand."""
     corners = ground.corners
-    tip = corners.place[corner] - OFF * corners.away[corner]
+    tip = corners.tip[corner]
     leg = tip - place
     one, other = cross(leg, corners.before[corner] - tip), cross(leg, corners.after[corner] - tip)
     return np.asarray(one * other >= 0)
