@@ -11,6 +11,7 @@ from typing import Final
 
 from printer_slicer.cli.model_flags import add_models, attached, box_of
 from printer_slicer.cli.values import factor, height, length, pixels, positive, seconds
+from printer_slicer.version import VERSION
 
 __all__ = ["build_parser"]
 
@@ -63,12 +64,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Version(argparse.Action):
-    """Says the version, which is looked up only then."""
+    """Says the version."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import version  # costs more than the rest of the parser
-
-        print(f"printer-slicer {version('printer-slicer')}")
+        print(f"printer-slicer {VERSION}")
         parser.exit()
 
 

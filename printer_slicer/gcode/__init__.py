@@ -14,7 +14,8 @@ from printer_slicer.gcode.reader import Moves, read_moves
 from printer_slicer.gcode.repetier import REPETIER
 from printer_slicer.gcode.reprapfirmware import REPRAPFIRMWARE
 from printer_slicer.gcode.smoothie import SMOOTHIE
-from printer_slicer.gcode.writer import spoken, write_program
+from printer_slicer.gcode.summary import spoken
+from printer_slicer.gcode.writer import write_program
 from printer_slicer.model import Float, Program
 from printer_slicer.profile import Profile
 

@@ -111,6 +111,8 @@ def _layers(writing: Writing, rows: Rows) -> Iterator[_Note]:
                 ";LAYER_CHANGE",
                 f";Z:{number(float(program.plan.top[layer]))}",
                 f";HEIGHT:{number(float(height[layer]))}",
+                ";BEFORE_LAYER_CHANGE",
+                f";{number(float(program.plan.top[layer]))}",
                 *_in_layer(template, writing, rows, move, layer),
             ],
         )

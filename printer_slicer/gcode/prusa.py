@@ -20,5 +20,5 @@ PRUSA: Final = Dialect(
     pause="M601",
     pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
     retraction=retraction_lines,
-    progress=lambda percent, minutes: f"M73 P{percent} R{minutes} Q{percent} S{minutes}",
+    progress=lambda percent, minutes: f"M73 Q{percent} S{minutes} P{percent} R{minutes}",
 )

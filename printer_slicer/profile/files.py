@@ -188,7 +188,7 @@ def _row(key: str, entry: msgspec.inspect.Field) -> tuple[str, str, str, str, st
     name = (
         "list" if isinstance(kind, msgspec.inspect.VarTupleType) else type(kind).__name__.removesuffix("Type")
     )
-    return key, name.lower(), unit, ", ".join(limits), default.replace("()", "empty"), meaning
+    return key, name.lower(), unit, ", ".join(limits), default.replace("()", "") or "empty", meaning
 
 
 def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:

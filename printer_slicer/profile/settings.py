@@ -45,6 +45,7 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What the machine is and what it can do."""
 
     name: Annotated[str, meta("what people call this machine")]
+    model: Annotated[str, meta("what print servers call this model; empty: its name")] = ""
     flavour: Annotated[
         Literal["marlin", "marlin_legacy", "klipper", "reprapfirmware", "repetier", "smoothie", "prusa"],
         meta("dialect of G-code; marlin is 2, marlin_legacy 1.1"),
@@ -138,6 +139,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What is printed with, and how it wants to be treated."""
 
     name: Annotated[str, meta("what people call this material")]
+    type: Annotated[str, meta("what print servers call it, such as PLA; empty: its name")] = ""
+    cost: Annotated[float, meta("for the cost of the part", "per kg", ge=0, le=1e6)] = 0
     filament_diameter: Annotated[float, meta("diameter of the filament", "mm", ge=1, le=4)] = 1.75
     density: Annotated[float, meta("for the weight of the part", "g/cm³", gt=0, le=20)] = 1.24
     flow_ratio: Annotated[float, meta("all extrusion is multiplied by this", "ratio", ge=0.5, le=1.5)] = 1

@@ -43,7 +43,7 @@ def test_the_macro_before_a_layer_stands_behind_its_comments_and_before_its_firs
     places = [i for i, line in enumerate(lines) if line.startswith("M117")]
 
     assert [lines[i] for i in places] == [f"M117 {n} of 10 {0.2 * n:.2f} 0.2" for n in range(1, 11)]
-    assert all(lines[i - 3] == ";LAYER_CHANGE" for i in places)
+    assert all(lines[i - 5] == ";LAYER_CHANGE" for i in places)
 
 
 def test_the_macro_of_a_layer_stands_where_the_nozzle_has_come_to_its_height() -> None:
