@@ -40,6 +40,7 @@ from printer_slicer.regions import classify
 from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.surface import Certificate, certify, read_surface
 from printer_slicer.thick_walls import thickened
+from printer_slicer.thumbnails import thumbnail_lines
 from printer_slicer.travels import travel
 
 __all__ = ["Report", "Stages", "gcode_of", "plan_part", "quiet", "slice_part", "slice_stages"]
@@ -205,6 +206,7 @@ def gcode_of(
     program: Program,
     profile: Profile,
     *,
+    part: Mesh | None = None,
     certificate: Certificate | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes.
@@ -212,6 +214,7 @@ def gcode_of(
     Args:
         program: the moves.
         profile: what they were made with.
+        part: shown in the pictures of `printer.thumbnails`; without it there are none.
         certificate: of the plan, to be told in comments.
 
     Raises:
@@ -227,4 +230,5 @@ def gcode_of(
             f"mean error [mm] = {certificate.mean_error:.4f}",
             f"volume error [mm3] = {certificate.volume_error:.2f}",
         )
-    return write_gcode(program, profile, move_seconds(program, profile), facts)
+    pictures = thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []
+    return write_gcode(program, profile, move_seconds(program, profile), facts, pictures)

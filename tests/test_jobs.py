@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from printer_slicer.errors import MeshError, PartError, PrinterSlicerError, UsageError
 from printer_slicer.jobs import GCODE_SUFFIXES, Job, commands_of, is_gcode, job_from
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.profile import load_profile
 from printer_slicer.stream.framing import strip
 
@@ -170,12 +170,13 @@ def test_any_bytes_make_a_job_or_a_message(tmp_path_factory: pytest.TempPathFact
 
 
 def test_a_sliced_job_is_the_text_of_its_program() -> None:
-    program = slice_part(load_mesh(PARTS / "box.stl"), PROFILE)
+    stages = slice_stages(load_mesh(PARTS / "box.stl"), PROFILE)
 
     assert BOX_JOB.name == "box.stl"
-    assert BOX_JOB.text == gcode_of(program, PROFILE)
+    assert BOX_JOB.text == gcode_of(stages.program, PROFILE, part=stages.part)
+    assert b"; thumbnail begin 300x300 " in BOX_JOB.text
     assert BOX_JOB.program is not None
-    assert BOX_JOB.program.plan.top.tolist() == program.plan.top.tolist()
+    assert BOX_JOB.program.plan.top.tolist() == stages.program.plan.top.tolist()
 
 
 def test_a_sliced_job_has_a_mark_for_every_layer() -> None:

@@ -33,7 +33,11 @@ FLAVOURS: Final[Mapping[str, Dialect]] = {
 
 
 def write_gcode(
-    program: Program, profile: Profile, seconds: Float | None = None, facts: Sequence[str] = ()
+    program: Program,
+    profile: Profile,
+    seconds: Float | None = None,
+    facts: Sequence[str] = (),
+    comments: Sequence[str] = (),
 ) -> bytes:
     """The text of a program in the printer's dialect, settings included as comments.
 
@@ -41,9 +45,11 @@ def write_gcode(
         program: the moves.
         profile: what they were made with; its macros are filled in.
         seconds: (K,) modelled time of each move; what needs it is left out if it is not known.
-        facts: more lines for the header.
+        facts: more to tell at the top.
+        comments: lines that stand behind the first one as they are.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
     """
-    return write_program(program, profile, FLAVOURS[profile.printer.flavour], seconds, facts)
+    dialect = FLAVOURS[profile.printer.flavour]
+    return write_program(program, profile, dialect, seconds, facts=facts, comments=comments)

@@ -19,9 +19,24 @@ __all__ = ["write_program"]
 
 
 def write_program(
-    program: Program, profile: Profile, dialect: Dialect, seconds: Float | None, facts: Sequence[str] = ()
+    program: Program,
+    profile: Profile,
+    dialect: Dialect,
+    seconds: Float | None,
+    *,
+    facts: Sequence[str],
+    comments: Sequence[str],
 ) -> bytes:
-    """The whole file; nothing in it depends on when or where it was made."""
+    """The whole file; nothing in it depends on when or where it was made.
+
+    Args:
+        program: the moves.
+        profile: what they were made with.
+        dialect: how the printer wants them said.
+        seconds: (K,) modelled time of each move, if it is known.
+        facts: more to tell at the top.
+        comments: lines that stand behind the first one as they are.
+    """
     each = np.zeros(program.n_moves) if seconds is None else seconds
     begins = np.concatenate([[0.0], np.cumsum(each)])
     total = None if seconds is None else float(begins[-1])
@@ -29,7 +44,8 @@ def write_program(
     writing = Writing(program, profile, dialect, known, begins)
     start = macro_of(profile, "start_gcode").filled(known)
     end = macro_of(profile, "end_gcode").filled(known)
-    before = first_lines(program, total, facts)
+    first, *others = first_lines(program, total, facts)
+    before = [first, *comments, *others]
     before += begins_with(writing)
     before += ["G21 ; mm", "G90", "M83", fan_line(0.0)]
     before += [*dialect.limits(profile.printer), *_retraction(profile, dialect), *start]

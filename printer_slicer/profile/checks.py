@@ -12,6 +12,8 @@ from printer_slicer.profile.settings import OptimalPlanner
 
 __all__ = ["Conflict", "conflicts"]
 
+LARGEST_THUMBNAIL = 1024  # px
+
 
 class Conflict(NamedTuple):
     """Two settings that contradict each other.
@@ -35,6 +37,7 @@ def conflicts(profile: Profile) -> Iterator[Conflict]:
     yield from _raft(profile)
     yield from _heat(profile)
     yield from _firmware(profile)
+    yield from _thumbnails(profile)
 
 
 def _varies(profile: Profile) -> bool:
@@ -177,6 +180,14 @@ def _heat(profile: Profile) -> Iterator[Conflict]:
                     f"{wanted:g} °C, but printer {printer.name!r} allows {limit:g} °C",
                     "choose another material or printer",
                 )
+
+
+def _thumbnails(profile: Profile) -> Iterator[Conflict]:
+    """Pictures are small: they are read from the file in one piece."""
+    for one in profile.printer.thumbnails:
+        if max(int(side) for side in one.partition("/")[0].split("x")) > LARGEST_THUMBNAIL:
+            large = f"{one} is over {LARGEST_THUMBNAIL} px"
+            yield Conflict("printer.thumbnails", large, f"choose {LARGEST_THUMBNAIL} px or less")
 
 
 def _firmware(profile: Profile) -> Iterator[Conflict]:

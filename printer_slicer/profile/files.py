@@ -46,7 +46,7 @@ _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualitie
 DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "adaptive"}
 
 _INNER = {"speeds": Speeds, "accelerations": Accelerations}
-_LISTS = ("layer_heights", "pause_at", "planner.ranges")
+_LISTS = ("layer_heights", "pause_at", "planner.ranges", "thumbnails")
 
 
 class _Source(NamedTuple):

@@ -17,7 +17,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
     """The list that the text of a setting stands for; empty text is an empty list.
 
     Args:
-        key: `layer_heights`, `pause_at` or `planner.ranges`.
+        key: `layer_heights`, `pause_at`, `planner.ranges` or `thumbnails`.
         text: as in the heading of this module.
 
     Raises:
@@ -26,6 +26,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
     readers: Mapping[str, tuple[str, Callable[[str], Any], str]] = {
         "layer_heights": (",", float, "0.1, 0.2, 0.3"),
         "pause_at": (",", float, "4, 12.5"),
+        "thumbnails": (",", str.strip, "32x32, 300x300/QOI"),
         "planner.ranges": (";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
     }
     separator, read, example = readers[key]
@@ -54,7 +55,7 @@ def list_as_text(values: Sequence[Any]) -> str:
     """The text that `list_from_text` reads back."""
     if values and isinstance(values[0], Mapping):
         return "; ".join(_range_text(item) for item in values)
-    return ", ".join(f"{value:.10g}" for value in values)
+    return ", ".join(value if isinstance(value, str) else f"{value:.10g}" for value in values)
 
 
 def _range_text(table: Mapping[str, float]) -> str:

@@ -113,6 +113,10 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     receive_buffer: Annotated[
         int, meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
     ] = 128
+    thumbnails: Annotated[
+        tuple[Annotated[str, meta("", pattern=r"^[1-9]\d{0,3}x[1-9]\d{0,3}(/(PNG|QOI))?$")], ...],
+        meta("pictures of the part in the file: width x height, PNG or QOI", "px"),
+    ] = ("32x32", "300x300")
     start_gcode: Annotated[
         str, meta("G-code before the part; {expressions} are filled in, as in the others")
     ] = ""

@@ -494,6 +494,7 @@ M104 S0
 ; printer.progress = True
 ; printer.baud = 115200
 ; printer.receive_buffer = 128
+; printer.thumbnails = 32x32, 300x300
 ; printer.start_gcode = G28\nM109 S{first_layer_nozzle_temperature}\n
 ; printer.end_gcode = M104 S0
 ; printer.before_layer_gcode = 

@@ -1,0 +1,217 @@
+"""Facets -> pictures: seen from the front right and above, in parallel lines, lit, on nothing.
+
+One picture is drawn larger than all that are wanted, with a buffer of depths; the wanted ones are means over its
+pixels. Facets become rows of pixels, rows become pixels, many at once: what lies between three straight edges on one
+row is one stretch. A facet that covers no middle of a pixel, as most of a fine mesh, costs nothing after that is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, radians, sin
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from printer_slicer.geometry import Float, Int
+from printer_slicer.geometry.areas import consecutive
+
+__all__ = ["Picture", "pictures"]
+
+Picture = NDArray[np.uint8]
+"""(h, w, 4) red, green, blue, opacity; row 0 is the top."""
+
+_TURN, _RISE = radians(-52.0), radians(28.0)  # where the eye is: around z from +x, and over the bed
+_FINER: Final = 2.0  # pixels of the large picture to one of the largest that is wanted
+_FEWEST: Final = 384  # pixels of the large picture along its longer side
+_MARGIN: Final = 0.04  # of the picture's shorter side, left free around the part
+_AT_ONCE: Final = 1 << 14  # facets: what fits the cache
+_COLOUR: Final = np.array([255.0, 146.0, 48.0])
+_SHADE: Final = np.array([112.0, 50.0, 22.0])  # its colour where no light comes
+_LIGHTS: Final = ((np.array([-0.30, -0.50, 0.80]), 0.78), (np.array([0.80, -0.45, 0.25]), 0.22))
+_AMBIENT: Final = 0.14
+_GLOSS: Final = 150.0  # added where light comes straight on
+_EDGE: Final = 0.55  # how bright the outline of something in front of something else is
+
+
+def pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list[Picture]:
+    """The part in pictures of some sizes (width, height), px.
+
+    Args:
+        triangles: (F, 3, 3) mm, counter-clockwise from outside.
+        sizes: one picture each.
+    """
+    if not sizes:
+        return []
+    low, size = _extent(triangles)
+    scales = [_scale(size, *one) for one in sizes]
+    scale = max(_FINER * max(scales), _FEWEST / float(size.max()))
+    large = _drawn(triangles, low, size, scale)
+    return [
+        _reduced(large, size * scale, ratio / scale, one) for one, ratio in zip(sizes, scales, strict=True)
+    ]
+
+
+def _extent(triangles: Float) -> tuple[Float, Float]:
+    """(2,) where the part begins to the right and upward, and how far it reaches, mm."""
+    ends = []
+    for first in range(0, len(triangles), _AT_ONCE):
+        places = _seen(triangles[first : first + _AT_ONCE])[:2].reshape(2, -1)
+        ends.append((places.min(axis=1), places.max(axis=1)))
+    low, high = np.min([one for one, _ in ends], axis=0), np.max([one for _, one in ends], axis=0)
+    return low, np.maximum(high - low, 1e-6)
+
+
+def _seen(triangles: Float) -> Float:
+    """(3, 3, F) how far to the right, upward and to the eye each of the three corners of F facets is, mm."""
+    corners = np.ascontiguousarray(
+        triangles.reshape(-1, 9).T
+    )  # in columns: neighbours are worked on together
+    axes = np.stack(_axes())
+    return np.stack([axes @ corners[3 * one : 3 * one + 3] for one in range(3)], axis=1)
+
+
+def _axes() -> tuple[Float, Float, Float]:
+    """To the right of the picture, upward, and from the part to the eye: unit vectors."""
+    toward = np.array([cos(_RISE) * cos(_TURN), cos(_RISE) * sin(_TURN), sin(_RISE)])
+    right = np.array([-sin(_TURN), cos(_TURN), 0.0])
+    return right, np.cross(toward, right), toward
+
+
+def _scale(size: Float, width: int, height: int) -> float:
+    """Px to the mm, so that the part fills a picture but for its margin."""
+    margin = 2 * _MARGIN * min(width, height)
+    return float(min((width - margin) / size[0], (height - margin) / size[1]))
+
+
+def _drawn(triangles: Float, low: Float, size: Float, scale: float) -> Float:
+    """(h, w, 4) the large picture, colours multiplied by opacity; row 0 is the bottom."""
+    shape = (int(np.ceil(size[1] * scale)) + 1, int(np.ceil(size[0] * scale)) + 1)
+    nearest = np.full(shape[0] * shape[1], -np.inf, np.float32)
+    colour = np.zeros((shape[0] * shape[1], 3), np.float32)
+    for begin in range(0, len(triangles), _AT_ONCE):
+        some = triangles[begin : begin + _AT_ONCE]
+        x, y, depth = _seen(some)
+        facet, pixel, deep = _pixels((x - low[0]) * scale, (y - low[1]) * scale, depth, shape)
+        order = np.argsort(deep, kind="stable")  # of several on one pixel, the last one written stays
+        facet, pixel, deep = facet[order], pixel[order], deep[order]
+        seen = deep > nearest[pixel]
+        facet, pixel = facet[seen], pixel[seen]
+        nearest[pixel] = deep[seen]
+        colour[pixel] = _lit(some, facet)
+    covered = np.isfinite(nearest).reshape(shape)
+    shown = colour.reshape(*shape, 3) * _outlined(nearest.reshape(shape))[..., None]
+    return np.dstack([shown, 255.0 * covered])
+
+
+def _pixels(x: Float, y: Float, depth: Float, shape: tuple[int, int]) -> tuple[Int, Int, NDArray[np.float32]]:
+    """Facet, pixel and depth of everything that faces the eye and covers the middle of a pixel."""
+    twice = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
+    bottom = np.ceil(np.minimum(np.minimum(y[0], y[1]), y[2]) - 0.5)
+    rows = np.floor(np.maximum(np.maximum(y[0], y[1]), y[2]) - 0.5) - bottom + 1
+    left = np.ceil(np.minimum(np.minimum(x[0], x[1]), x[2]) - 0.5)
+    right = np.floor(np.maximum(np.maximum(x[0], x[1]), x[2]) - 0.5)
+    kept = np.flatnonzero((twice > 1e-12) & (rows > 0) & (right >= left))
+    x, y, depth = x[:, kept], y[:, kept], depth[:, kept]
+    count = rows[kept].astype(np.int64)
+    of_row = np.repeat(np.arange(len(kept)), count)
+    level: Float = consecutive(bottom[kept].astype(np.int64), count).astype(np.float64) + 0.5
+    begin, size = _stretches(x, y, of_row, level, shape[1])
+    across = consecutive(begin, size)
+    row = np.repeat(np.arange(len(level)), size)
+    facet = of_row[row]
+    by_x, by_y = _slopes(x, y, depth, twice[kept])
+    base = depth[0] - by_x * (x[0] - 0.5) - by_y * y[0]
+    deep = base[facet] + by_x[facet] * across + by_y[facet] * level[row]
+    pixel = level.astype(np.int64)[row] * shape[1] + across
+    return kept[facet], pixel, deep.astype(np.float32)
+
+
+def _stretches(x: Float, y: Float, of_row: Int, level: Float, width: int) -> tuple[Int, Int]:
+    """First pixel and number of pixels of each row of a facet; facets are counter-clockwise."""
+    begin, end = np.full(len(level), -np.inf), np.full(len(level), np.inf)
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        rise = y[other] - y[one]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = (x[other] - x[one]) / rise
+        cut = x[one][of_row] + (level - y[one][of_row]) * slope[of_row]
+        up = rise[of_row]
+        begin = np.where(up < 0, np.maximum(begin, cut), begin)  # downward edges are on the left
+        end = np.where(up > 0, np.minimum(end, cut), end)
+    first = np.maximum(np.ceil(begin - 0.5), 0)
+    size = np.minimum(np.floor(end - 0.5), width - 1) - first + 1
+    there = np.isfinite(size) & (size > 0)
+    return np.where(there, first, 0).astype(np.int64), np.where(there, size, 0).astype(np.int64)
+
+
+def _slopes(x: Float, y: Float, depth: Float, twice: Float) -> tuple[Float, Float]:
+    """Change of depth of each facet per pixel to the right, and upward."""
+    one, other = depth[1] - depth[0], depth[2] - depth[0]
+    ax, ay, bx, by = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
+    return (one * by - other * ay) / twice, (other * ax - one * bx) / twice
+
+
+def _lit(triangles: Float, facet: Int) -> NDArray[np.float32]:
+    """(n, 3) colours of facets: two lights from the front, and a little from everywhere, more of it from above."""
+    used = np.zeros(len(triangles), np.bool_)
+    used[facet] = True
+    corners = triangles[used]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[:, None]
+    light = _AMBIENT * (1 + 0.5 * normal[:, 2])
+    for direction, strength in _LIGHTS:
+        light += strength * np.maximum((normal * (direction / np.linalg.norm(direction))).sum(axis=1), 0)
+    shine = np.clip(light, 0, 1)[:, None]
+    table = np.zeros((len(triangles), 3), np.float32)
+    table[used] = (_SHADE + (_COLOUR - _SHADE) * shine + _GLOSS * np.maximum(shine - 0.8, 0)).clip(0, 255)
+    return table[facet]
+
+
+def _outlined(nearest: NDArray[np.float32]) -> Float:
+    """(h, w) how bright each pixel stays: darker where something stands well in front of what is next to it."""
+    bright = np.ones(nearest.shape)
+    depths = nearest[np.isfinite(nearest)]
+    if not len(depths):
+        return bright
+    far = np.where(np.isfinite(nearest), nearest, depths.min() - float(np.ptp(depths)) - 1)
+    jump = 0.03 * float(np.ptp(depths)) + 1e-6
+    for axis in (0, 1):
+        ahead = np.diff(far, axis=axis)
+        near = np.zeros(nearest.shape, np.bool_)
+        near[tuple(slice(1, None) if axis == one else slice(None) for one in (0, 1))] |= ahead > jump
+        near[tuple(slice(None, -1) if axis == one else slice(None) for one in (0, 1))] |= ahead < -jump
+        bright[near] = _EDGE
+    return bright
+
+
+def _reduced(large: Float, size: Float, ratio: float, wanted: tuple[int, int]) -> Picture:
+    """A picture of the wanted size (width, height) with the part, `size` px of the large picture, in its middle.
+
+    Args:
+        large: colours multiplied by opacity, row 0 at the bottom.
+        size: (2,) of the part in it, px.
+        ratio: px of the wanted picture to one of the large one.
+        wanted: width and height, px.
+    """
+    picture = large
+    for axis, (pixels, part) in enumerate(zip(wanted[::-1], size[::-1], strict=True)):
+        edges = (np.arange(pixels + 1) - (pixels - part * ratio) / 2) / ratio
+        picture = _means(picture, edges, axis)
+    alpha = picture[..., 3:]
+    straight = np.where(alpha > 0, picture[..., :3] * 255 / np.maximum(alpha, 1e-9), 0)
+    whole = np.rint(np.concatenate([straight, alpha], axis=2)).clip(0, 255).astype(np.uint8)
+    whole[whole[..., 3] == 0] = 0
+    return np.ascontiguousarray(whole[::-1])
+
+
+def _means(picture: Float, edges: Float, axis: int) -> Float:
+    """Means over stretches between edges along an axis; beyond the picture there is nothing."""
+    moved = np.moveaxis(picture, axis, 0)
+    sums = np.concatenate([np.zeros((1, *moved.shape[1:])), np.cumsum(moved, axis=0)])
+    at = np.clip(edges, 0, len(moved))
+    below = np.minimum(at.astype(np.int64), len(moved) - 1)
+    part = (at - below).reshape(-1, *[1] * (moved.ndim - 1))
+    until = sums[below] * (1 - part) + sums[below + 1] * part
+    wide = np.diff(edges).reshape(-1, *[1] * (moved.ndim - 1))
+    return np.moveaxis(np.diff(until, axis=0) / wide, 0, axis)
