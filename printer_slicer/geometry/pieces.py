@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,31 @@ class Pieces:
         number = np.full(self.count + 1, -1)  # the last one for rings that belong to none
         number[which] = np.arange(len(which))
         return Pieces(self.areas.for_each(which), self.layer[which], number[self.of_ring])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Pieces]) -> tuple[Pieces, Int]:
+        """All pieces of several stacks, by layer, and (P,) which stack each is of; `of_ring` has the rings of all."""
+        layer = np.concatenate([part.layer for part in parts])
+        count = [part.count for part in parts]
+        source = np.repeat(np.arange(len(parts)), count)
+        order = np.argsort(layer, kind="stable")
+        number = np.zeros(len(layer) + 1, np.int64)
+        number[order] = np.arange(len(layer))
+        number[-1] = -1
+        first = np.cumsum([0, *count]).tolist()
+        piece = np.concatenate(
+            [number[part.areas.ring_layer + n] for part, n in zip(parts, first, strict=False)]
+        )
+        sizes = np.concatenate([np.diff(part.areas.ring_start) for part in parts])
+        xy = np.concatenate([part.areas.xy for part in parts])
+        rings = Areas(xy, np.append(0, np.cumsum(sizes)), np.zeros_like(piece), 1)
+        sorted_rings = np.argsort(piece, kind="stable")
+        areas = rings.restacked(sorted_rings, piece[sorted_rings], len(layer))
+        of_ring = [
+            number[np.where(part.of_ring < 0, -1, part.of_ring + n)]
+            for part, n in zip(parts, first, strict=False)
+        ]
+        return cls(areas, layer[order], np.concatenate(of_ring)), source[order]
 
     @property
     def count(self) -> int:

@@ -10,6 +10,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import (
     Areas,
     Float,
+    Int,
     Lines,
     Pieces,
     difference,
@@ -40,17 +41,17 @@ _MOST_PRESSED = 0.007  # of the volume
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beads:
-    """Beads of one role, for each of P pieces.
+    """Beads for each of P pieces.
 
     Attributes:
-        role: why they are laid.
+        role: (P,) why they are laid.
         angle: (P,) radians.
         gap: (P,) mm from one centre line to the next, usually.
         width: (P,) mm of a bead if that is fixed; 0 where it follows from how many fit.
         height: (P,) mm.
     """
 
-    role: Role
+    role: Int
     angle: Float
     gap: Float
     width: Float
@@ -65,14 +66,14 @@ def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> 
     if beads.width.any():  # threads in the air have one width all along
         threads = _without_dots(Zigzags.plain(rows, gap), shortest)
         laid = [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
-        if beads.role == Role.BRIDGE:  # beside it, walls hold beads
+        if (beads.role == Role.BRIDGE).any():  # beside it, walls hold beads
             laid.append(_amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)[0])
         return laid
     turn = _of_turns(gap, beads.height, profile)
     lines = _without_dots(zigzags(rows, area, beads.angle, gap, turn), shortest)
     between: list[Toolpaths] = []
     filled = np.zeros(pieces.count)
-    if beads.role != Role.INTERNAL_BRIDGE:  # its rows rest at both ends; beads between them would not
+    if (beads.role != Role.INTERNAL_BRIDGE).any():  # its rows rest at both ends; beads between them would not
         amid, filled = _amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)
         between = [amid]
     long, turns = (np.bincount(lines.entry, part, minlength=pieces.count) for part in lines.length().T)
@@ -117,12 +118,12 @@ def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: Beads, lines: Zigzags, wi
         xy=lines.xy,
         size=np.diff(lines.start),
         layer=pieces.layer[piece],
-        role=np.full(len(piece), beads.role),
+        role=beads.role[piece],
         width=width,
         height=beads.height[piece],
         closed=False,
         # Rows come from the lowest up: each is laid beside one that is there already, never between two.
-        sweep=piece if beads.role in _IN_SWEEPS else None,
+        sweep=np.where(np.isin(beads.role[piece], _IN_SWEEPS), piece, -1),
     )
 
 
@@ -138,13 +139,13 @@ def _share(areas: Areas, laid: Float, filled: Float, overlap: float) -> Float:
 
 
 def _amid(
-    plan: LayerPlan, pieces: Pieces, stairs: Areas, role: Role, profile: Profile
+    plan: LayerPlan, pieces: Pieces, stairs: Areas, role: Int, profile: Profile
 ) -> tuple[Toolpaths, Float]:
     """Beads where rows leave room, and (P,) mm² of each piece that they fill."""
     left = pieces_of(offset_open(difference(pieces.areas, stairs), _SLIT))
     left = left.take(np.flatnonzero(left.areas.area() > _SPECK))
     gaps = Pieces(left.areas, pieces.layer[left.layer], left.of_ring)
-    paths, _, filled = beads_amid(plan, gaps, role, profile, beads=_AMID)
+    paths, _, filled = beads_amid(plan, gaps, role[left.layer], profile, beads=_AMID)
     return paths, np.bincount(left.layer, filled, minlength=pieces.count).astype(np.float64)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Float, Pieces, pieces_of
+from printer_slicer.geometry import Float, Int, Pieces, pieces_of
 from printer_slicer.infill.narrow import along_narrow
 from printer_slicer.infill.rows import Beads, rows_in
 from printer_slicer.infill.strips import strip_paths
@@ -22,18 +22,13 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     plan = regions.plan
     turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
     parts = _bridges(regions, profile) + _internal_bridges(regions, profile)
-    for areas, role in (
-        (regions.bottom_skin, Role.BOTTOM_SKIN),
-        (regions.solid, Role.SOLID),
-        (regions.top_skin, Role.TOP_SKIN),
-    ):
-        pieces = pieces_of(areas)
-        if role == Role.SOLID:
-            even, pieces = strip_paths(regions, pieces, profile)
-            parts.append(even)
-        along, across = along_narrow(plan, pieces, role, profile)
-        beads = _usual(plan, across, role, turned[across.layer], profile)
-        parts += [along, *rows_in(plan, across, beads, profile)]
+    even, others = strip_paths(regions, pieces_of(regions.solid), profile)
+    pieces, which = Pieces.joined([pieces_of(regions.bottom_skin), others, pieces_of(regions.top_skin)])
+    role = np.array([Role.BOTTOM_SKIN, Role.SOLID, Role.TOP_SKIN])[which]
+    along, left = along_narrow(plan, pieces, role, profile)
+    across = pieces.take(left)
+    beads = _usual(plan, across, role[left], turned[across.layer], profile)
+    parts += [even, along, *rows_in(plan, across, beads, profile)]
     if profile.quality.ironing:
         parts += _ironed(plan, pieces_of(regions.top_skin), turned, profile)
     return parts
@@ -45,11 +40,12 @@ def _ironed(plan: LayerPlan, skins: Pieces, turned: Float, profile: Profile) -> 
     height = quality.ironing_flow_ratio * plan.height[skins.layer]
     gap = np.full(skins.count, quality.ironing_spacing)
     across = turned[skins.layer] + np.pi / 2
-    beads = Beads(Role.IRONING, across, gap, np.round(bead.width_for_spacing(gap, height), 4), height)
+    width = np.round(bead.width_for_spacing(gap, height), 4)
+    beads = Beads(_all(skins, Role.IRONING), across, gap, width, height)
     return rows_in(plan, skins, beads, profile)
 
 
-def _usual(plan: LayerPlan, pieces: Pieces, role: Role, angle: Float, profile: Profile) -> Beads:
+def _usual(plan: LayerPlan, pieces: Pieces, role: Int, angle: Float, profile: Profile) -> Beads:
     """Beads as far apart as their width says, and as wide as fits."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
@@ -57,15 +53,20 @@ def _usual(plan: LayerPlan, pieces: Pieces, role: Role, angle: Float, profile: P
     return Beads(role, angle, gap, np.zeros(pieces.count), height)
 
 
+def _all(pieces: Pieces, role: Role) -> Int:
+    """(P,) the same role for each."""
+    return np.full(pieces.count, role)
+
+
 def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     """Threads over air: round ones, or beads with as much plastic as asked for."""
     quality, plan, pieces = profile.quality, regions.plan, pieces_of(regions.bridge)
     angle = np.zeros(pieces.count)
     angle[pieces.of_ring] = regions.bridge_angle
-    beads = _usual(plan, pieces, Role.BRIDGE, angle, profile)
+    beads = _usual(plan, pieces, _all(pieces, Role.BRIDGE), angle, profile)
     if quality.thick_bridges:
         thread = np.full(pieces.count, profile.printer.nozzle_diameter * np.sqrt(quality.bridge_flow_ratio))
-        beads = Beads(Role.BRIDGE, angle, thread + _APART, thread, thread)
+        beads = Beads(beads.role, angle, thread + _APART, thread, thread)
     else:
         beads = _with_flow(beads, quality.bridge_flow_ratio, profile)
     return rows_in(plan, pieces, beads, profile)
@@ -77,7 +78,7 @@ def _internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     pieces = pieces_of(regions.internal_bridge)
     angle = np.zeros(pieces.count)
     angle[pieces.of_ring] = regions.internal_bridge_angle
-    beads = _usual(plan, pieces, Role.INTERNAL_BRIDGE, angle, profile)
+    beads = _usual(plan, pieces, _all(pieces, Role.INTERNAL_BRIDGE), angle, profile)
     if quality.internal_bridge_flow_ratio != 1:
         beads = _with_flow(beads, quality.internal_bridge_flow_ratio, profile)
     return rows_in(plan, pieces, beads, profile)

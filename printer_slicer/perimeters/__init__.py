@@ -11,10 +11,10 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
 from printer_slicer.model import Sections, Toolpaths, Walls
-from printer_slicer.perimeters.shells import Filled, fill_narrow, shell
+from printer_slicer.perimeters.shells import Filled, fill_narrow, fill_pieces, shell
 from printer_slicer.profile import Profile
 
-__all__ = ["Filled", "fill_narrow", "lay_walls"]
+__all__ = ["Filled", "fill_narrow", "fill_pieces", "lay_walls"]
 
 _OVERHANG_BEADS = 3  # side by side over air; wider overhangs are bridged
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Bool, Float
+from printer_slicer.geometry import Areas, Bool, Float, Int, Pieces
 from printer_slicer.model import LayerPlan, Role, Toolpaths, reordered
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.narrow import Narrow, fill_narrow_places
@@ -15,7 +15,7 @@ from printer_slicer.perimeters.ordinary import ordinary_loops
 from printer_slicer.perimeters.thinning import kept_points
 from printer_slicer.profile import Profile
 
-__all__ = ["Filled", "fill_narrow", "shell"]
+__all__ = ["Filled", "fill_narrow", "fill_pieces", "shell"]
 
 _SIMPLER = 0.025  # mm; the borders of strips between beads are nobody's outline
 _EVEN = 0.004  # mm by which points may be off that are spared
@@ -52,15 +52,16 @@ def shell(areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outerm
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(width, plan.height)
     varying, amid = profile.quality.varying_walls, not outermost
-    least = np.full(plan.n_layers, profile.thinnest_feature) if outermost else _least(plan, profile)
+    least = np.full(plan.n_layers, profile.thinnest_feature) if outermost else _least(plan.height, profile)
     margin = (width - gap) / 2 if outermost else np.full(plan.n_layers, _HAIR)
-    count = _beading(plan, profile, loops=loops, amid=amid, margin=margin, thinnest=least)
+    count = _beading((width, plan.height), profile, loops=loops, amid=amid, margin=margin, thinnest=least)
     given = areas if varying and (loops or amid) else Areas.empty(plan.n_layers)
     narrow = fill_narrow_places(given, count, 0.0 if outermost else _SIMPLER)
     wide = areas.of_layers(~narrow.layers)
     ordinary, inside, lost = ordinary_loops(wide, width if outermost else gap, gap, loops)
     role = Role.OUTER_PERIMETER if outermost else Role.INNER_PERIMETER
-    paths = [_loops(plan, ordinary, width, role), _varying(plan, narrow, role)]
+    own = np.arange(plan.n_layers)
+    paths = [_loops(plan, ordinary, width, role), _varying(plan, own, narrow, role, Role.INNER_PERIMETER)[0]]
     return Filled(Toolpaths.joined(plan, paths), inside.merge(narrow.inside), lost + narrow.lost)
 
 
@@ -76,25 +77,44 @@ def fill_narrow(
         beads: places with room for more side by side are left.
         role: of the paths.
     """
-    hair, least = np.full(plan.n_layers, _HAIR), _least(plan, profile)
-    count = _beading(plan, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
-    narrow = fill_narrow_places(areas, count, _SIMPLER)
+    own = np.arange(plan.n_layers)
+    narrow = fill_narrow_places(areas, _amid_others(plan, own, profile, beads), _SIMPLER)
     rest = areas.of_layers(~narrow.layers).merge(narrow.inside)
-    return Filled(_varying(plan, narrow, role, role), rest, narrow.lost)
+    return Filled(_varying(plan, own, narrow, role, role)[0], rest, narrow.lost)
 
 
-def _least(plan: LayerPlan, profile: Profile) -> Float:
-    """(L,) mm; thinner strips between beads are left open."""
-    narrowest = np.maximum(profile.bead_widths[0], plan.height)
-    return _LEAST_STRIP * bead.spacing(narrowest, plan.height)
+def fill_pieces(
+    pieces: Pieces, role: Int, plan: LayerPlan, profile: Profile, *, beads: int
+) -> tuple[Toolpaths, Int]:
+    """The same for areas one by one, which may touch each other; `role` (P,) of each is that of its beads.
+
+    Returns:
+        The paths, and (M,) the piece that each lies in.
+    """
+    narrow = fill_narrow_places(pieces.areas, _amid_others(plan, pieces.layer, profile, beads), _SIMPLER)
+    return _varying(plan, pieces.layer, narrow, role, role)
+
+
+def _amid_others(plan: LayerPlan, layer: Int, profile: Profile, beads: int) -> Beading:
+    """How many beads lie across areas on layers (E,) between other beads."""
+    width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)[layer]
+    height = plan.height[layer]
+    hair, least = np.full(len(layer), _HAIR), _least(height, profile)
+    size = width, height
+    return _beading(size, profile, loops=beads // 2, amid=beads % 2 == 1, margin=hair, thinnest=least)
+
+
+def _least(height: Float, profile: Profile) -> Float:
+    """(E,) mm; thinner strips between beads are left open."""
+    narrowest = np.maximum(profile.bead_widths[0], height)
+    return _LEAST_STRIP * bead.spacing(narrowest, height)
 
 
 def _beading(
-    plan: LayerPlan, profile: Profile, *, loops: int, amid: bool, margin: Float, thinnest: Float
+    size: tuple[Float, Float], profile: Profile, *, loops: int, amid: bool, margin: Float, thinnest: Float
 ) -> Beading:
-    """How many beads lie across an area, by its thickness."""
-    height = plan.height
-    width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    """How many beads lie across an area, by its thickness; `size` is their usual width and height (E,)."""
+    width, height = size
     spacing = bead.spacing(width, height)
     low, high = profile.bead_widths
     narrowest, widest = (
@@ -125,15 +145,24 @@ def _loops(plan: LayerPlan, loops: list[Areas], width: Float, outermost: Role) -
 
 
 def _varying(
-    plan: LayerPlan, narrow: Narrow, outermost: Role, inner: Role = Role.INNER_PERIMETER
-) -> Toolpaths:
-    """Loops and lines of varying width, the deeper ones first within each layer."""
+    plan: LayerPlan, home: Int, narrow: Narrow, outermost: int | Int, inner: int | Int
+) -> tuple[Toolpaths, Int]:
+    """Loops and lines of varying width, the deeper ones first within each entry, and (M,) the entry of each.
+
+    Args:
+        plan: the layers.
+        home: (E,) ascending, the layer of each entry that was filled.
+        narrow: what it was filled with.
+        outermost: role of the beads along outlines, of all or (E,) by entry.
+        inner: of the others.
+    """
     rings, lines = narrow.rings, narrow.lines
-    layer = np.concatenate([rings.layer, lines.layer])
+    entry = np.concatenate([rings.layer, lines.layer])
     depth = np.concatenate([rings.level, lines.depth])
     size = np.concatenate([rings.size, lines.size])
     xy, width = np.concatenate([rings.xy, lines.xy]), np.concatenate([rings.width, lines.width])
-    width = np.round(np.maximum(width, np.repeat(plan.height[layer], size)), 3)  # what the file will say
+    height = np.repeat(plan.height[home[entry]], size)
+    width = np.round(np.maximum(width, height), 3)  # what the file will say
     closed: Bool = np.concatenate([np.ones(len(rings.size), np.bool_), lines.closed])
     kept = kept_points(xy, width, size, closed, _EVEN)
     xy, width, size = (
@@ -141,14 +170,17 @@ def _varying(
         width[kept],
         np.bincount(np.repeat(np.arange(len(size)), size)[kept], minlength=len(size)),
     )
-    order = np.lexsort((-depth, layer))
+    order = np.lexsort((-depth, entry))
     (x, y, width), size = reordered((*xy.T, width), size, order)
-    return Toolpaths.gathered(
+    entry = entry[order]
+    roles = [np.broadcast_to(role, len(home))[entry] for role in (inner, outermost)]
+    paths = Toolpaths.gathered(
         plan,
         xy=np.column_stack([x, y]),
         size=size,
-        layer=layer[order],
-        role=np.where(depth[order] > 0, inner, outermost),
+        layer=home[entry],
+        role=np.where(depth[order] > 0, *roles),
         width=width,
         closed=closed[order],
     )
+    return paths, entry

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from printer_slicer.geometry import Areas, outlines_within, pieces_of
+from printer_slicer.geometry import Areas, Pieces, outlines_within, pieces_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from tests.parts import shape, shapely
 from tests.strategies import clean_areas
@@ -63,6 +63,25 @@ def test_the_parts_of_outlines_within_areas_are_as_long_as_they_should_be(
         low = shapely.length(shapely.intersection(around, shapely.buffer(area, -1e-3)))
         high = shapely.length(shapely.intersection(around, shapely.buffer(area, 1e-3)))
         assert low - 0.01 * (1 + len(lines)) <= length <= high + 0.01 * (1 + len(lines))
+
+
+@settings(deadline=None, max_examples=40)
+@given(one=clean_areas(3), other=clean_areas(3))
+def test_pieces_of_several_stacks_are_those_of_each_by_layer(one: Areas, other: Areas) -> None:
+    stacks = [pieces_of(one), pieces_of(other)]
+    joined, source = Pieces.joined(stacks)
+
+    assert (np.diff(joined.layer) >= 0).all()
+    for number, pieces in enumerate(stacks):
+        own = joined.take(np.flatnonzero(source == number))
+        assert np.array_equal(own.layer, pieces.layer)
+        assert np.array_equal(own.areas.xy, pieces.areas.xy)
+        assert np.array_equal(own.areas.ring_start, pieces.areas.ring_start)
+    first = one.n_rings
+    for rings, areas in ((joined.of_ring[:first], one), (joined.of_ring[first:], other)):
+        for ring, piece in enumerate(rings.tolist()):
+            if piece >= 0:
+                assert areas.ring_layer[ring] == joined.layer[piece]
 
 
 @engines
