@@ -21,6 +21,10 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["Diagram", "diagram_of"]
 
+# Steps from the origin to the middle of a diagram. The library asks for places to some parts in 10^14 of what they are,
+# and reckons with more digits than a double has where that is not sure: near the origin it hardly ever is.
+_AWAY = 10_000_000
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagram:
@@ -59,7 +63,7 @@ def diagram_of(ends: Float, layer: Int) -> Diagram:
     high = np.maximum.reduceat(ends.max(axis=1), starts)
     middle = np.rint((low + high) / 2)  # whole mm, so that nothing is rounded anew
     size = np.diff(np.append(starts, len(layer)))
-    steps = np.rint((ends - np.repeat(middle, size, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64)
+    steps = np.rint((ends - np.repeat(middle, size, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64) + _AWAY
     with _no_collection():
         parts = [
             _one(steps[first : first + count].tolist()) for first, count in zip(starts, size, strict=True)
@@ -72,7 +76,7 @@ def diagram_of(ends: Float, layer: Int) -> Diagram:
     forth, back = edges[:, :2], edges[:, 1::-1]
     ways = np.stack([forth, back], axis=1).reshape(-1, 2)
     return Diagram(
-        np.concatenate(vertex) / STEPS_PER_MM + np.repeat(middle, [len(own) for own in vertex], axis=0),
+        (np.concatenate(vertex) - _AWAY) / STEPS_PER_MM + np.repeat(middle, [len(own) for own in vertex], axis=0),
         ways[:, 0],
         ways[:, 1],
         np.concatenate([own + n for own, n in zip(cell, n_cells, strict=True)]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from printer_slicer.geometry import Areas, Bool, Float, Int, normalize, offset, 
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
-from printer_slicer.geometry.voronoi import medial_axis
+from printer_slicer.geometry.voronoi import MedialAxis, medial_axis
 from printer_slicer.model import reordered
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted, counted
@@ -26,6 +26,7 @@ _LEAN = np.deg2rad(26)  # a little more than sides of corners that have beads in
 _BEYOND = 0.02  # mm of radius: so far places are followed into wider ones, to bridge short bulges
 _CELL = 0.4  # mm
 _APART = 2e-5  # mm; two steps of the grid that areas are rounded to
+_SAME = 1e-3  # mm of an outline
 _ROOM = 0.5  # mm around narrow places within which the medial axis must be known
 
 
@@ -110,8 +111,8 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
     layout = laid_out(given, beading)
     walk = walked(layout, layout.active, layout.inset, layout.width)
     width = beading.spacing + beading.rounding
-    ordinary, places = _ordinary(solid.of_layers(layers), beading), _places(layout, width, solid.n_layers)
-    rings, failed = closed_rings(walk, ordinary, places, width)
+    around = solid.select(layers[solid.ring_layer] & _partly_wide(solid, axis, given))
+    rings, failed = closed_rings(walk, _ordinary(around, beading), layout, width)
     broken[failed] = True
     layers &= ~broken
     lines = middle_lines(layout, beading)
@@ -128,6 +129,19 @@ def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -
     )
 
 
+def _partly_wide(solid: Areas, axis: MedialAxis, given: Counted) -> Bool:
+    """(R,) rings of areas that are not narrow all over: only these have ordinary loops."""
+    graph = given.graph
+    half = np.flatnonzero(np.repeat(given.used, 2))
+    ring = solid.point_ring[axis.source[2 * graph.origin[half >> 1] + (half & 1)]]
+    way = graph.foot[half, 1] - graph.foot[half, 0]
+    covered = np.bincount(ring, np.hypot(*way.T), minlength=solid.n_rings)
+    area = linked(ring.reshape(-1, 2).T, solid.n_rings)
+    wide = np.zeros(solid.n_rings, np.bool_)
+    wide[area[covered < solid.ring_length() - _SAME]] = True
+    return wide[area]
+
+
 def _ordinary(solid: Areas, beading: Beading) -> list[Areas]:
     """The loops of each level, and the border of what is left inside, as they are where there is room for all.
 
@@ -136,14 +150,6 @@ def _ordinary(solid: Areas, beading: Beading) -> list[Areas]:
     inset = np.arange(beading.loops + 1)[:, None] * beading.spacing + beading.margin
     inset[:-1] += beading.spacing / 2
     return [offset(solid, -one, join="round") for one in inset]
-
-
-def _places(layout: Layout, width: Float, n_layers: int) -> Areas:
-    """The narrow places, from outline to outline: what a loop along the outline itself goes around, without mouths."""
-    without_mouths = replace(layout, wide=np.zeros(len(layout.wide), np.bool_))
-    walk = walked(without_mouths, layout.used[None], np.zeros((1, len(layout.count))), layout.width[:1])
-    rings, _ = closed_rings(walk, [], Areas.empty(n_layers), width)
-    return _areas(rings, n_layers)
 
 
 def _real(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:

@@ -7,14 +7,15 @@ comes to a mouth, a place that is wide, it goes on along the ordinary loop there
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, rings_around
+from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.geometry.areas import consecutive, distinct, run_begins
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
-from printer_slicer.geometry.vectors import feet
+from printer_slicer.geometry.vectors import cross, feet
 from printer_slicer.perimeters.layout import Layout
 
 __all__ = ["Rings", "Walk", "closed_rings", "walked"]
@@ -120,20 +121,20 @@ def _onward(layout: Layout, number: Int, level: Int, half: Int) -> Int:
     return following
 
 
-def closed_rings(walk: Walk, ordinary: list[Areas], places: Areas, width: Float) -> tuple[Rings, Int]:
+def closed_rings(walk: Walk, ordinary: list[Areas], layout: Layout, width: Float) -> tuple[Rings, Int]:
     """Loops that are closed: by themselves or, through mouths, along ordinary loops.
 
     Args:
         walk: the steps.
         ordinary: for each level the loops as they are where the area is wide.
-        places: where it is not; ordinary loops that lie there are left out.
+        layout: the medial axis; ordinary loops that lie beside its pieces are left out.
         width: (L,) mm of their beads.
 
     Returns:
         The loops, and the layers on which they could not be joined; those have none.
     """
     # Items of loops: the steps, with two points each, and then the points of the ordinary loops.
-    loops = [_Ordinary.of(areas, level, walk, places) for level, areas in enumerate(ordinary)]
+    loops = [_Ordinary.of(areas, level, walk, layout) for level, areas in enumerate(ordinary)]
     after, bad = [walk.following.copy()], [walk.layer[walk.following == -2]]
     for loop in loops:
         links, lost = loop.links(sum(map(len, after)), after[0])
@@ -199,7 +200,7 @@ class _Ordinary:
     lost: Int
 
     @classmethod
-    def of(cls, areas: Areas, level: int, walk: Walk, places: Areas) -> _Ordinary:
+    def of(cls, areas: Areas, level: int, walk: Walk, layout: Layout) -> _Ordinary:
         """Find the mouths of a level on its loops; loops within narrow places without a mouth are left out."""
         entered = np.zeros(len(walk.level), np.bool_)
         entered[walk.following[walk.following >= 0]] = True
@@ -212,7 +213,7 @@ class _Ordinary:
         ring_of_point = areas.point_ring
         touched = np.zeros(areas.n_rings, np.bool_)
         touched[ring_of_point[side[gap <= _ON]]] = True
-        touched[~touched] = ~_begin_in(areas.select(~touched), places)
+        touched[~touched] = ~_begin_beside(areas.select(~touched), layout)
         points = np.flatnonzero(touched[ring_of_point])
         found = gap <= _ON
         at = np.concatenate([points.astype(np.float64), (side + np.clip(share, 1e-9, 1 - 1e-9))[found]])
@@ -263,10 +264,25 @@ class _Ordinary:
         return links, lost
 
 
-def _begin_in(rings: Areas, places: Areas) -> Bool:
-    """(R,) whether rings begin within places."""
-    around = rings_around(places, rings.xy.take(rings.ring_start[:-1], axis=0), rings.ring_layer)
-    return np.append(places.ring_area() > 0, False)[around]
+def _begin_beside(rings: Areas, layout: Layout) -> Bool:
+    """(R,) whether rings begin between the outline and a piece that is used, on the way from one to the other."""
+    graph, layer = layout.graph, np.zeros(rings.n_layers, np.bool_)
+    layer[rings.ring_layer] = True
+    half = np.flatnonzero(np.repeat(layout.used & layer[graph.piece_layer], 2))
+    start = graph.start[half]
+    corners = [graph.xy[start], graph.xy[graph.start[half ^ 1]], graph.foot[half, 1], graph.foot[half, 0]]
+    low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
+    point = rings.xy.take(rings.ring_start[:-1], axis=0)
+    found, beside = Boxes(point, point, rings.ring_layer).overlapping(
+        Boxes(low, high, graph.layer[start]).grown(_SAME)
+    )
+    # The outline lies on the left: counter-clockwise, what is inside lies to the left of all four sides.
+    corner, place = np.stack([some[beside] for some in corners], axis=1), point[found]
+    sides = np.roll(corner, -1, axis=1) - corner
+    inside = (cross(sides, place[:, None] - corner) >= -_SAME * np.hypot(*np.moveaxis(sides, -1, 0))).all(axis=1)
+    result = np.zeros(rings.n_rings, np.bool_)
+    result[found[inside]] = True
+    return result
 
 
 def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
