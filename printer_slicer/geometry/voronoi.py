@@ -6,6 +6,7 @@ Places where outlines of other layers, or the far side of an outline, are neares
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -15,10 +16,10 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.touching import entangled_layers
 from printer_slicer.geometry.vectors import cross, dot, feet
 
-__all__ = ["MedialAxis", "medial_axis", "ways_of_parts"]
+__all__ = ["CHORD", "MedialAxis", "medial_axis", "ways_of_parts"]
 
+CHORD: Final = 0.005  # mm between a parabola and its pieces
 _STEP = 0.2  # radians between neighbouring points around a corner: chords within 0.5 % of the radius
-_CHORD = 0.005  # mm between a parabola and its pieces
 _TIP = 1e-6  # mm of radius
 _MOST = 64  # pieces of one edge
 
@@ -73,7 +74,9 @@ class MedialAxis:
         return np.asarray(self.start.reshape(-1, 2)[:, ::-1].ravel())
 
 
-def medial_axis(areas: Areas, reach: float, sides: Bool | None = None) -> MedialAxis:
+def medial_axis(
+    areas: Areas, reach: float, sides: Bool | None = None, *, chord: float = CHORD
+) -> MedialAxis:
     """The medial axis where the areas are at most twice `reach` wide, and a little beyond.
 
     Args:
@@ -81,6 +84,7 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None) -> Medial
         reach: mm; pieces that are farther from the outline at both ends are left out.
         sides: (N,) which sides of the outlines, named by the points at which they begin, take part; all if not given.
             Where a side that does not is nearest, the axis is not that of the areas.
+        chord: mm between a parabola and its pieces; the angle between points around corners goes with it.
     """
     found = _sides(areas, sides)
     steps = np.rint(found.points[:, 1:3] * STEPS_PER_MM).astype(np.int64)
@@ -93,7 +97,7 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None) -> Medial
         return MedialAxis(
             nowhere, np.zeros(0), none, none, feet_of_none, none, none, np.zeros(0, np.bool_), left_out
         )
-    return _axis(found, reach, left_out)
+    return _axis(found, reach, left_out, chord)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,7 +182,7 @@ def ways_of_parts(following: Int, count: Int) -> Int:
     return np.stack([up, down], axis=1).ravel()
 
 
-def _axis(sides: _Sides, reach: float, left_out: Int) -> MedialAxis:
+def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
     """The medial axis of sides, none of which are on the layers left out."""
     diagram = diagram_of(sides.points[:, 1:3], sides.layer)
     chosen = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end >= 0))
@@ -204,7 +208,8 @@ def _axis(sides: _Sides, reach: float, left_out: Int) -> MedialAxis:
     near = [np.hypot(*(halves.ends[:, k] - halves.feet(halves.ends[:, k], n)).T) <= reach for k in (0, 1)]
     kept &= near[0] | near[1]
     kept &= kept[twin]
-    return _pieces(halves.take(np.flatnonzero(kept)), _following(diagram, chosen[kept]), left_out)
+    halves = halves.take(np.flatnonzero(kept))
+    return _pieces(halves, _following(diagram, chosen[kept]), left_out, chord)
 
 
 def _within(halves: _Halves, twin: Int) -> Bool:
@@ -238,12 +243,12 @@ def _following(diagram: Diagram, chosen: Int) -> Int:
     return result
 
 
-def _pieces(halves: _Halves, following: Int, left_out: Int) -> MedialAxis:
+def _pieces(halves: _Halves, following: Int, left_out: Int, chord: float) -> MedialAxis:
     """Edges divided where they bend, or where beads beside them do that go around a corner."""
     used, number = renumbered(halves.vertex, int(halves.vertex.max(initial=-1)) + 1)
     xy, layer = np.zeros((len(used), 2)), np.zeros(len(used), np.int64)
     xy[number], layer[number] = halves.ends, halves.layer[:, None]
-    count, inner = _divided(halves)
+    count, inner = _divided(halves, chord)
     edge, step = np.repeat(np.arange(len(count)), count), consecutive(np.zeros_like(count), count)
     new = len(used) + np.cumsum(count - 1) - (count - 1)
     is_first, is_last = step == 0, step == count[edge] - 1
@@ -280,12 +285,13 @@ def _pieces(halves: _Halves, following: Int, left_out: Int) -> MedialAxis:
     )
 
 
-def _divided(halves: _Halves) -> tuple[Int, Float]:
+def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
     """(h / 2,) pieces that each edge is divided into, and the (n, 2) points between them.
 
     Between a corner and a side the edge is a parabola, between two corners it is straight, but the way around either
-    corner is not: seen from the corner, points are at most `_STEP` apart.
+    corner is not: seen from the corner, points are at most `_STEP` apart where `chord` is `CHORD`.
     """
+    most = _STEP * np.sqrt(chord / CHORD)
     up, down = halves.corner[::2], halves.corner[1::2]
     two = up & down
     focus = np.where(up[:, None], halves.points[::2, 1], halves.points[1::2, 1])
@@ -303,8 +309,8 @@ def _divided(halves: _Halves) -> tuple[Int, Float]:
     gap = np.where(curved, gap, 1.0)
     half = np.where(two, 1.0, 2.0)[:, None]
     angle = half * np.arctan(u / gap[:, None])
-    steep = 2 * np.sqrt(8 * _CHORD / gap) * np.cos(np.abs(angle).max(axis=1) / 2) ** 2
-    widest = np.where(two, _STEP, np.minimum(_STEP, steep))
+    steep = 2 * np.sqrt(8 * chord / gap) * np.cos(np.abs(angle).max(axis=1) / 2) ** 2
+    widest = np.where(two, most, np.minimum(most, steep))
     wanted = np.ceil(np.abs(angle[:, 1] - angle[:, 0]) / widest - 1e-9)
     count = np.where(curved, np.clip(wanted, 1, _MOST), 1).astype(np.int64)
     edge, step = np.repeat(np.arange(len(count)), count - 1), 1 + consecutive(np.zeros_like(count), count - 1)

@@ -10,7 +10,7 @@ from printer_slicer.geometry import Areas, Bool, Float, Int, normalize, offset, 
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
-from printer_slicer.geometry.voronoi import MedialAxis, medial_axis
+from printer_slicer.geometry.voronoi import CHORD, MedialAxis, medial_axis
 from printer_slicer.model import reordered
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted, counted
@@ -26,6 +26,7 @@ _LEAN = np.deg2rad(26)  # a little more than sides of corners that have beads in
 _BEYOND = 0.02  # mm of radius: so far places are followed into wider ones, to bridge short bulges
 _CELL = 0.4  # mm
 _APART = 2e-5  # mm; two steps of the grid that areas are rounded to
+_BENT = 0.8  # of the tolerance of outlines is that of what lies between them
 _SAME = 1e-3  # mm of an outline
 _ROOM = 0.5  # mm around narrow places within which the medial axis must be known
 
@@ -87,22 +88,26 @@ def fill_narrow_places(solid: Areas, beading: Beading, tolerance: float = 0.0) -
         solid = solid.of_layers(near.layer)
     if not len(near.layer):
         return Narrow.empty(solid.n_layers)
-    narrow, broken = _filled(solid, near, beading, widest)
+    chord = max(CHORD, _BENT * tolerance)
+    narrow, broken = _filled(solid, near, (beading, widest), chord)
     if broken.any():
         # Where the places cannot be joined to the ordinary loops everything is traced, wide or not. Moved a little
         # inward, outlines that touched themselves where they were rounded do so no more.
         apart = offset(solid.of_layers(broken), -_APART)
-        rest, _ = _filled(apart, None, beading, np.full_like(widest, np.inf))
+        rest, _ = _filled(apart, None, (beading, np.full_like(widest, np.inf)), chord)
         narrow = narrow.merge(rest)
     return narrow
 
 
-def _filled(solid: Areas, near: Boxes | None, beading: Beading, widest: Float) -> tuple[Narrow, Bool]:
+def _filled(
+    solid: Areas, near: Boxes | None, limits: tuple[Beading, Float], chord: float
+) -> tuple[Narrow, Bool]:
     """The same with the sides near narrow places, or with all; and (L,) where those were not enough."""
+    beading, widest = limits
     sides = np.ones(len(solid.xy), np.bool_)
     if near is not None:
         sides = Boxes.of_sides(solid).touched(near.grown(2 * float(widest.max()) + _ROOM))
-    axis = medial_axis(solid, float(widest.max(initial=0.0)), sides)
+    axis = medial_axis(solid, float(widest.max(initial=0.0)), sides, chord=chord)
     real = _real(solid, sides, axis.source, axis.corner)
     given, layers, broken = _needed(counted(Graph.of(axis), real, beading, widest), beading, solid.n_layers)
     broken[axis.left_out] = True
