@@ -192,8 +192,8 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
         depth[unknown[exists][same]] = np.copysign(reach, depth[source[same]])
     # Of what is left, whole chains, one tells the side of all.
     unknown = np.flatnonzero(np.isnan(depth))
-    _, probe, which = np.unique(chain[unknown], return_index=True, return_inverse=True)
-    probe = unknown[probe]
+    begins = run_begins(chain[unknown])
+    probe, which = unknown[begins], np.cumsum(begins) - 1
     order = np.argsort(layer[probe], kind="stable")
     found = np.full(len(probe), -1)
     # Far from all outlines below, what is not over the layer below hangs over air, which has fewer outlines.

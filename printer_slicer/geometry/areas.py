@@ -21,6 +21,7 @@ __all__ = [
     "following_around",
     "frozen_array",
     "lengths",
+    "numbered",
     "per_layer",
     "placed",
     "previous_around",
@@ -105,7 +106,8 @@ def boxes(points: Float | Int, start: Int, owner: Int, n_owners: int) -> tuple[F
     """
     low = np.full((n_owners, 2), np.inf)
     high = -low
-    used, first = np.unique(owner, return_index=True)
+    first = np.flatnonzero(run_begins(owner))
+    used = owner[first]
     for axis, column in enumerate(np.ascontiguousarray(points.T) if len(used) else ()):
         low[used, axis] = np.minimum.reduceat(column, start[first])
         high[used, axis] = np.maximum.reduceat(column, start[first])
@@ -131,6 +133,16 @@ def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
     """(m,) each of the values (n,) once, ascending: `numpy.unique`, which loads masked arrays to do it."""
     ordered = np.sort(values)
     return ordered.compress(run_begins(ordered))
+
+
+def numbered(values: Int) -> tuple[Int, Int]:
+    """(m,) each of the values (n,) once, ascending, and (n,) the place of each value among these."""
+    order = np.argsort(values)
+    ordered = values.take(order)
+    begins = run_begins(ordered)
+    place = np.zeros(len(values), np.int64)
+    place[order] = np.cumsum(begins) - 1
+    return ordered.compress(begins), place
 
 
 def run_begins(values: NDArray[_Number]) -> Bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, run_begins
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, run_begins
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.vectors import cross
@@ -103,9 +103,9 @@ def _near(segments: _Segments, edges: _Segments) -> tuple[Int, Int]:
 
     other_key = keys(edges.layer[other], other_row, other_column)
     # Most segments have no edge near: none in the nine cells around their begin, and they reach no farther.
-    taken = np.unique(other_key)
-    taken = np.unique((taken[:, None] + [-1, 0, 1]).ravel())
-    taken = np.unique((taken[:, None] + [-n_columns, 0, n_columns]).ravel())
+    taken = distinct(other_key)
+    taken = distinct((taken[:, None] + np.array([-1, 0, 1])).ravel())
+    taken = distinct((taken[:, None] + np.array([-n_columns, 0, n_columns])).ravel())
     at = np.floor(a / cell).astype(np.int64)
     begin = keys(layer, at[:, 1], at[:, 0])
     found = taken[np.minimum(np.searchsorted(taken, begin), len(taken) - 1)] == begin

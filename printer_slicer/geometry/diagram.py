@@ -76,7 +76,8 @@ def diagram_of(ends: Float, layer: Int) -> Diagram:
     forth, back = edges[:, :2], edges[:, 1::-1]
     ways = np.stack([forth, back], axis=1).reshape(-1, 2)
     return Diagram(
-        (np.concatenate(vertex) - _AWAY) / STEPS_PER_MM + np.repeat(middle, [len(own) for own in vertex], axis=0),
+        (np.concatenate(vertex) - _AWAY) / STEPS_PER_MM
+        + np.repeat(middle, [len(own) for own in vertex], axis=0),
         ways[:, 0],
         ways[:, 1],
         np.concatenate([own + n for own, n in zip(cell, n_cells, strict=True)]),

@@ -18,6 +18,7 @@ import numpy as np
 
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, per_layer
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows
 
@@ -37,6 +38,8 @@ __all__ = [
     "window_intersections",
 ]
 
+_ROOM: Final = 0.99  # of the area of a circle, for what rounding makes of it
+_CROWD: Final = 16  # rings of a layer, in the mean; of fewer each is given to the engine
 VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
 
 
@@ -169,6 +172,9 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     by = _distances(distance, areas.n_layers)
     if (by < 0).any():
         raise ValueError("an opening needs distances of 0 or more")
+    # No circle fits into a ring of less area than its own; a hole that is left alone covers nothing.
+    size = areas.ring_area()
+    areas = areas.select((size <= 0) | (size > _ROOM * np.pi * by[areas.ring_layer] ** 2))
     engine, some = _engine(), distinct(areas.ring_layer)
     layers = engine.load(_picked(areas, some))
     return _put_back(engine.store(engine.opened(layers, by[some], limit)), some, areas.n_layers)
@@ -341,8 +347,27 @@ def _combined(operation: Operation, a: Areas, b: Areas) -> tuple[Areas, Bool]:
     if not meets.any():
         return Areas.empty(a.n_layers), meets
     engine, some = _engine(), np.flatnonzero(meets)
-    layers_a, layers_b = engine.load(_picked(a, some)), engine.load(_picked(b, some))
-    return _put_back(engine.store(engine.combine(operation, layers_a, layers_b)), some, a.n_layers), meets
+    (a, apart_a), (b, apart_b) = _near_each_other(_picked(a, some), _picked(b, some))
+    result = engine.store(engine.combine(operation, engine.load(a), engine.load(b)))
+    if operation != "intersection":
+        result = result.merge(apart_a)
+    if operation == "union":
+        result = result.merge(apart_b)
+    return _put_back(result, some, len(meets)), meets
+
+
+def _near_each_other(a: Areas, b: Areas) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
+    """Of both stacks the rings whose boxes meet one of the other stack, and those that lie apart from all of it.
+
+    Of a few rings all pass for near.
+    """
+    if a.n_rings + b.n_rings < _CROWD * a.n_layers:
+        nothing = Areas.empty(a.n_layers)
+        return (a, nothing), (b, nothing)
+    own, others = Boxes.of_rings(a).overlapping(Boxes.of_rings(b))
+    near_a, near_b = np.zeros(a.n_rings, np.bool_), np.zeros(b.n_rings, np.bool_)
+    near_a[own] = near_b[others] = True
+    return (a.select(near_a), a.select(~near_a)), (b.select(near_b), b.select(~near_b))
 
 
 def _picked(areas: Areas, some: Int) -> Areas:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, numbered
 
 __all__ = ["any_crossing", "crossed", "crossing_shares", "crossings", "rings_around"]
 
@@ -58,8 +58,8 @@ def _every(count: Int, most: int) -> Int:
 
 def _odd(values: Int) -> Int:
     """Those that are there an odd number of times, ascending."""
-    found, count = np.unique(values, return_counts=True)
-    return np.asarray(found[count % 2 == 1])
+    found, place = numbered(values)
+    return np.asarray(found[np.bincount(place, minlength=len(found)) % 2 == 1])
 
 
 def crossed(outlines: Areas, begin: Float, end: Float, layer: Int) -> Bool:

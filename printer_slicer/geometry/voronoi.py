@@ -74,9 +74,7 @@ class MedialAxis:
         return np.asarray(self.start.reshape(-1, 2)[:, ::-1].ravel())
 
 
-def medial_axis(
-    areas: Areas, reach: float, sides: Bool | None = None, *, chord: float = CHORD
-) -> MedialAxis:
+def medial_axis(areas: Areas, reach: float, sides: Bool | None = None, *, chord: float = CHORD) -> MedialAxis:
     """The medial axis where the areas are at most twice `reach` wide, and a little beyond.
 
     Args:

@@ -27,8 +27,9 @@ def along_narrow(plan: LayerPlan, pieces: Pieces, role: Int, profile: Profile) -
     paths, owner, laid = beads_amid(plan, some, role[narrow], profile, beads=_BEADS)
     area = some.areas.area()
     fits = np.abs(laid - area) < _OFF * area + _DOT
-    left = np.setdiff1d(np.arange(pieces.count), narrow[fits])
-    return paths.take(np.flatnonzero(fits[owner])), left
+    left = np.ones(pieces.count, np.bool_)
+    left[narrow[fits]] = False
+    return paths.take(np.flatnonzero(fits[owner])), np.flatnonzero(left)
 
 
 def beads_amid(

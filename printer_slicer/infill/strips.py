@@ -44,15 +44,16 @@ def strip_paths(regions: Regions, pieces: Pieces, profile: Profile) -> tuple[Too
     plan = regions.plan
     usual = bead.spacing(profile.extrusion_width, plan.height)
     left = np.flatnonzero(pieces.mean_width() < _WIDEST * usual[pieces.layer])
-    others = np.setdiff1d(np.arange(pieces.count), left)
+    rest = np.ones(pieces.count, np.bool_)
     parts = []
     for lines_along in (_usual_lines, _fitted_lines):
         strips = pieces.take(left)
         lines, gap = lines_along(regions.inside.of_layers(strips.layer), strips, usual)
         paths, fits = _filled(plan, strips, lines, gap)
         parts.append(paths)
+        rest[left[fits]] = False
         left = left[~fits]
-    return Toolpaths.joined(plan, parts), pieces.take(np.union1d(others, left))
+    return Toolpaths.joined(plan, parts), pieces.take(np.flatnonzero(rest))
 
 
 def _usual_lines(walls: Areas, strips: Pieces, usual: Float) -> tuple[_Lines, Float]:

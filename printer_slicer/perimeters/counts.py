@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.areas import numbered
 from printer_slicer.geometry.joints import linked
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import Graph, crossings
@@ -194,7 +195,7 @@ def _without_short_runs(graph: Graph, central: Bool, count: Int, wide: Bool, bea
     for _ in range(_ROUNDS):
         own = count[piece]
         key = ends * (beading.full + 1) + own[:, None]
-        ports, number = np.unique(key, return_inverse=True)
+        ports, number = numbered(key.ravel())
         run_of_port = linked(number.reshape(-1, 2).T, len(ports))
         run = run_of_port[number.reshape(-1, 2)[:, 0]]
         n_runs = int(run_of_port.max()) + 1

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.areas import numbered
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted
@@ -114,7 +115,7 @@ class _Ports:
         """Ports of a graph whose pieces know their counts."""
         graph, base, n = given.graph, beading.full + 1, len(given.graph.xy)
         leader, count = _leaders(given, beading)
-        keys, number = np.unique((graph.ends * n + leader) * base + count, return_inverse=True)
+        keys, number = numbered(((graph.ends * n + leader) * base + count).ravel())
         port, point, leader, count = number.reshape(-1, 2), keys // base // n, keys // base % n, keys % base
         layer = graph.layer[point]
         spacing = beading.spacings(beading.room(graph.radius[leader], layer), count, layer)

@@ -170,10 +170,17 @@ def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
     """(L,) where pieces have come so far from the narrow places that sides which take no part may be nearer."""
     graph = given.graph
     point = distinct(graph.ends[given.used].ravel())
-    # Many points lie in one cell; it is as near as its middle, to half a cell.
-    cell = np.unique(np.column_stack([graph.layer[point], np.floor(graph.xy[point] / _CELL)]), axis=0)
-    middle, layer = (cell[:, 1:] + 0.5) * _CELL, cell[:, 0].astype(np.int64)
     result = np.zeros(n_layers, np.bool_)
+    if not len(point):
+        return result
+    # Many points lie in one cell; it is as near as its middle, to half a cell.
+    cell = np.floor(graph.xy[point] / _CELL).astype(np.int64)
+    origin = cell.min(axis=0)
+    wide, deep = cell.max(axis=0) - origin + 1
+    x, y = (cell - origin).T
+    rest, y = np.divmod(distinct((graph.layer[point] * wide + x) * deep + y), deep)
+    layer, x = np.divmod(rest, wide)
+    middle = (np.column_stack([x, y]) + origin + 0.5) * _CELL
     result[layer[~Boxes(middle, middle, layer).touched(near.grown(reach - _CELL / 2))]] = True
     return result
 

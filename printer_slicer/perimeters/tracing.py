@@ -279,7 +279,9 @@ def _begin_beside(rings: Areas, layout: Layout) -> Bool:
     # The outline lies on the left: counter-clockwise, what is inside lies to the left of all four sides.
     corner, place = np.stack([some[beside] for some in corners], axis=1), point[found]
     sides = np.roll(corner, -1, axis=1) - corner
-    inside = (cross(sides, place[:, None] - corner) >= -_SAME * np.hypot(*np.moveaxis(sides, -1, 0))).all(axis=1)
+    inside = (cross(sides, place[:, None] - corner) >= -_SAME * np.hypot(*np.moveaxis(sides, -1, 0))).all(
+        axis=1
+    )
     result = np.zeros(rings.n_rings, np.bool_)
     result[found[inside]] = True
     return result

@@ -13,6 +13,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, Bool, Int, Pieces, rings_around
+from printer_slicer.geometry.areas import numbered
 from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan, Regions, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
@@ -111,7 +112,7 @@ def _alike(made: Toolpaths, piece: Int, count: int, groups: Int) -> Bool:
         np.minimum.at(least[row], piece, values)
         np.maximum.at(most[row], piece, values)
     # Layers of one group follow each other.
-    where, number = np.unique(piece * plan.n_layers + made.layer, return_inverse=True)
+    where, number = numbered(piece * plan.n_layers + made.layer)
     on_layer, owner = np.bincount(number, long), where // plan.n_layers
     np.minimum.at(least[3], owner, on_layer)
     np.maximum.at(most[3], owner, on_layer)

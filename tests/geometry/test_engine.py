@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.geometry.engine import ENGINES, engine_named, using_engine
 from printer_slicer.geometry.polygons import ROUND_TOLERANCE, Join
+from tests.parts import shape, shapely
 from tests.strategies import areas, box, clean_areas, rectilinear_areas
 
 engines = pytest.mark.parametrize("engine", list(ENGINES))
@@ -156,6 +158,22 @@ def test_difference_and_intersection_make_up_the_whole(engine: str, a: Areas, b:
         assert intersection(rest, b).area() == pytest.approx(np.zeros(4), abs=blur(a, b))
         assert is_same(union(rest, both), a)
         assert is_clean(rest)
+
+
+@engines
+@pytest.mark.parametrize("combine", [union, difference, intersection])
+def test_of_a_crowd_only_what_meets_is_worked_on(engine: str, combine: Callable[..., Areas]) -> None:
+    # Squares with holes beside, on and in the holes of each other.
+    crowd = [box(4 * i, 4 * j, 4 * i + 3, 4 * j + 3) for i in range(6) for j in range(6)]
+    holes = [box(4 * i + 1, 4 * j + 1, 4 * i + 2, 4 * j + 2)[::-1] for i in range(6) for j in range(6)]
+    others = [box(0.5, 0.5, 9, 2.5), box(13.25, 1.25, 13.75, 1.75), box(30, 0, 31, 1), box(8, 3, 9, 4)]
+    with using_engine(engine):
+        made = combine(Areas.from_rings([crowd + holes]), Areas.from_rings([others]))
+
+    one, other = shape(Areas.from_rings([crowd + holes]), 0), shape(Areas.from_rings([others]), 0)
+    wanted = getattr(one, combine.__name__)(other)
+    assert shapely.area(shape(made, 0).symmetric_difference(wanted)) < 1e-3
+    assert is_clean(made)
 
 
 @engines

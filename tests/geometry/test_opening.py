@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, normalize, offset_open
+from printer_slicer.geometry import Areas, intersection, normalize, offset, offset_open
 from printer_slicer.geometry.engine import using_engine
 from tests.geometry.test_engine import engines, few, is_clean, is_within
 from tests.strategies import box, clean_areas
@@ -46,3 +46,27 @@ def test_opened_areas_lie_within_the_original(engine: str, stack: Areas, distanc
 def test_openings_do_not_go_backward() -> None:
     with pytest.raises(ValueError, match="0 or more"):
         offset_open(Areas.empty(2), np.array([0.1, -0.1]))
+
+
+@engines
+@few
+@given(stack=clean_areas(3), distance=st.integers(1, 12))
+def test_opened_areas_are_those_that_were_shrunk_and_grown_again(
+    engine: str, stack: Areas, distance: int
+) -> None:
+    by = distance / 8
+    with using_engine(engine):
+        opened = offset_open(stack, by)
+        again = intersection(stack, offset(offset(stack, -by), by + 2e-5))
+
+        assert is_within(opened, again)
+        assert is_within(again, opened, 1e-3)
+
+
+@engines
+def test_a_small_ring_with_a_hole_is_dropped_whole(engine: str) -> None:
+    ring = [box(0, 0, 1, 1), box(0.4, 0.4, 0.6, 0.6)[::-1]]
+    with using_engine(engine):
+        opened = offset_open(Areas.from_rings([ring]), 0.6)
+
+    assert not opened.n_rings
