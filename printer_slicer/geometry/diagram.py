@@ -1,7 +1,7 @@
-"""Segment Voronoi diagrams of the outlines of many layers, as arrays.
+"""Segment Voronoi diagrams of the outlines of many areas, as arrays.
 
 They come from Boost.Polygon through pyvoronoi, on whole numbers of the grid that areas are rounded to, so that no point
-of an outline moves. Every layer has a diagram of its own: many small ones take less time than a large one.
+of an outline moves. Every area has a diagram of its own: many small ones take less time than a large one.
 """
 
 from __future__ import annotations
@@ -51,18 +51,18 @@ class Diagram:
     place: Int
 
 
-def diagram_of(ends: Float, layer: Int) -> Diagram:
-    """The diagrams of all layers, side by side in one set of arrays.
+def diagram_of(ends: Float, area: Int) -> Diagram:
+    """The diagrams of all areas, side by side in one set of arrays.
 
     Args:
-        ends: (S, 2, 2) mm, where sides begin and end; sides of a layer meet at their ends only.
-        layer: (S,) ascending, at least one.
+        ends: (S, 2, 2) mm, where sides begin and end; sides of an area meet at their ends only.
+        area: (S,) to which each belongs, ascending; at least one.
     """
-    starts = np.flatnonzero(run_begins(layer))
+    starts = np.flatnonzero(run_begins(area))
     low = np.minimum.reduceat(ends.min(axis=1), starts)
     high = np.maximum.reduceat(ends.max(axis=1), starts)
     middle = np.rint((low + high) / 2)  # whole mm, so that nothing is rounded anew
-    size = np.diff(np.append(starts, len(layer)))
+    size = np.diff(np.append(starts, len(area)))
     steps = np.rint((ends - np.repeat(middle, size, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64) + _AWAY
     with _no_collection():
         parts = [

@@ -10,8 +10,18 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, frozen_array, renumbered
+from printer_slicer.geometry.areas import (
+    Areas,
+    Bool,
+    Float,
+    Int,
+    consecutive,
+    distinct,
+    frozen_array,
+    renumbered,
+)
 from printer_slicer.geometry.diagram import Diagram, diagram_of
+from printer_slicer.geometry.pieces import pieces_of
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.touching import entangled_layers
 from printer_slicer.geometry.vectors import cross, dot, feet
@@ -86,7 +96,8 @@ def medial_axis(areas: Areas, reach: float, sides: Bool | None = None, *, chord:
     """
     found = _sides(areas, sides)
     steps = np.rint(found.points[:, 1:3] * STEPS_PER_MM).astype(np.int64)
-    left_out = entangled_layers(steps, found.layer)
+    entangled = np.isin(found.piece, entangled_layers(steps, found.piece))
+    left_out = distinct(found.layer[entangled])
     if len(left_out):  # no diagram can be made of them
         found = found.take(np.flatnonzero(~np.isin(found.layer, left_out)))
     if not len(found.layer):
@@ -106,25 +117,30 @@ class _Sides:
         points: (S, 4, 2) mm: the point before, where the side begins, where it ends, the point after.
         index: (S, 2) of the points of the areas at which it begins and ends.
         layer: (S,) ascending.
+        piece: (S,) ascending, of the connected areas.
     """
 
     points: Float
     index: Int
     layer: Int
+    piece: Int
 
     def take(self, items: Int) -> _Sides:
         """Some of them."""
-        return _Sides(self.points[items], self.index[items], self.layer[items])
+        return _Sides(self.points[items], self.index[items], self.layer[items], self.piece[items])
 
 
 def _sides(areas: Areas, sides: Bool | None) -> _Sides:
     """Those that take part."""
-    layer = areas.point_layer
     after = areas.following
     index = np.stack([areas.previous, np.arange(len(after)), after, after[after]], axis=1)
-    if sides is not None:
-        layer, index = layer[sides], index[sides]
-    return _Sides(areas.xy.take(index.ravel(), axis=0).reshape(-1, 4, 2), index[:, 1:3], layer)
+    piece = pieces_of(areas).of_ring[areas.point_ring]
+    # Nothing outside of an area is nearer to what lies within than its own outline: each has a diagram of its own.
+    taken = piece >= 0 if sides is None else sides & (piece >= 0)
+    order = np.argsort(piece, kind="stable")
+    order = order[taken[order]]
+    layer, index, piece = areas.point_layer[order], index[order], piece[order]
+    return _Sides(areas.xy.take(index.ravel(), axis=0).reshape(-1, 4, 2), index[:, 1:3], layer, piece)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +198,7 @@ def ways_of_parts(following: Int, count: Int) -> Int:
 
 def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
     """The medial axis of sides, none of which are on the layers left out."""
-    diagram = diagram_of(sides.points[:, 1:3], sides.layer)
+    diagram = diagram_of(sides.points[:, 1:3], sides.piece)
     chosen = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end >= 0))
     cell = diagram.cell[chosen]
     site, place = diagram.side[cell], diagram.place[cell]
