@@ -12,6 +12,7 @@ import numpy as np
 
 from printer_slicer.adhesion import adhesion_paths, on_raft
 from printer_slicer.compensation import compensated
+from printer_slicer.curves import curved
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
@@ -181,7 +182,7 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     report("ordering")
     printed = on_raft(sections, profile)
     lifted = [adhesion_paths(printed, profile), *(some.lifted(printed.plan) for some in paths)]
-    toolpaths = order(Toolpaths.joined(printed.plan, lifted), printed, profile)
+    toolpaths = curved(order(Toolpaths.joined(printed.plan, lifted), printed, profile), profile)
     report("travels")
     travels = travel(toolpaths, printed, profile)
     report("extrusion")

@@ -48,31 +48,62 @@ def rows_of(program: Program, *, relative: bool) -> Rows:
     """
     xyz = np.rint(program.xyz * 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])).astype(np.int64)
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
-    feed = np.rint(program.speed * 60).astype(np.int64)
-    all_feed = feed = np.maximum(feed, 1)
-    kept = _visible(xyz, fed, program.role == Role.TRAVEL)
-    xyz, fed, feed = xyz[kept], _without_travels(fed[kept], program.filament[kept] != 0), feed[kept]
-    rows_before = np.searchsorted(kept, np.arange(program.n_moves), side="right")
+    all_feed = np.maximum(np.rint(program.speed * 60).astype(np.int64), 1)
+    if not program.n_moves:
+        return Rows(b"", np.zeros(1, np.int64), fed, all_feed)
+    head, last = _runs(program, all_feed)
+    kept = _visible(xyz[last], fed[last], program.role[last] == Role.TRAVEL)
+    head, last = head[kept], last[kept]
+    feeds = np.add.reduceat(program.filament != 0, head) > 0
+    code, i, j = _arcs(program, xyz, head, last)
+    fed, feed = _without_travels(fed[last], feeds), all_feed[last]
+    rows_before = np.searchsorted(head, np.arange(program.n_moves), side="right")
     step = np.diff(fed, prepend=0)
-    moved = np.diff(xyz, axis=0, prepend=xyz[:1] - 1) != 0
+    ends = xyz[last]
+    moved = np.diff(ends, axis=0, prepend=ends[:1] - 1) != 0
+    codes: _Letters = np.where(code > 0, code, step != 0).astype(np.uint8)
+    arc = codes > 1
     columns = [
-        (b" X", xyz[:, 0], XY_DECIMALS, moved[:, 0]),
-        (b" Y", xyz[:, 1], XY_DECIMALS, moved[:, 1]),
-        (b" Z", xyz[:, 2], Z_DECIMALS, moved[:, 2]),
+        (b" X", ends[:, 0], XY_DECIMALS, moved[:, 0]),
+        (b" Y", ends[:, 1], XY_DECIMALS, moved[:, 1]),
+        (b" Z", ends[:, 2], Z_DECIMALS, moved[:, 2]),
+        *([(b" I", i, XY_DECIMALS, arc), (b" J", j, XY_DECIMALS, arc)] if arc.any() else []),
         (b" E", step if relative else fed, E_DECIMALS, step != 0),
         (b" F", feed, 0, np.diff(feed, prepend=-1) != 0),
     ]
-    extrudes = step != 0
     texts, lengths = [], []
-    for first in range(0, len(xyz), _AT_ONCE):
+    for first in range(0, len(ends), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
-        text, length = _block(extrudes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
+        text, length = _block(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
         texts.append(text)
         lengths.append(length)
     length_of = np.zeros(program.n_moves, np.int64)
-    length_of[kept] = np.concatenate([np.zeros(0, np.int64), *lengths])
+    length_of[head] = np.concatenate([np.zeros(0, np.int64), *lengths])
     written = np.append(0, fed)[rows_before]
     return Rows(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]), written, all_feed)
+
+
+def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
+    """First and last move of each row: the chords of an arc are one row, every other move is one by itself."""
+    centre = program.centre
+    same = (centre[1:] == centre[:-1]).all(axis=1)  # never where there is none
+    same &= (feed[1:] == feed[:-1]) & (program.layer[1:] == program.layer[:-1])
+    head = np.flatnonzero(np.append(True, ~same))
+    return head, np.append(head[1:], program.n_moves) - 1
+
+
+def _arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, Int]:
+    """2 or 3 for rows (n,) that are arcs, 0 for others; and how far from their begin the centre lies, in x and y."""
+    arc = last > head
+    code, off = np.zeros(len(head), np.int64), np.zeros((len(head), 2), np.int64)
+    if arc.any():
+        first = head[arc]
+        begin = xyz[np.maximum(first - 1, 0), :2]
+        centre = program.centre[first]
+        off[arc] = np.rint(centre * 10**XY_DECIMALS).astype(np.int64) - begin
+        out, way = program.start[first, :2] - centre, program.xyz[first, :2] - program.start[first, :2]
+        code[arc] = np.where(out[:, 0] * way[:, 1] > out[:, 1] * way[:, 0], 3, 2)
+    return code, off[:, 0], off[:, 1]
 
 
 def _visible(xyz: Int, fed: Int, pure: Bool) -> Int:
@@ -88,14 +119,14 @@ def _without_travels(fed: Int, feeds: Bool) -> Int:
     return np.where(last >= 0, fed[np.maximum(last, 0)], 0)
 
 
-def _block(extrudes: Bool, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
-    """The text of some rows and the length of each."""
-    letters = [np.full(len(extrudes), ord("G"), np.uint8), np.where(extrudes, _ONE, _ZERO)]
+def _block(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
+    """The text of some rows and the length of each; `code` is the number behind the G."""
+    letters = [np.full(len(code), ord("G"), np.uint8), code + _ZERO]
     for name, value, decimals, present in columns:
         letters += [present * np.uint8(letter) for letter in name]
         letters += [letter * present for letter in _number(value, decimals)]
-    letters.append(np.full(len(extrudes), ord("\n"), np.uint8))
-    length = np.zeros(len(extrudes), np.uint8)
+    letters.append(np.full(len(code), ord("\n"), np.uint8))
+    length = np.zeros(len(code), np.uint8)
     for letter in letters:
         length += letter != 0
     return _read_across(letters), length.astype(np.int64)

@@ -29,7 +29,7 @@ __all__ = [
 
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
-_OF_POINTS: Final = ("xy", "width", "carried", "rise", "share")
+_OF_POINTS: Final = ("xy", "width", "carried", "rise", "share", "centre")
 _OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep")
 
 
@@ -71,8 +71,10 @@ class Toolpaths:
         sweep: (M,) paths with the same number follow each other as they stand, or all of them turned around and the
             last one first; -1, everywhere where it is not given, for those that may be printed in any order.
         rise: (N,) mm from the top of the layer up to the nozzle, negative below it; 0 where it is not given.
-        share: (N,) how much of the bead's height is laid, 0 to 1; between two points both change evenly. 1 where it is
-            not given.
+        share: (N,) how much of the bead's height is laid; between two points both change evenly. 1 where it is not
+            given.
+        centre: (N, 2) mm, of the arc that the line to the next point is a chord of; nan, everywhere where it is not
+            given, for lines.
     """
 
     plan: LayerPlan
@@ -87,12 +89,15 @@ class Toolpaths:
     sweep: Int = field(default_factory=lambda: _NO_NUMBERS)
     rise: Float = field(default_factory=lambda: _NOT_GIVEN)
     share: Float = field(default_factory=lambda: _NOT_GIVEN)
+    centre: Float = field(default_factory=lambda: _NOT_GIVEN)
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
         for name, usual in (("carried", 1.0), ("rise", 0.0), ("share", 1.0)):
             if getattr(self, name) is _NOT_GIVEN:
                 object.__setattr__(self, name, np.full(n_points, usual))
+        if self.centre is _NOT_GIVEN:
+            object.__setattr__(self, "centre", np.full((n_points, 2), np.nan))
         if self.sweep is _NO_NUMBERS:
             object.__setattr__(self, "sweep", np.full(n_paths, -1))
         for name, dtype, shape in (
@@ -107,6 +112,7 @@ class Toolpaths:
             ("sweep", np.int64, (n_paths,)),
             ("rise", np.float64, (n_points,)),
             ("share", np.float64, (n_points,)),
+            ("centre", np.float64, (n_points, 2)),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
@@ -280,6 +286,8 @@ class Program:
         role: (K,) a `Role` each; TRAVEL for everything that lays no bead.
         width: (K,) extrusion width, in the mean along the move, 0 for TRAVEL.
         height: (K,) how high the bead is, 0 for TRAVEL.
+        centre: (K, 2) mm, of the arc that the move is a chord of, all chords of one arc behind each other; nan,
+            everywhere where it is not given, for straight moves.
         events: fan and heater changes, by ascending index.
     """
 
@@ -293,9 +301,12 @@ class Program:
     width: Float
     height: Float
     events: tuple[Event, ...] = ()
+    centre: Float = field(default_factory=lambda: _NOT_GIVEN)
 
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)
+        if self.centre is _NOT_GIVEN:
+            object.__setattr__(self, "centre", np.full((n_moves, 2), np.nan))
         for name, dtype, shape in (
             ("origin", np.float64, (3,)),
             ("xyz", np.float64, (-1, 3)),
@@ -305,6 +316,7 @@ class Program:
             ("role", np.int64, (n_moves,)),
             ("width", np.float64, (n_moves,)),
             ("height", np.float64, (n_moves,)),
+            ("centre", np.float64, (n_moves, 2)),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 

@@ -8,7 +8,14 @@ from typing import Final
 
 from printer_slicer.motion.blocks import Axes
 
-__all__ = ["arc_points", "centre_by_offset", "centre_by_radius"]
+__all__ = [
+    "CHORDS_PER_TURN",
+    "LONGEST_CHORD",
+    "SHORTEST_CHORD",
+    "arc_points",
+    "centre_by_offset",
+    "centre_by_radius",
+]
 
 LONGEST_CHORD: Final = 1.0
 SHORTEST_CHORD: Final = 0.1

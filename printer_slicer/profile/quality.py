@@ -114,6 +114,12 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         meta("layers balanced about the surface, everywhere outside of it, or everywhere inside"),
     ] = "mid"
     resolution: Annotated[float, meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = 0.0125
+    arc_tolerance: Annotated[
+        float,
+        meta(
+            "curves are written as arcs (G2, G3) that leave them by at most this; 0: none", "mm", ge=0, le=0.2
+        ),
+    ] = 0
     xy_compensation: Annotated[float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)] = 0
     hole_compensation: Annotated[float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1)] = 0
     elephant_foot: Annotated[

@@ -537,6 +537,7 @@ M104 S0
 ; quality.tolerance = 0.12
 ; quality.containment = mid
 ; quality.resolution = 0.0125
+; quality.arc_tolerance = 0
 ; quality.xy_compensation = 0
 ; quality.hole_compensation = 0
 ; quality.elephant_foot = 0
