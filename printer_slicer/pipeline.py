@@ -12,7 +12,7 @@ import numpy as np
 
 from printer_slicer.adhesion import adhesion_paths, on_raft
 from printer_slicer.compensation import compensated
-from printer_slicer.curves import curved
+from printer_slicer.curves import curved, merged
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
@@ -33,6 +33,7 @@ from printer_slicer.model import (
 )
 from printer_slicer.ordering import order
 from printer_slicer.overhangs import graded
+from printer_slicer.pacing import LinkReport, crowded, crowded_paths, paced
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
@@ -72,6 +73,7 @@ class Stages:
         part: repaired and placed.
         repairs: what was put right, at the places of the mesh that was given.
         shift: (3,) mm from the placed part to where that mesh was.
+        link: what it took to stay under the lines per second of the link, if the profile tells them.
         sections: these, the walls and the regions see the part on the bed; where there is a raft, the toolpaths,
             travels and the program have its layers before the part's, and the part lifted.
     """
@@ -83,6 +85,7 @@ class Stages:
     toolpaths: Toolpaths
     travels: Travels
     program: Program
+    link: LinkReport | None = None
     repairs: Repairs = field(default_factory=Repairs)
     shift: Float = field(default_factory=lambda: frozen_array(np.zeros(3), np.float64, (3,)))
 
@@ -187,7 +190,21 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     travels = travel(toolpaths, printed, profile)
     report("extrusion")
     program = extrude(toolpaths, travels, profile)
-    return Stages(part, sections, walls, regions, toolpaths, travels, program)
+    stages = Stages(part, sections, walls, regions, toolpaths, travels, program)
+    return _kept_up(stages, printed, profile) if profile.printer.link_lines_per_second else stages
+
+
+def _kept_up(stages: Stages, printed: Sections, profile: Profile) -> Stages:
+    """The stages with moves that the link to the printer can carry: merged where they are short, then slowed down."""
+    before = stages.program
+    busy = crowded(before, profile)
+    if not busy.any():
+        return replace(stages, link=LinkReport(profile.printer.link_lines_per_second))
+    dense = crowded_paths(stages.toolpaths, stages.travels, busy, profile)
+    toolpaths = merged(stages.toolpaths, dense, profile.quality.link_tolerance)
+    travels = travel(toolpaths, printed, profile)
+    program, link = paced(extrude(toolpaths, travels, profile), before, busy, profile)
+    return replace(stages, toolpaths=toolpaths, travels=travels, program=program, link=link)
 
 
 def slice_part(

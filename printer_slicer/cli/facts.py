@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,7 @@ def facts_of(stages: Stages, profile: Profile, seconds: float, certificate: Cert
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
+        "link": asdict(stages.link) if stages.link else None,
         "volume_mm3": round(_volume(stages, certificate), 3),
         "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
         "empty_layers": plan.n_layers - len(_filled_layers(stages)),
@@ -140,6 +142,7 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
         lines.append(
             f"the part begins in the air, at z {facts['begins_at']:g}: nothing of it reaches the bed"
         )
+    lines += _link_sentences(facts["link"])
     lines += _skirt_sentences(facts)
     if facts["brim_left_out"]:
         where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_left_out"], "section")
@@ -149,6 +152,18 @@ def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
             f"{facts['lost_mm3']} mm3 of the part are too narrow for beads of this width and stay empty"
         )
     return lines + repair_sentences(facts["repairs"]) + _fault_sentences(facts)
+
+
+def _link_sentences(link: dict[str, Any] | None) -> list[str]:
+    """What it took to stay under the lines per second of the link."""
+    if not link or not link["layers"]:
+        return []
+    layers, rate = link["layers"], f"{link['lines_per_second']:g} lines/s"
+    where = (
+        f"layer {layers[0]}" if len(layers) == 1 else f"{len(layers)} layers, {layers[0]} to {layers[-1]},"
+    )
+    cost = f"{link['merged']} were merged, {link['slowed']} moves slowed down; {link['seconds']:+.1f} s"
+    return [f"{where} had more lines than {rate}: {cost}"]
 
 
 def _volume(stages: Stages, certificate: Certificate) -> float:

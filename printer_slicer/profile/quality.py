@@ -120,6 +120,15 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "curves are written as arcs (G2, G3) that leave them by at most this; 0: none", "mm", ge=0, le=0.2
         ),
     ] = 0
+    link_tolerance: Annotated[
+        float,
+        meta(
+            "moves too short for the link are merged if nothing is moved by more than this",
+            "mm",
+            ge=0,
+            le=0.2,
+        ),
+    ] = 0.05
     xy_compensation: Annotated[float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)] = 0
     hole_compensation: Annotated[float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1)] = 0
     elephant_foot: Annotated[

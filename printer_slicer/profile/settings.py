@@ -110,6 +110,15 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         True
     )
     baud: Annotated[int, meta("speed of the serial port", "Bd", ge=1200, le=12000000)] = 115200
+    link_lines_per_second: Annotated[
+        float,
+        meta(
+            "lines that the link brings; denser stretches are merged, then slowed down; 0: any number",
+            "1/s",
+            ge=0,
+            le=100000,
+        ),
+    ] = 0
     receive_buffer: Annotated[
         int, meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
     ] = 128

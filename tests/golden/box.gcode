@@ -493,6 +493,7 @@ M104 S0
 ; printer.firmware_retraction = False
 ; printer.progress = True
 ; printer.baud = 115200
+; printer.link_lines_per_second = 0
 ; printer.receive_buffer = 128
 ; printer.thumbnails = 32x32, 300x300
 ; printer.start_gcode = G28\nM109 S{first_layer_nozzle_temperature}\n
@@ -538,6 +539,7 @@ M104 S0
 ; quality.containment = mid
 ; quality.resolution = 0.0125
 ; quality.arc_tolerance = 0
+; quality.link_tolerance = 0.05
 ; quality.xy_compensation = 0
 ; quality.hole_compensation = 0
 ; quality.elephant_foot = 0

@@ -11,10 +11,11 @@ circular arc center and its radius"; chords as in `motion.arcs`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from printer_slicer.curves.lines import Lines, stretches
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model import Bool, Float, Int, Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
@@ -25,8 +26,6 @@ __all__ = ["curved"]
 _LEAST = 3  # lines in an arc: fewer are no curve
 _SMALLEST, _LARGEST = 0.5, 500.0  # mm, radius of an arc
 _WIDEST_TURN = np.radians(160)  # of an arc
-_SAME_WIDTH = 0.002  # mm
-_ROUNDS = 40
 
 
 def curved(paths: Toolpaths, profile: Profile) -> Toolpaths:
@@ -34,77 +33,17 @@ def curved(paths: Toolpaths, profile: Profile) -> Toolpaths:
     tolerance = profile.quality.arc_tolerance
     if not tolerance or not paths.n_paths:
         return paths
-    line = _Lines.of(paths)
-    first = np.arange(len(line.begin))
-    stop = first + 1
-    idle = 0  # rounds in which nothing was joined
-    for turn in range(_ROUNDS):
-        first, stop, joined = _joined(line, first, stop, tolerance, odd=turn % 2 == 1)
-        idle = 0 if joined else idle + 1
-        if idle == 2:
-            break
+    line = Lines.of(paths)
+
+    def fits(first: Int, stop: Int) -> Bool:
+        return _fits(line, first, stop, tolerance)
+
+    first, stop = stretches(line, fits)
     arc = np.flatnonzero(stop - first >= _LEAST)
     return _with_arcs(paths, line, first[arc], stop[arc]) if len(arc) else paths
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Lines:
-    """The lines of all paths.
-
-    Attributes:
-        begin: (S,) point at which each begins.
-        end: (S,) point at which it ends.
-        xy: (S, 2) mm, of its begin.
-        way: (S, 2) mm.
-        apart: (S,) whether it cannot be one arc with the line before it.
-    """
-
-    begin: Int
-    end: Int
-    xy: Float
-    way: Float
-    apart: Bool
-
-    @classmethod
-    def of(cls, paths: Toolpaths) -> _Lines:
-        """Path by path; loops end with the line to their first point."""
-        size = np.diff(paths.start)
-        begin = consecutive(paths.start[:-1], np.where(paths.closed, size, size - 1))
-        end = paths.following[begin]
-        owner = np.searchsorted(paths.start, begin, side="right") - 1
-        way = paths.xy[end] - paths.xy[begin]
-        even = np.abs(paths.width[end] - paths.width[begin]) < _SAME_WIDTH
-        flat = (paths.rise[begin] == paths.rise[end]) & (paths.share[begin] == paths.share[end])
-        plain = even & flat
-        apart = np.diff(owner, prepend=-1) != 0
-        apart |= ~plain | ~np.append(False, plain[:-1])
-        apart[1:] |= (paths.carried[begin[1:]] != paths.carried[begin[:-1]]) | (
-            np.abs(paths.width[begin[1:]] - paths.width[begin[:-1]]) > _SAME_WIDTH
-        )
-        return cls(begin, end, paths.xy[begin], way, apart)
-
-
-def _joined(line: _Lines, first: Int, stop: Int, tolerance: float, *, odd: bool) -> tuple[Int, Int, bool]:
-    """Stretches of lines (T,), some of them joined with the next one; and whether any were.
-
-    Of each two neighbours one is asked, every other time the other one.
-    """
-    may = np.flatnonzero(np.append(~line.apart[first[1:]], False))
-    run = np.cumsum(np.append(True, np.diff(may) > 1)) if len(may) else may
-    begins = np.flatnonzero(np.append(True, np.diff(run) != 0)) if len(may) else may
-    within = np.arange(len(may)) - begins[run - 1] if len(may) else may
-    asked = may[within % 2 == int(odd)]
-    if not len(asked):
-        return first, stop, False
-    good = asked[_fits(line, first[asked], stop[asked + 1], tolerance)]
-    kept = np.ones(len(first), np.bool_)
-    kept[good + 1] = False
-    stop = stop.copy()
-    stop[good] = stop[good + 1]
-    return first[kept], stop[kept], len(good) > 0
-
-
-def _fits(line: _Lines, first: Int, stop: Int, tolerance: float) -> Bool:
+def _fits(line: Lines, first: Int, stop: Int, tolerance: float) -> Bool:
     """(T,) whether lines `first` up to `stop` lie on a circle."""
     centre, radius = _circles(line, first, stop)
     size = stop - first
@@ -126,7 +65,7 @@ def _fits(line: _Lines, first: Int, stop: Int, tolerance: float) -> Bool:
     return np.asarray(good & (radius >= _SMALLEST) & (radius <= _LARGEST))
 
 
-def _circles(line: _Lines, first: Int, stop: Int) -> tuple[Float, Float]:
+def _circles(line: Lines, first: Int, stop: Int) -> tuple[Float, Float]:
     """Centre (T, 2) and radius (T,) of the circle through both ends of each stretch that fits its points best."""
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     middle, chord = (begin + last) / 2, last - begin
@@ -147,7 +86,7 @@ def _circles(line: _Lines, first: Int, stop: Int) -> tuple[Float, Float]:
     return middle + shift[:, None] * normal, np.hypot(shift, length / 2)
 
 
-def _with_arcs(paths: Toolpaths, line: _Lines, first: Int, stop: Int) -> Toolpaths:
+def _with_arcs(paths: Toolpaths, line: Lines, first: Int, stop: Int) -> Toolpaths:
     """The paths with the points of arcs in the place of those of lines `first` up to `stop` (A,)."""
     centre, radius = _circles(line, first, stop)
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
