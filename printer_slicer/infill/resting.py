@@ -129,7 +129,7 @@ def _grown(pieces: Pieces, angle: Float, ground: _Ground, width: float) -> tuple
     for turn in distinct(angle).tolist():
         chosen = np.flatnonzero(angle == turn)
         own = pieces.on_layers(n, chosen)
-        others = union(done, pieces.on_layers(n, np.flatnonzero(angle != turn)))
+        others = done.merge(pieces.on_layers(n, np.flatnonzero(angle != turn)))  # overlapping, as what is cut off may
         grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
         order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
         of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]
@@ -175,10 +175,11 @@ def _stretched(own: Areas, pieces: Pieces, ground: _Ground, width: float, angle:
         rows.lines.take(longer), rows.u[longer], angle=angle, half=step, n_layers=pieces.count
     )
     strips = strips.restacked(np.arange(strips.n_rings), pieces.layer[strips.ring_layer], own.n_layers)
-    whole = union(own, strips)
+    # Growing unites what overlaps, and so does what the room has in common with it.
+    whole = own.merge(strips)
     # Notches between strips that no row fits in.
     smooth = offset(offset(whole, width / 2), -width / 2)
-    return intersection(union(whole, smooth), ground.room)
+    return intersection(whole.merge(smooth), ground.room)
 
 
 def _rows(pieces: Pieces, ground: _Ground, step: float, angle: float) -> _Rows:
