@@ -105,7 +105,7 @@ class _Sides:
 
     def lean(self, a: Int, b: Int, cosine: float, reach: Float) -> Bool:
         """(n,) whether two sides face each other nearly parallel."""
-        opposite = np.flatnonzero(dot(self.normal[a], self.normal[b]) <= -cosine)
+        opposite = np.flatnonzero(_dots(self.normal, a, self.normal, b) <= -cosine)
         result = np.zeros(len(a), np.bool_)
         a, b, reach = a[opposite], b[opposite], reach[opposite]
         near = np.zeros(len(a), np.bool_)
@@ -122,13 +122,14 @@ class _Sides:
         """(n,) whether the corner at which `a` begins faces the side `b` squarely."""
         result = np.zeros(len(a), np.bool_)
         some = np.flatnonzero(self.inward[a])
-        a, b = a[some], b[some]
-        height = dot(self.begin[a] - self.begin[b], self.normal[b])
+        a, b, reach = a[some], b[some], reach[some]
+        height = _dots(self.begin, a, self.normal, b) - _dots(self.begin, b, self.normal, b)
+        within = np.flatnonzero((height > _SLACK) & (height <= reach))
+        some, a, b, height = some[within], a[within], b[within], height[within]
         foot = self.begin[a] - height[:, None] * self.normal[b]
         along = self.end[b] - self.begin[b]
         place = dot(foot - self.begin[b], along)
         square = (place > -_SLACK) & (place < dot(along, along) + _SLACK)
-        square &= (height > _SLACK) & (height <= reach[some])
         result[some] = square & self._sees(a, -self.normal[b])
         return result
 
@@ -136,10 +137,10 @@ class _Sides:
         """(n,) whether the corners at which `a` and `b` begin face each other."""
         result = np.zeros(len(a), np.bool_)
         some = np.flatnonzero(self.inward[a] & self.inward[b])
-        a, b = a[some], b[some]
-        way = self.begin[b] - self.begin[a]
-        near = dot(way, way) <= reach[some] ** 2
-        result[some] = near & self._sees(a, way) & self._sees(b, -way)
+        way = self.begin[b[some]] - self.begin[a[some]]
+        near = np.flatnonzero(dot(way, way) <= reach[some] ** 2)
+        some, way = some[near], way[near]
+        result[some] = self._sees(a[some], way) & self._sees(b[some], -way)
         return result
 
     def _sees(self, corner: Int, way: Float) -> Bool:
@@ -148,3 +149,9 @@ class _Sides:
         size = np.maximum(np.hypot(*way.T), 1e-12) * 1e-3
         between = (cross(first, way) <= size) & (cross(second, way) >= -size)
         return np.asarray(between & (dot(first + second, way) > 0))
+
+
+def _dots(one: Float, a: Int, other: Float, b: Int) -> Float:
+    """(n,) scalar products of the rows `a` (n,) of one array with the rows `b` of another one, column by column."""
+    (x, y), (u, v) = one.T, other.T
+    return x.take(a) * u.take(b) + y.take(a) * v.take(b)
