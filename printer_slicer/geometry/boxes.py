@@ -73,7 +73,8 @@ class Boxes:
 
     def _meeting(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
         """Those of some pairs that overlap along the second axis, too."""
-        meet = (self.low[own, 1] <= other.high[others, 1]) & (other.low[others, 1] <= self.high[own, 1])
+        (low, high), (from_, to) = ((one.low[:, 1], one.high[:, 1]) for one in (self, other))
+        meet = (low.take(own) <= to.take(others)) & (from_.take(others) <= high.take(own))
         return own[meet], others[meet]
 
 

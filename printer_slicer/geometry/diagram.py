@@ -59,8 +59,7 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
         area: (S,) to which each belongs, ascending; at least one.
     """
     starts = np.flatnonzero(run_begins(area))
-    low = np.minimum.reduceat(ends.min(axis=1), starts)
-    high = np.maximum.reduceat(ends.max(axis=1), starts)
+    low, high = (which.reduceat(which(ends[:, 0], ends[:, 1]), starts) for which in (np.minimum, np.maximum))
     middle = np.rint((low + high) / 2)  # whole mm, so that nothing is rounded anew
     size = np.diff(np.append(starts, len(area)))
     steps = np.rint((ends - np.repeat(middle, size, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64) + _AWAY

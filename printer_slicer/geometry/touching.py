@@ -23,7 +23,8 @@ def entangled_layers(ends: Int, layer: Int) -> Int:
     Returns:
         The layers, ascending.
     """
-    a, b = Boxes(_as_floats(ends.min(axis=1)), _as_floats(ends.max(axis=1)), layer).neighbours()
+    low, high = (_as_floats(which(ends[:, 0], ends[:, 1])) for which in (np.minimum, np.maximum))
+    a, b = Boxes(low, high, layer).neighbours()
     first, second = ends.take(a, axis=0), ends.take(b, axis=0)
     straddled = [
         np.sign(cross(way, other[:, 0] - one[:, 0])) * np.sign(cross(way, other[:, 1] - one[:, 0]))

@@ -24,7 +24,7 @@ from printer_slicer.geometry.diagram import Diagram, diagram_of
 from printer_slicer.geometry.pieces import pieces_of
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.touching import entangled_layers
-from printer_slicer.geometry.vectors import cross, dot, feet
+from printer_slicer.geometry.vectors import cross, dot, feet, norm
 
 __all__ = ["CHORD", "MedialAxis", "medial_axis", "ways_of_parts"]
 
@@ -127,7 +127,12 @@ class _Sides:
 
     def take(self, items: Int) -> _Sides:
         """Some of them."""
-        return _Sides(self.points[items], self.index[items], self.layer[items], self.piece[items])
+        return _Sides(
+            self.points.take(items, axis=0),
+            self.index.take(items, axis=0),
+            self.layer[items],
+            self.piece[items],
+        )
 
 
 def _sides(areas: Areas, sides: Bool | None) -> _Sides:
@@ -166,17 +171,18 @@ class _Halves:
     def take(self, items: Int) -> _Halves:
         """Some of them."""
         return _Halves(
-            self.vertex[items],
-            self.ends[items],
-            self.corner[items],
-            self.points[items],
-            self.source[items],
-            self.layer[items],
+            self.vertex.take(items, axis=0),
+            self.ends.take(items, axis=0),
+            self.corner.take(items),
+            self.points.take(items, axis=0),
+            self.source.take(items),
+            self.layer.take(items),
         )
 
     def feet(self, xy: Float, which: Int) -> Float:
         """(n, 2) the places of the own side or corner nearest to points (n, 2), for the halves with these numbers."""
-        return feet(xy, self.points[which, 1], self.points[which, 2])[0]
+        points = self.points.take(which, axis=0)
+        return feet(xy, points[:, 1], points[:, 2])[0]
 
 
 def ways_of_parts(following: Int, count: Int) -> Int:
@@ -218,8 +224,8 @@ def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxi
     )
     twin = np.arange(len(chosen)) ^ 1  # both of a pair are primary, or neither
     kept = _within(halves, twin)
-    n = np.arange(len(chosen))
-    near = [np.hypot(*(halves.ends[:, k] - halves.feet(halves.ends[:, k], n)).T) <= reach for k in (0, 1)]
+    begin, end = halves.points[:, 1], halves.points[:, 2]
+    near = [norm(place - feet(place, begin, end)[0]) <= reach for place in np.moveaxis(halves.ends, 1, 0)]
     kept &= near[0] | near[1]
     kept &= kept[twin]
     halves = halves.take(np.flatnonzero(kept))
@@ -228,7 +234,7 @@ def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxi
 
 def _within(halves: _Halves, twin: Int) -> Bool:
     """(h,) whether edges lie inside the areas: to the left of the own side, or of a side of the corner."""
-    middle = halves.ends.mean(axis=1)
+    middle = (halves.ends[:, 0] + halves.ends[:, 1]) / 2
     before, begin, end, after = np.moveaxis(halves.points, 1, 0)
     left = cross(end - begin, middle - begin) > 0
     around = (cross(begin - before, middle - before) > 0) | (cross(after - begin, middle - begin) > 0)
@@ -279,10 +285,14 @@ def _pieces(halves: _Halves, following: Int, left_out: Int, chord: float) -> Med
     of_new = 2 * np.repeat(np.arange(len(count)), count - 1)
     start = ends.ravel()
     foot = np.stack(
-        [halves.feet(all_xy[start], owner), halves.feet(all_xy[ends[:, ::-1].ravel()], owner)], axis=1
+        [
+            halves.feet(all_xy.take(start, axis=0), owner),
+            halves.feet(all_xy.take(ends[:, ::-1].ravel(), axis=0), owner),
+        ],
+        axis=1,
     )
     radius = np.zeros(len(all_xy))
-    radius[start] = np.hypot(*(all_xy[start] - foot[:, 0]).T)
+    radius[start] = norm(all_xy.take(start, axis=0) - foot[:, 0])
     # At the tip of a corner the way turns back, whatever else touches the outline there.
     onto_tip = np.flatnonzero(radius[ends[:, ::-1].ravel()] < _TIP)
     after[onto_tip] = onto_tip ^ 1
@@ -313,7 +323,7 @@ def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
     end_of_other = np.where(up[:, None], halves.points[1::2, 2], halves.points[::2, 2])
     along = end_of_other - other
     across = np.where(two[:, None], focus - other, np.stack([-along[:, 1], along[:, 0]], axis=1))
-    across /= np.maximum(np.hypot(*across.T), 1e-12)[:, None]
+    across /= np.maximum(norm(across), 1e-12)[:, None]
     gap = dot(focus - other, across)[:, None]
     across *= np.sign(gap)
     gap = np.abs(gap[:, 0]) / np.where(two, 2, 1)
@@ -323,7 +333,7 @@ def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
     gap = np.where(curved, gap, 1.0)
     half = np.where(two, 1.0, 2.0)[:, None]
     angle = half * np.arctan(u / gap[:, None])
-    steep = 2 * np.sqrt(8 * chord / gap) * np.cos(np.abs(angle).max(axis=1) / 2) ** 2
+    steep = 2 * np.sqrt(8 * chord / gap) * np.cos(np.maximum(*np.abs(angle).T) / 2) ** 2
     widest = np.where(two, most, np.minimum(most, steep))
     wanted = np.ceil(np.abs(angle[:, 1] - angle[:, 0]) / widest - 1e-9)
     count = np.where(curved, np.clip(wanted, 1, _MOST), 1).astype(np.int64)
@@ -331,4 +341,8 @@ def _divided(halves: _Halves, chord: float) -> tuple[Int, Float]:
     turn = angle[edge, 0] + (angle[edge, 1] - angle[edge, 0]) * step / count[edge]
     place = gap[edge] * np.tan(turn / half[edge, 0])
     back = np.where(two[edge], gap[edge], gap[edge] - (place**2 + gap[edge] ** 2) / (2 * gap[edge]))
-    return count, focus[edge] + place[:, None] * tangent[edge] - back[:, None] * across[edge]
+    return count, (
+        focus.take(edge, axis=0)
+        + place[:, None] * tangent.take(edge, axis=0)
+        - back[:, None] * across.take(edge, axis=0)
+    )

@@ -129,7 +129,9 @@ def _grown(pieces: Pieces, angle: Float, ground: _Ground, width: float) -> tuple
     for turn in distinct(angle).tolist():
         chosen = np.flatnonzero(angle == turn)
         own = pieces.on_layers(n, chosen)
-        others = done.merge(pieces.on_layers(n, np.flatnonzero(angle != turn)))  # overlapping, as what is cut off may
+        others = done.merge(
+            pieces.on_layers(n, np.flatnonzero(angle != turn))
+        )  # overlapping, as what is cut off may
         grown = difference(_stretched(own, pieces.take(chosen), ground, width, turn), difference(others, own))
         order = np.argsort(np.concatenate([done.ring_layer, grown.ring_layer]), kind="stable")
         of_ring = np.concatenate([of_ring, np.full(grown.n_rings, turn)])[order]

@@ -14,7 +14,7 @@ from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.geometry.areas import numbered
 from printer_slicer.geometry.joints import linked
 from printer_slicer.perimeters.beading import Beading
-from printer_slicer.perimeters.graph import Graph, crossings
+from printer_slicer.perimeters.graph import Graph, crossings, low_and_high
 
 __all__ = ["Counted", "counted"]
 
@@ -86,13 +86,14 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
 
 def _cuts(graph: Graph, beading: Beading, widest: Float) -> tuple[Int, Float]:
     """Pieces (n,), and the shares (n,) of the way along each, where the count may change."""
-    radius, layer, limits = graph.radius[graph.ends], graph.piece_layer, beading.thresholds()
+    radius, layer, limits = graph.radius.take(graph.ends), graph.piece_layer, beading.thresholds()
+    least, most = np.minimum(*radius.T), np.maximum(*radius.T)
     cuts = [crossings(radius, widest[layer])]
-    single = np.flatnonzero(radius.max(axis=1) <= limits[min(1, beading.full - 1)][layer])
+    single = np.flatnonzero(most <= limits[min(1, beading.full - 1)][layer])
     # Down to the tip of a corner the count is that of the place from which the way leads there.
-    above = np.flatnonzero((radius.min(axis=1) > _TIP) | (graph.steepness <= _SHARPEST))
+    above = np.flatnonzero((least > _TIP) | (graph.steepness <= _SHARPEST))
     for some, limit in ((single, _spur_floor(beading)), *((above, limit) for limit in limits)):
-        piece, share = crossings(radius[some], limit[layer[some]])
+        piece, share = crossings(radius.take(some, axis=0), limit[layer[some]])
         cuts.append((some[piece], share))
     return np.concatenate([piece for piece, _ in cuts]), np.concatenate([share for _, share in cuts])
 
@@ -114,8 +115,7 @@ def _spurs(graph: Graph, corner: Bool, central: Bool, count: Int, floor: Float) 
     ends, radius, length = graph.ends, graph.radius, graph.length
     top = _highest(graph, central, count)
     piece = np.flatnonzero(corner)
-    up = np.argmax(radius[ends[piece]], axis=1)[:, None]
-    high, low = (np.take_along_axis(ends[piece], end, axis=1)[:, 0] for end in (up, 1 - up))
+    low, high = low_and_high(ends.take(piece, axis=0), radius)
     forks = np.bincount(high, minlength=len(radius))
     onward = np.full(len(radius), -1)
     onward[high] = np.arange(len(piece))
@@ -138,8 +138,8 @@ def _on_top(graph: Graph, rising: Int, below: Int, decided: Bool, beading: Beadi
     """(n,) counts for pieces that lead up from stretches to no more than a bulge where they meet; -1 for others."""
     ends, radius = graph.ends, graph.radius
     group = linked(ends[rising].T, len(radius))
-    highest = _extreme(np.maximum, group[ends[rising, 0]], radius[ends[rising]].max(axis=1), len(radius), 0.0)
-    up = np.take_along_axis(ends[rising], np.argmax(radius[ends[rising]], axis=1)[:, None], axis=1)[:, 0]
+    low, up = low_and_high(ends.take(rising, axis=0), radius)
+    highest = _extreme(np.maximum, group[ends[rising, 0]], radius[up], len(radius), 0.0)
     summit = radius[up] >= highest[group[up]] - 1e-9
     led = np.zeros(len(radius), np.bool_)
     led[ends[decided]] = True
@@ -149,7 +149,7 @@ def _on_top(graph: Graph, rising: Int, below: Int, decided: Bool, beading: Beadi
     most = _extreme(np.maximum, own, below.astype(np.float64), len(radius), 0.0)[own].astype(np.int64)
     layer = graph.piece_layer[rising]
     fits = beading.strain(highest[own], most, layer) <= _GIVE_ON_TOP
-    fits &= beading.strain(radius[ends[rising]].min(axis=1), most, layer) <= _GIVE_ON_TOP
+    fits &= beading.strain(radius[low], most, layer) <= _GIVE_ON_TOP
     return np.where(fits & ~lost[own], most, -1)
 
 
@@ -160,8 +160,7 @@ def _central(graph: Graph, used: Bool, wide: Bool, beading: Beading) -> tuple[Bo
     of_point = linked(ends[central].T, len(radius))
     length = np.bincount(of_point[ends[central, 0]], graph.length[central], len(radius))
     # A short stretch from which one piece beside leads up is the end of a corner. From a waist two or more do.
-    up = np.argmax(radius[ends], axis=1)[:, None]
-    low, high = (np.take_along_axis(ends, end, axis=1)[:, 0] for end in (1 - up, up))
+    low, high = low_and_high(ends, radius)
     beside = (used | wide) & ~central
     exits = np.bincount(of_point[low[beside]], minlength=len(radius))
     group = of_point[ends[:, 0]]
@@ -192,6 +191,7 @@ def _without_short_runs(graph: Graph, central: Bool, count: Int, wide: Bool, bea
     mouth = np.zeros(len(graph.xy), np.bool_)
     mouth[graph.ends[wide]] = True
     length = np.where(mouth[ends].any(axis=1), np.inf, length)
+    low, high = (graph.radius[point] for point in low_and_high(ends, graph.radius))
     for _ in range(_ROUNDS):
         own = count[piece]
         key = ends * (beading.full + 1) + own[:, None]
@@ -201,8 +201,8 @@ def _without_short_runs(graph: Graph, central: Bool, count: Int, wide: Bool, bea
         n_runs = int(run_of_port.max()) + 1
         runs = _Runs(
             np.asarray(np.bincount(run, length, n_runs), np.float64),
-            _extreme(np.minimum, run, graph.radius[ends].min(axis=1), n_runs, np.inf),
-            _extreme(np.maximum, run, graph.radius[ends].max(axis=1), n_runs, -np.inf),
+            _extreme(np.minimum, run, low, n_runs, np.inf),
+            _extreme(np.maximum, run, high, n_runs, -np.inf),
             _of_run(run, own, n_runs),
             _of_run(run, layer, n_runs),
         )

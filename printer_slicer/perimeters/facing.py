@@ -13,7 +13,7 @@ import numpy as np
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.vectors import cross, dot, feet
+from printer_slicer.geometry.vectors import cross, dot, feet, norm
 
 __all__ = ["facing"]
 
@@ -91,7 +91,7 @@ class _Sides:
         """In the order of the points at which they begin."""
         begin, end = areas.xy, areas.xy.take(areas.following, axis=0)
         way = end - begin
-        way = way / np.maximum(np.hypot(*way.T), 1e-12)[:, None]
+        way = way / np.maximum(norm(way), 1e-12)[:, None]
         normal = np.column_stack([-way[:, 1], way[:, 0]])
         before = areas.previous
         turn = cross(way.take(before, axis=0), way)
@@ -112,7 +112,7 @@ class _Sides:
         for one, other in ((a, b), (b, a)):
             for point in (self.begin[one], self.end[one]):
                 foot, _ = feet(point, self.begin[other], self.end[other])
-                near |= (np.hypot(*(point - foot).T) <= reach) & (
+                near |= (norm(point - foot) <= reach) & (
                     dot(point - self.begin[other], self.normal[other]) > -_SLACK
                 )
         result[opposite] = near
@@ -146,7 +146,7 @@ class _Sides:
     def _sees(self, corner: Int, way: Float) -> Bool:
         """(n,) whether directions lie between the normals of the two sides that meet in a corner."""
         first, second = self.normal_before[corner], self.normal[corner]
-        size = np.maximum(np.hypot(*way.T), 1e-12) * 1e-3
+        size = np.maximum(norm(way), 1e-12) * 1e-3
         between = (cross(first, way) <= size) & (cross(second, way) >= -size)
         return np.asarray(between & (dot(first + second, way) > 0))
 
@@ -154,4 +154,4 @@ class _Sides:
 def _dots(one: Float, a: Int, other: Float, b: Int) -> Float:
     """(n,) scalar products of the rows `a` (n,) of one array with the rows `b` of another one, column by column."""
     (x, y), (u, v) = one.T, other.T
-    return x.take(a) * u.take(b) + y.take(a) * v.take(b)
+    return np.asarray(x.take(a) * u.take(b) + y.take(a) * v.take(b))

@@ -8,9 +8,10 @@ import numpy as np
 
 from printer_slicer.geometry import Float, Int
 from printer_slicer.geometry.areas import consecutive, renumbered
+from printer_slicer.geometry.vectors import norm
 from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 
-__all__ = ["Graph", "crossings"]
+__all__ = ["Graph", "crossings", "low_and_high"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +42,7 @@ class Graph:
     def of(cls, axis: MedialAxis) -> Graph:
         """All of a medial axis."""
         ends = axis.start.reshape(-1, 2)
-        length = np.hypot(*(axis.xy[ends[:, 1]] - axis.xy[ends[:, 0]]).T)
+        length = norm(axis.xy.take(ends[:, 1], axis=0) - axis.xy.take(ends[:, 0], axis=0))
         rise = np.abs(axis.radius[ends[:, 1]] - axis.radius[ends[:, 0]])
         steepness = np.where(length > 1e-6, rise / np.maximum(length, 1e-6), 0.0)
         return cls(
@@ -69,12 +70,13 @@ class Graph:
     def length(self) -> Float:
         """(E,) mm."""
         ends = self.ends
-        return np.asarray(np.hypot(*(self.xy[ends[:, 1]] - self.xy[ends[:, 0]]).T))
+        return np.asarray(norm(self.xy.take(ends[:, 1], axis=0) - self.xy.take(ends[:, 0], axis=0)))
 
     @property
     def middle_radius(self) -> Float:
         """(E,) mm."""
-        return np.asarray(self.radius[self.ends].mean(axis=1))
+        low, high = self.radius.take(self.ends.T)
+        return np.asarray((low + high) / 2)
 
     def only(self, kept: Int) -> Graph:
         """Some pieces (n,), ascending, and their points; ways past pieces that are left out lead around their ends."""
@@ -91,11 +93,11 @@ class Graph:
             left, ahead = left[gone], self.following[ahead[gone] ^ 1]
         points, start = renumbered(self.start[half], len(self.xy))
         return Graph(
-            self.xy[points],
+            self.xy.take(points, axis=0),
             self.radius[points],
             self.layer[points],
             start,
-            self.foot[half],
+            self.foot.take(half, axis=0),
             following,
             self.steepness[kept],
             self.origin[kept],
@@ -119,7 +121,7 @@ class Graph:
         )
         low, high = np.zeros(len(owner)), np.ones(len(owner))
         low[~is_first], high[~is_last] = share, share
-        along = _between(self.xy[ends[piece]], share[:, None])
+        along = _between(self.xy.take(ends[piece], axis=0), share[:, None])
         return Graph(
             np.concatenate([self.xy, along]),
             np.concatenate([self.radius, _between(self.radius[ends[piece]], share)]),
@@ -139,13 +141,20 @@ def _between(ends: Float, share: Float) -> Float:
 
 def _feet(foot: Float, owner: Int, low: Float, high: Float) -> Float:
     """(H, 2, 2) feet of the parts from `low` to `high` of pieces."""
-    up, down = foot[2 * owner], foot[2 * owner + 1]
+    up, down = foot.take(2 * owner, axis=0), foot.take(2 * owner + 1, axis=0)
     low, high = low[:, None], high[:, None]
     parts = [
         np.stack([_between(up, low), _between(up, high)], axis=1),
         np.stack([_between(down, 1 - high), _between(down, 1 - low)], axis=1),
     ]
     return np.stack(parts, axis=1).reshape(-1, 2, 2)
+
+
+def low_and_high(ends: Int, radius: Float) -> tuple[Int, Int]:
+    """(n,) of both ends of pieces (n, 2) that with the lesser radius (V,), and the other one."""
+    first, second = ends.T
+    falls = radius.take(first) >= radius.take(second)
+    return np.where(falls, second, first), np.where(falls, first, second)
 
 
 def crossings(ends: Float, level: Float) -> tuple[Int, Float]:

@@ -14,7 +14,7 @@ from printer_slicer.geometry.areas import numbered
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted
-from printer_slicer.perimeters.graph import Graph, crossings
+from printer_slicer.perimeters.graph import Graph, crossings, low_and_high
 
 __all__ = ["Layout", "laid_out"]
 
@@ -58,9 +58,11 @@ def laid_out(given: Counted, beading: Beading) -> Layout:
     ports, half = _Ports.of(given, beading), beading.spacing[given.graph.piece_layer] / 2
     given = _divided(given, [ports.passing(far) for far in (np.full(len(half), _TRANSITION), half)])
     # Where the room for a level ends.
-    ports, room = _Ports.of(given, beading), given.graph.radius[given.graph.ends]
+    ports, room = _Ports.of(given, beading), given.graph.radius.take(given.graph.ends)
     inset, _ = ports.beads(beading)
-    given = _divided(given, [crossings(room - level[ports.port], np.zeros(len(room))) for level in inset])
+    given = _divided(
+        given, [crossings(room - level.take(ports.port), np.zeros(len(room))) for level in inset]
+    )
     return _Ports.of(given, beading).layout(beading)
 
 
@@ -135,7 +137,7 @@ class _Ports:
     def passing(self, distance: Float) -> tuple[Int, Float]:
         """Where pieces are `distance` (E,) along the axis from a change: piece and share."""
         length = np.maximum(self.given.graph.length, 1e-12)
-        ends = self.distance[self.port]
+        ends = self.distance.take(self.port)
         found = []
         for end in (0, 1):
             share = (distance - ends[:, end]) / length
@@ -173,7 +175,7 @@ class _Ports:
         inset, width = self.beads(beading)
         count = self.count[self.port[:, 0]]
         pairs = np.minimum(count // 2, beading.loops)
-        rest = graph.radius[graph.ends].sum(axis=1) - inset[:, self.port].sum(axis=2)
+        rest = _sums(graph.radius.take(graph.ends)) - _sums(inset.take(self.port, axis=1))
         level = np.arange(beading.loops + 1)[:, None]
         there = np.where(level < beading.loops, pairs > level, count == beading.full)
         # Where a level ends its loop turns around within the count it belongs to, not over the bead beyond.
@@ -202,6 +204,11 @@ class _Ports:
         )
 
 
+def _sums(ends: Float) -> Float:
+    """(..., n) of values at both ends (..., n, 2)."""
+    return np.asarray(ends[..., 0] + ends[..., 1])
+
+
 def _leaders(given: Counted, beading: Beading) -> tuple[Int, Int]:
     """(E, 2) the point whose thickness decides at both ends of each piece, and the count there.
 
@@ -213,8 +220,7 @@ def _leaders(given: Counted, beading: Beading) -> tuple[Int, Int]:
     np.maximum.at(top, ends[given.central].ravel(), np.repeat(given.count[given.central], 2))
     np.maximum.at(top, ends[given.wide].ravel(), beading.full)
     others = np.flatnonzero(given.used & ~given.central)
-    up = np.argmax(radius[ends[others]], axis=1)[:, None]
-    high, low = (np.take_along_axis(ends[others], end, axis=1)[:, 0] for end in (up, 1 - up))
+    low, high = low_and_high(ends.take(others, axis=0), radius)
     above = np.arange(len(radius))
     rises = (radius[high] > radius[low]) & (top[low] < 0)
     order = np.argsort(radius[high[rises]])

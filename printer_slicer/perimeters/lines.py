@@ -10,6 +10,7 @@ from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.geometry.areas import distinct, lengths, run_begins
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
+from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.layout import Layout
 
@@ -48,7 +49,7 @@ class Lines:
         """Those for which `keep` is true."""
         points = np.repeat(keep, self.size)
         return Lines(
-            self.xy[points],
+            self.xy.compress(points, axis=0),
             self.width[points],
             self.size[keep],
             self.layer[keep],
@@ -112,7 +113,10 @@ def _along(layout: Layout, beading: Beading) -> Lines:
         return Lines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
     number = np.full(len(graph.start), -1)
     number[half] = np.arange(len(half))
-    partner, met = _partners(graph.start[half], graph.xy[graph.start[half ^ 1]] - graph.xy[graph.start[half]])
+    partner, met = _partners(
+        graph.start[half],
+        graph.xy.take(graph.start[half ^ 1], axis=0) - graph.xy.take(graph.start[half], axis=0),
+    )
     twin = number[half ^ 1]
     # At its end a line turns back: there and back again is one cycle.
     onward = np.where(partner[twin] >= 0, partner[twin], twin)
@@ -140,11 +144,12 @@ def _partners(point: Int, way: Float) -> tuple[Int, Bool]:
     point = point[order]
     starts = np.flatnonzero(run_begins(point))
     degree = np.diff(np.append(starts, len(point)))
-    way = way[order] / np.maximum(np.hypot(*way[order].T), 1e-12)[:, None]
+    way = way.take(order, axis=0)
+    way /= np.maximum(norm(way), 1e-12)[:, None]
     group, pair = spread(degree * degree)
     a, b = starts[group] + pair // degree[group], starts[group] + pair % degree[group]
     group, a, b = group[a < b], a[a < b], b[a < b]
-    straight = (way[a] * way[b]).sum(axis=1)
+    straight = dot(way.take(a, axis=0), way.take(b, axis=0))
     best = np.full(len(starts), -1)
     ranked = np.argsort(-straight, kind="stable")
     best[group[ranked]] = ranked  # the straightest is written last
@@ -179,7 +184,7 @@ def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
     slot = np.arange(len(half)) + np.repeat(np.arange(len(size)), size)
     n = len(half) + len(size)
     xy, width, end = np.zeros((n, 2)), np.zeros(n), last + np.arange(len(size)) + 1
-    xy[slot], width[slot] = graph.xy[graph.start[half]], layout.width[-1, port]
+    xy[slot], width[slot] = graph.xy.take(graph.start[half], axis=0), layout.width[-1, port]
     xy[end], width[end] = graph.xy[graph.start[half[last] ^ 1]], layout.width[-1, far[last]]
     trim = [
         np.where(chosen.met_before[begins], layout.width[-1, port[begins]] / 2, 0.0),
@@ -188,7 +193,8 @@ def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
     xy, width = _trimmed(xy, width, size + 1, trim[0], trim[1])
     owner = np.repeat(np.arange(len(size)), size + 1)
     new = run_begins(owner)
-    new[1:] |= (np.abs(xy[1:] - xy[:-1]) > _SAME).any(axis=1)
+    step = np.abs(xy[1:] - xy[:-1])
+    new[1:] |= (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
     ring = chosen.closed[begins]
     new[end[ring]] = False
     size = np.bincount(owner[new], minlength=len(size))
@@ -208,7 +214,7 @@ def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
 def _trimmed(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
     """Polylines with `before` and `after` (m,) mm cut off; what is cut off is drawn together to one point."""
     owner, step = spread(size)
-    length = np.hypot(*np.diff(xy, axis=0, prepend=xy[:1]).T)
+    length = norm(np.diff(xy, axis=0, prepend=xy[:1]))
     length[step == 0] = 0.0
     total = np.bincount(owner, length, len(size))
     # One axis for all lines, which stand apart from each other on it.

@@ -10,6 +10,7 @@ from printer_slicer.geometry import Areas, Bool, Float, Int, normalize, offset, 
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
+from printer_slicer.geometry.vectors import norm
 from printer_slicer.geometry.voronoi import CHORD, MedialAxis, medial_axis
 from printer_slicer.model import reordered
 from printer_slicer.perimeters.beading import Beading
@@ -139,8 +140,9 @@ def _partly_wide(solid: Areas, axis: MedialAxis, given: Counted) -> Bool:
     graph = given.graph
     half = np.flatnonzero(np.repeat(given.used, 2))
     ring = solid.point_ring[axis.source[2 * graph.origin[half >> 1] + (half & 1)]]
-    way = graph.foot[half, 1] - graph.foot[half, 0]
-    covered = np.bincount(ring, np.hypot(*way.T), minlength=solid.n_rings)
+    foot = graph.foot.take(half, axis=0)
+    way = foot[:, 1] - foot[:, 0]
+    covered = np.bincount(ring, norm(way), minlength=solid.n_rings)
     area = linked(ring.reshape(-1, 2).T, solid.n_rings)
     wide = np.zeros(solid.n_rings, np.bool_)
     wide[area[covered < solid.ring_length() - _SAME]] = True
@@ -174,7 +176,7 @@ def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
     if not len(point):
         return result
     # Many points lie in one cell; it is as near as its middle, to half a cell.
-    cell = np.floor(graph.xy[point] / _CELL).astype(np.int64)
+    cell = np.floor(graph.xy.take(point, axis=0) / _CELL).astype(np.int64)
     origin = cell.min(axis=0)
     wide, deep = cell.max(axis=0) - origin + 1
     x, y = (cell - origin).T

@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.geometry.areas import following_around, previous_around
+from printer_slicer.geometry.vectors import dot, norm
 
 __all__ = ["kept_points"]
 
@@ -35,7 +36,7 @@ def kept_points(xy: Float, width: Float, size: Int, closed: Bool, tolerance: flo
     ask = np.flatnonzero(~fixed & (left[path] > 2))
     while len(ask):
         prior, next_one = before[ask], after[ask]
-        off = _off(points[ask], points[prior], points[next_one])
+        off = _off(*(points.take(index, axis=0) for index in (ask, prior, next_one)))
         total = off + np.maximum(moved[prior], moved[ask])
         good = total <= tolerance
         ask, off, total = ask[good], off[good], total[good]
@@ -67,7 +68,7 @@ def _off(point: Float, begin: Float, end: Float) -> Float:
     """(n,) how far points (n, 3) of place and width are from the straight way, in place or in width."""
     along = end - begin
     gap = point - begin
-    length = np.maximum((along[:, :2] ** 2).sum(axis=1), 1e-18)
-    share = np.clip((gap[:, :2] * along[:, :2]).sum(axis=1) / length, 0, 1)
+    length2 = np.maximum(dot(along[:, :2], along[:, :2]), 1e-18)
+    share = np.clip(dot(gap[:, :2], along[:, :2]) / length2, 0, 1)
     away = np.abs(gap - share[:, None] * along)
-    return np.asarray(np.maximum(np.hypot(away[:, 0], away[:, 1]), away[:, 2]))
+    return np.asarray(np.maximum(norm(away[:, :2]), away[:, 2]))

@@ -15,7 +15,7 @@ from printer_slicer.geometry import Areas, Bool, Float, Int
 from printer_slicer.geometry.areas import consecutive, distinct, run_begins
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
-from printer_slicer.geometry.vectors import cross, feet
+from printer_slicer.geometry.vectors import cross, feet, norm
 from printer_slicer.perimeters.layout import Layout
 
 __all__ = ["Rings", "Walk", "closed_rings", "walked"]
@@ -64,7 +64,13 @@ class Rings:
     def take(self, keep: Bool) -> Rings:
         """Those for which `keep` is true."""
         points = np.repeat(keep, self.size)
-        return Rings(self.xy[points], self.width[points], self.size[keep], self.level[keep], self.layer[keep])
+        return Rings(
+            self.xy.compress(points, axis=0),
+            self.width[points],
+            self.size[keep],
+            self.level[keep],
+            self.layer[keep],
+        )
 
     def merge(self, other: Rings) -> Rings:
         """Both, one after the other."""
@@ -93,14 +99,14 @@ def walked(layout: Layout, active: Bool, inset: Float, width: Float) -> Walk:
     number[level * n_halves + half] = np.arange(len(half))
     following = _onward(layout, number, level, half)
     # Of half-piece 2e the port at its beginning is that of the piece's beginning, of 2e + 1 that of its end.
-    ports = layout.port[half >> 1]
+    ports = layout.port.take(half >> 1, axis=0)
     ports = np.where((half & 1)[:, None] == 1, ports[:, ::-1], ports)
-    points = graph.ends[half >> 1]
+    points = graph.ends.take(half >> 1, axis=0)
     points = np.where((half & 1)[:, None] == 1, points[:, ::-1], points)
     radius = graph.radius[points]
     share = np.minimum(inset[level[:, None], ports] / np.maximum(radius, 1e-12), 1.0)
-    foot = graph.foot[half]
-    xy = foot + (graph.xy[points] - foot) * share[..., None]
+    foot = graph.foot.take(half, axis=0)
+    xy = foot + (graph.xy.take(points, axis=0) - foot) * share[..., None]
     return Walk(level, graph.layer[points[:, 0]], xy, width[level[:, None], ports], following)
 
 
@@ -162,19 +168,20 @@ def _gathered(
     order = np.lexsort((-place, lowest))
     counts = count[order]
     index = consecutive(-(first[order] + counts - 1), counts)  # each item's points backward too
-    xy, width = (column[-index] for column in points)
+    xy, width = (column.take(-index, axis=0) for column in points)
     owner = np.repeat(lowest[order], counts)
     begins = run_begins(owner)
     ring = np.cumsum(begins) - 1
     starts = np.flatnonzero(begins)
     before = np.arange(len(owner)) - 1
     before[starts] = np.append(starts[1:], len(owner))[: len(starts)] - 1
-    apart = (np.abs(xy - xy[before]) > _SAME).any(axis=1)
+    step = np.abs(xy - xy.take(before, axis=0))
+    apart = (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
     size = np.bincount(ring[apart], minlength=len(starts))
     whole = size >= 3
     apart &= whole[ring]
     level, layer = (label[owner[starts[whole]]] for label in labels)
-    return Rings(xy[apart], width[apart], size[whole], level, layer)
+    return Rings(xy.compress(apart, axis=0), width[apart], size[whole], level, layer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -270,18 +277,18 @@ def _begin_beside(rings: Areas, layout: Layout) -> Bool:
     layer[rings.ring_layer] = True
     half = np.flatnonzero(np.repeat(layout.used & layer[graph.piece_layer], 2))
     start = graph.start[half]
-    corners = [graph.xy[start], graph.xy[graph.start[half ^ 1]], graph.foot[half, 1], graph.foot[half, 0]]
+    foot = graph.foot.take(half, axis=0)
+    ends = (graph.xy.take(index, axis=0) for index in (start, graph.start[half ^ 1]))
+    corners = [*ends, foot[:, 1], foot[:, 0]]
     low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
     point = rings.xy.take(rings.ring_start[:-1], axis=0)
     found, beside = Boxes(point, point, rings.ring_layer).overlapping(
         Boxes(low, high, graph.layer[start]).grown(_SAME)
     )
     # The outline lies on the left: counter-clockwise, what is inside lies to the left of all four sides.
-    corner, place = np.stack([some[beside] for some in corners], axis=1), point[found]
+    corner, place = np.stack([some.take(beside, axis=0) for some in corners], axis=1), point[found]
     sides = np.roll(corner, -1, axis=1) - corner
-    inside = (cross(sides, place[:, None] - corner) >= -_SAME * np.hypot(*np.moveaxis(sides, -1, 0))).all(
-        axis=1
-    )
+    inside = (cross(sides, place[:, None] - corner) >= -_SAME * norm(sides)).all(axis=1)
     result = np.zeros(rings.n_rings, np.bool_)
     result[found[inside]] = True
     return result
@@ -296,7 +303,7 @@ def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Floa
     begin, end = (areas.xy.take(one, axis=0) for one in (side, areas.following[side]))
     place = points.take(point, axis=0)
     foot, share = feet(place, begin, end)
-    gap = np.hypot(*(place - foot).T)
+    gap = norm(place - foot)
     best = np.full(len(points), -1)
     order = np.argsort(-gap, kind="stable")
     best[point[order]] = order  # the nearest is written last
