@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, numbered
+from printer_slicer.geometry.boxes import Boxes
 
 __all__ = ["any_crossing", "crossed", "crossing_shares", "crossings", "rings_around"]
 
@@ -72,19 +73,12 @@ def crossings(outlines: Areas, begin: Float, end: Float, layer: Int) -> Int:
 
     An edge belongs to one of its ends only, so a way through a corner crosses exactly one of the corner's edges.
     """
-    from printer_slicer.geometry.planar import SegmentTree  # noqa: PLC0415 - shapely only when it is needed
-
     result = np.zeros(len(begin), np.int64)
     if not len(begin) or not outlines.n_rings:
         return result
     a, b = outlines.xy, outlines.xy.take(outlines.following, axis=0)
-    # Layers side by side, so that one tree serves all of them.
-    every = np.concatenate([begin, end, a])
-    pitch = float(every[:, 0].max() - every[:, 0].min()) + 1.0
-    edge_layer = outlines.point_layer
-    aside, way_aside = (np.multiply.outer(of * pitch, (1.0, 0.0)) for of in (edge_layer, layer))
-    tree = SegmentTree(np.stack([a + aside, b + aside], axis=1))
-    way, edge = tree.meeting(begin + way_aside, end + way_aside)
+    ways = Boxes(np.minimum(begin, end), np.maximum(begin, end), layer)
+    way, edge = ways.overlapping(Boxes.of_sides(outlines))
     for some in np.array_split(np.arange(len(way)), len(way) // _PAIRS_AT_ONCE + 1):
         one, other = way[some], edge[some]
         share = crossing_shares(
