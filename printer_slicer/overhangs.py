@@ -94,23 +94,23 @@ class _Pieces:
 
 def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     """(N,) whether the segment that begins at each point passes the box around something that hangs."""
-    ends = paths.xy.take(paths.following, axis=0)
-    low = np.minimum(paths.xy, ends) - width
-    high = np.maximum(paths.xy, ends) + width
+    begin, end = (np.ascontiguousarray(xy.T) for xy in (paths.xy, paths.xy.take(paths.following, axis=0)))
+    low, high = np.minimum(begin, end) - width, np.maximum(begin, end) + width
     result = np.zeros(len(paths.xy), np.bool_)
     if not air.n_rings:
         return result
-    lowest, highest = boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
+    around = boxes(air.xy, air.ring_start, np.arange(air.n_rings), air.n_rings)
+    lowest, highest = (np.ascontiguousarray(corner.T) for corner in around)
     bounds = paths.start[np.searchsorted(paths.layer, np.arange(paths.plan.n_layers + 1))]
     rings = air.layer_start
     for layer in np.flatnonzero(air.used).tolist():
         here = slice(int(bounds[layer]), int(bounds[layer + 1]))
         some = slice(int(rings[layer]), int(rings[layer + 1]))
-        meets = low[here, None, 0] <= highest[None, some, 0]
-        meets &= high[here, None, 0] >= lowest[None, some, 0]
-        meets &= low[here, None, 1] <= highest[None, some, 1]
-        meets &= high[here, None, 1] >= lowest[None, some, 1]
-        result[here] = meets.any(axis=1)
+        meets = low[0, None, here] <= highest[0, some, None]
+        meets &= high[0, None, here] >= lowest[0, some, None]
+        meets &= low[1, None, here] <= highest[1, some, None]
+        meets &= high[1, None, here] >= lowest[1, some, None]
+        result[here] = meets.any(axis=0)
     return result
 
 
