@@ -7,6 +7,7 @@ width over it. The sections themselves are compared, so the step from layer to l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from printer_slicer.geometry import (
     rings_around,
     window_intersection,
 )
-from printer_slicer.geometry.areas import boxes, run_begins
+from printer_slicer.geometry.areas import boxes, distinct, run_begins
 from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths
@@ -32,6 +33,7 @@ _CARRIED = 0.9  # of a bead: walls that stand on each other differ by what conto
 _GRADES = (0.02, 0.25, 0.5, 0.75, _CARRIED)
 _STEP = 1.0  # bead between the places that are looked at
 _SHORTEST = 0.5  # bead: shorter stretches of one grade are not told apart
+_AT_ONCE = 1 << 18  # pieces that are looked at
 _REACH = 1.05  # beads from an outline at which it is known on which side a place is; over a step
 
 
@@ -48,8 +50,14 @@ def graded(paths: Toolpaths, sections: Sections) -> Toolpaths:
     below = window_intersection(solid, own - 1, own)
     width = float(paths.width.max())
     air = _hanging(solid, below, width)
-    pieces = _cut(paths, _near(paths, air, width), _STEP * width)
-    return _joined(paths, pieces, _carried(paths, pieces, (below, air), width))
+    near, shortest = _near(paths, air, width), _SHORTEST * float(paths.width.mean())
+    count = _counts(paths, near, _STEP * width)
+    parts = []
+    for first, last in pairwise(_bounds(paths, count)):
+        some, points = paths.take(np.arange(first, last)), slice(*paths.start[[first, last]])
+        pieces = _cut(some, near[points], count[points])
+        parts.append(_joined(some, pieces, _carried(some, pieces, (below, air), width), shortest))
+    return Toolpaths.joined(paths.plan, parts)
 
 
 def _hanging(solid: Areas, below: Areas, width: float) -> Areas:
@@ -114,10 +122,20 @@ def _near(paths: Toolpaths, air: Areas, width: float) -> Bool:
     return result
 
 
-def _cut(paths: Toolpaths, near: Bool, longest: float) -> _Pieces:
+def _counts(paths: Toolpaths, near: Bool, longest: float) -> Int:
+    """(N,) into how many pieces the segment that begins at each point is cut."""
+    return np.where(near, np.maximum(np.ceil(paths.steps() / longest), 1), 1).astype(np.int64)
+
+
+def _bounds(paths: Toolpaths, count: Int) -> list[int]:
+    """Where to divide the paths so that parts have hardly more than `_AT_ONCE` pieces each."""
+    total = np.cumsum(np.add.reduceat(count, paths.start[:-1]))
+    inner = np.searchsorted(total, np.arange(_AT_ONCE, int(total[-1]), _AT_ONCE)) + 1
+    return [0, *distinct(inner[inner < paths.n_paths]).tolist(), paths.n_paths]
+
+
+def _cut(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
     following = paths.following
-    length = paths.steps()
-    count = np.where(near, np.maximum(np.ceil(length / longest), 1), 1).astype(np.int64)
     point, step = spread(count)
     path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
     return _Pieces(point, following.take(point), step, count.take(point), path, near.take(point))
@@ -203,11 +221,11 @@ def _resolved(under: tuple[Areas, Areas], points: Float, layer: Int, reach: floa
     return depth
 
 
-def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float) -> Toolpaths:
+def _joined(paths: Toolpaths, pieces: _Pieces, carried: Float, shortest: float) -> Toolpaths:
     """Paths with the points at which a stretch of one grade begins."""
     length = paths.steps().take(pieces.point) / pieces.count
     of_piece = np.digitize(carried, _GRADES)
-    grade = _without_short(of_piece, pieces.path, length, _SHORTEST * float(paths.width.mean()))
+    grade = _without_short(of_piece, pieces.path, length, shortest)
     begins = np.append(True, (np.diff(grade) != 0) | (np.diff(pieces.path) != 0))
     stretch = np.cumsum(begins) - 1
     weight = length * (grade == of_piece)
