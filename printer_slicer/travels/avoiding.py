@@ -10,10 +10,11 @@ from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.model import Areas, Int
 from printer_slicer.profile import Profile
+from printer_slicer.travels.graphs import Asked
 from printer_slicer.travels.ground import Ground
 from printer_slicer.travels.rooms import abroad, rooms_of
 from printer_slicer.travels.routes import Routes, eased, through, without_stops
-from printer_slicer.travels.routing import Asked, routed
+from printer_slicer.travels.routing import routed
 from printer_slicer.travels.worth import longest_worthwhile
 
 __all__ = ["rerouted"]
@@ -49,14 +50,14 @@ def rerouted(
     limit = np.where(crossings[poor] > 0, limit, np.minimum(limit, straight + _GRAZING))
     inside = np.flatnonzero((room == other) & (room >= 0))
     improving = _Improving(outlines, _ROOM * width, ways, crossings)
-    asked = Asked(begin, end, room, limit, np.zeros(len(poor)))
+    asked = Asked(begin, end, some.layer, room, limit, np.zeros(len(poor)))
     improving.seek(poor[inside], asked.take(inside), rooms.ground)
     fewest = (room >= 0).astype(np.float64) + (other >= 0)
     spare = improving.crossings[poor] - fewest
     many = np.flatnonzero(spare > 0)
     if len(many):
-        asked = Asked(*some.ends, some.layer, straight + _TOLL * spare, _TOLL * fewest)
-        ground = abroad(solid.of_layers(distinct(some.layer[many])), outlines, rooms, _TOLL)
+        asked = Asked(*some.ends, some.layer, some.layer, straight + _TOLL * spare, _TOLL * fewest)
+        ground = abroad(solid.of_layers(distinct(some.layer[many])), box, _CLEARANCE * width, _TOLL)
         improving.seek(poor[many], asked.take(many), ground)
     return improving.ways, improving.crossings
 

@@ -1,8 +1,8 @@
-"""Where the nozzle passes inside the part: the sections moved inward."""
+"""Where the nozzle passes: inside the part, in the sections moved inward, and from piece to piece of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,23 +23,19 @@ class Rooms:
     """The sections without a margin along their outlines.
 
     Attributes:
-        areas: the rooms; each outer ring with the holes in it is one.
-        room: (R,) of each ring the outer ring of the room it bounds.
+        ground: to seek ways in; each outer ring with the holes in it is a field, by the number of that ring.
         clearance: mm that the rooms are narrower than the sections on each side, about.
-        ground: to seek ways in; its fields are the rings, of which those that bound holes have no corners.
     """
 
-    areas: Areas
-    room: Int
-    clearance: float
     ground: Ground
+    clearance: float
 
     def entered(self, points: Float, layer: Int) -> tuple[Float, Int]:
         """Where points (P, 2) on their `layer` (P,) ascending lie in rooms, and in which: (P, 2) and (P,).
 
         Those in the margin are led in by the nearest way; those outside have no room, -1, and stay where they are.
         """
-        areas, place = self.areas, points.copy()
+        areas, place = self.ground.areas, points.copy()
         ring = rings_around(areas, points, layer)
         room = np.where((ring >= 0) & np.append(areas.ring_area() > 0, False)[ring], ring, -1)
         out = np.flatnonzero(room < 0)
@@ -51,7 +47,7 @@ class Rooms:
         along = (end - begin)[near]
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
         place[out[near]] = foot[near] + OFF * inward
-        room[out[near]] = self.room[areas.point_ring[edge[near]]]
+        room[out[near]] = self.ground.own[areas.point_ring[edge[near]]]
         return place, room
 
 
@@ -59,7 +55,7 @@ def rooms_of(solid: Areas, box: tuple[Float, Float], clearance: float) -> Rooms:
     """The rooms of sections.
 
     Args:
-        solid: the sections, of those layers that shall have rooms.
+        solid: the sections.
         box: corners (2,) of the box, mm, in which all points to ask for will lie.
         clearance: mm.
     """
@@ -70,22 +66,18 @@ def rooms_of(solid: Areas, box: tuple[Float, Float], clearance: float) -> Rooms:
     )
     room = np.arange(areas.n_rings)
     room[~outer] = np.append(np.flatnonzero(outer), -1)[around]
-    ground = Ground(Corners.of(areas, room), areas.ring_layer, Outlines(areas, *box), np.inf)
-    return Rooms(areas, room, clearance, ground)
+    return Rooms(Ground(areas, Outlines(areas, *box), room, Corners.inside(areas), np.inf), clearance)
 
 
-def abroad(solid: Areas, outlines: Outlines, rooms: Rooms, toll: float) -> Ground:
+def abroad(solid: Areas, box: tuple[Float, Float], clearance: float, toll: float) -> Ground:
     """Where ways are sought that leave the part: each layer is a field, with corners inside and outside of it.
 
     Args:
-        solid: the sections, of those layers that are asked for; all of them have rooms.
-        outlines: of the sections.
-        rooms: of the sections.
+        solid: the sections, of those layers that are asked for.
+        box: corners (2,) of the box, mm, in which all points to ask for will lie.
+        clearance: mm.
         toll: mm that a way may be longer to cross one outline less.
     """
-    simple = simplify(solid, _SIMPLER * rooms.clearance)
-    outside = Corners.around(simple, simple.ring_layer, rooms.clearance)
-    within = rooms.ground.corners
-    layer = rooms.areas.ring_layer[within.owner]
-    inside = replace(within, owner=layer).take(np.flatnonzero(solid.used[layer]))
-    return Ground(inside.joined(outside), np.arange(solid.n_layers), outlines, toll)
+    simple = simplify(solid, _SIMPLER * clearance)
+    corners = Corners.inside(simple, clearance).joined(Corners.outside(simple, clearance))
+    return Ground(simple, Outlines(simple, *box), simple.ring_layer, corners, toll)

@@ -10,8 +10,8 @@ from printer_slicer.geometry.areas import consecutive
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Float, Int
+from printer_slicer.travels.graphs import Found
 from printer_slicer.travels.ground import Corners
-from printer_slicer.travels.routing import Found
 
 __all__ = ["Routes", "eased", "straight", "through", "without_stops"]
 

@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from printer_slicer.geometry import Areas, Float
 from printer_slicer.model import Sections
 from printer_slicer.travels import travel
+from printer_slicer.travels.graphs import Asked
 from printer_slicer.travels.rooms import rooms_of
 from printer_slicer.travels.routes import straight, through
-from printer_slicer.travels.routing import Asked, routed
+from printer_slicer.travels.routing import routed
 from printer_slicer.travels.shortest import Links, shortest
 from tests.parts import layers, profile, shape, shapely
 from tests.strategies import clean_areas
@@ -99,14 +100,16 @@ def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     layer = np.zeros(len(pairs), np.int64)
     (begin, room), (end, other) = (rooms.entered(points[side], layer) for side in pairs.T)
     same = np.flatnonzero((room == other) & (room >= 0))
-    asked = Asked(begin[same], end[same], room[same], np.full(len(same), np.inf), np.zeros(len(same)))
+    asked = Asked(
+        begin[same], end[same], layer[same], room[same], np.full(len(same), np.inf), np.zeros(len(same))
+    )
     found = routed(asked, rooms.ground)
 
     assert found.there.all()
     tight, _ = through(
         straight(begin[same], end[same], layer[same]), (begin[same], end[same]), found, rooms.ground.corners
     )
-    area = shape(rooms.areas, 0)
+    area = shape(rooms.ground.areas, 0)
     for one, mm, a, b in zip(same.tolist(), tight.length().tolist(), begin[same], end[same], strict=True):
         wanted = brute(area, a, b)
         assert mm == pytest.approx(wanted, rel=2e-3, abs=0.02), one
@@ -149,6 +152,26 @@ def test_many_corners_around_a_round_hole() -> None:
     assert line[1:-1, 1].min() > 0
     tangent = np.arccos(20 / 25)
     assert length_of(line) == pytest.approx(30 + 20 * (np.pi - 2 * tangent), rel=0.03)
+
+
+def test_ways_between_many_holes_are_found() -> None:
+    """A grille: the straight ways cross up to a dozen holes."""
+    rings = [np.array([(0, 0), (36, 0), (36, 36), (0, 36)], float)]
+    around = np.linspace(0, -2 * np.pi, 16, endpoint=False)
+    hole = np.stack([np.cos(around), np.sin(around)], axis=1)
+    rings += [hole + np.array([3 * i + 1.5, 3 * j + 1.5]) for i in range(12) for j in range(12)]
+    sections = Sections(layers(1, 0.2), Areas.from_rings([rings]))
+    points = np.random.default_rng(0).uniform(0.3, 35.7, (80, 2))
+    points = points[shapely.contains_xy(shape(sections.solid, 0).buffer(-0.15), points)]
+    paths = places(sections, points)
+
+    assert len(points) > 30
+    travels = travel(paths, sections, profile())
+
+    assert not travels.crossings.any()
+    for index in range(1, paths.n_paths):
+        line = way(paths, travels, index)
+        assert length_of(line) <= 1.15 * length_of(line[[0, -1]]) + 1.5
 
 
 def test_a_maze_is_solved() -> None:

@@ -1,0 +1,48 @@
+"""What is known of what stands in which way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Bool, Int
+
+__all__ = ["Known"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """Which rings are known to stand in which way.
+
+    Attributes:
+        key: ascending, way times `n_rings` plus ring.
+        n_rings: of the ground.
+    """
+
+    key: Int
+    n_rings: int
+
+    @property
+    def pairs(self) -> tuple[Int, Int]:
+        """Ways, ascending, and rings."""
+        way, ring = np.divmod(self.key, max(self.n_rings, 1))
+        return way, ring
+
+    def holds(self, way: Int, ring: Int) -> Bool:
+        """(n,) which of some pairs are known."""
+        asked = way * self.n_rings + ring
+        place = np.searchsorted(self.key, asked)
+        return np.asarray(np.append(self.key, -1)[place] == asked)
+
+    def joined(self, way: Int, ring: Int) -> Known:
+        """With more pairs."""
+        return Known(np.union1d(self.key, way * self.n_rings + ring), self.n_rings)
+
+    def of(self, ways: Int) -> Known:
+        """Those of some ways (n,), ascending, which are then 0, 1, ...."""
+        first = np.searchsorted(self.key, ways * self.n_rings)
+        count = np.searchsorted(self.key, (ways + 1) * self.n_rings) - first
+        own = np.repeat(np.arange(len(ways)) - ways, count)
+        return Known(self.key[consecutive(first, count)] + own * self.n_rings, self.n_rings)
