@@ -99,8 +99,11 @@ def test_parts_thin_as_a_hair_can_be_drawn(size: tuple[float, float, float]) -> 
 # Against every facet and every pixel one by one
 
 
-def covering(corner: Float, shape: tuple[int, int]) -> dict[tuple[int, int], float]:
-    """Row and column of each pixel whose middle a facet (3 corners of x, y, depth) holds -> its depth there."""
+def covering(corner: Float, shape: tuple[int, int], slack: float) -> dict[tuple[int, int], float]:
+    """Row and column of each pixel whose middle a facet (3 corners of x, y, depth) holds -> its depth there.
+
+    With `slack` the facet is so much larger, as a share of itself.
+    """
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corner.tolist()
     twice = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     found = {}
@@ -110,7 +113,7 @@ def covering(corner: Float, shape: tuple[int, int]) -> dict[tuple[int, int], flo
             a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / twice
             b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / twice
             c = 1 - a - b
-            if min(a, b, c) >= 0:
+            if min(a, b, c) >= -slack:
                 found[row, column] = a * az + b * bz + c * cz
     return found
 
@@ -125,10 +128,10 @@ def test_a_facet_covers_the_pixels_whose_middle_it_holds(corner: Float) -> None:
         return
     _, pixel, deep = _pixels(x[:, None], y[:, None], depth[:, None], shape)
     got = {divmod(int(one), shape[1]): float(z) for one, z in zip(pixel, deep, strict=True)}
-    expected = covering(corner.T, shape) if twice > 0 else {}
+    held, touched = (covering(corner.T, shape, slack) if twice > 0 else {} for slack in (-1e-9, 1e-9))
 
-    assert set(got) == set(expected)
-    assert all(got[place] == pytest.approx(expected[place], abs=1e-4) for place in got)
+    assert set(held) <= set(got) <= set(touched)
+    assert all(got[place] == pytest.approx(touched[place], abs=1e-3) for place in got)
 
 
 def test_the_eye_looks_from_the_front_right_and_above() -> None:
