@@ -120,7 +120,10 @@ def job_of(
     stages = slice_stages(mesh, profile, placement=placement, report=report, strict=strict)
     report("writing")
     job = _job(
-        name or mesh.name, gcode_of(stages.program, profile, part=stages.part), profile, stages.program
+        name or mesh.name,
+        gcode_of(stages.program, profile, part=stages.part, labels=stages.labels),
+        profile,
+        stages.program,
     )
     return replace(job, repairs=stages.repairs)
 

@@ -19,8 +19,10 @@ from printer_slicer.gcode import write_gcode
 from printer_slicer.geometry import frozen_array
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
+from printer_slicer.labelling import labels_of
 from printer_slicer.model import (
     Float,
+    Labels,
     LayerPlan,
     Mesh,
     Program,
@@ -71,6 +73,7 @@ class Stages:
 
     Attributes:
         part: repaired and placed.
+        labels: which moves lay which of several things; None where there is one.
         repairs: what was put right, at the places of the mesh that was given.
         shift: (3,) mm from the placed part to where that mesh was.
         link: what it took to stay under the lines per second of the link, if the profile tells them.
@@ -86,6 +89,7 @@ class Stages:
     travels: Travels
     program: Program
     link: LinkReport | None = None
+    labels: Labels | None = None
     repairs: Repairs = field(default_factory=Repairs)
     shift: Float = field(default_factory=lambda: frozen_array(np.zeros(3), np.float64, (3,)))
 
@@ -191,7 +195,9 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     report("extrusion")
     program = extrude(toolpaths, travels, profile)
     stages = Stages(part, sections, walls, regions, toolpaths, travels, program)
-    return _kept_up(stages, printed, profile) if profile.printer.link_lines_per_second else stages
+    if profile.printer.link_lines_per_second:
+        stages = _kept_up(stages, printed, profile)
+    return replace(stages, labels=labels_of(stages.program, part, plan))
 
 
 def _kept_up(stages: Stages, printed: Sections, profile: Profile) -> Stages:
@@ -226,6 +232,7 @@ def gcode_of(
     *,
     part: Mesh | None = None,
     certificate: Certificate | None = None,
+    labels: Labels | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes.
 
@@ -234,6 +241,7 @@ def gcode_of(
         profile: what they were made with.
         part: shown in the pictures of `printer.thumbnails`; without it there are none.
         certificate: of the plan, to be told in comments.
+        labels: which moves lay which of several things on the plate, to be marked.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
@@ -249,4 +257,5 @@ def gcode_of(
             f"volume error [mm3] = {certificate.volume_error:.2f}",
         )
     pictures = thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []
-    return write_gcode(program, profile, move_seconds(program, profile), facts, pictures)
+    seconds = move_seconds(program, profile)
+    return write_gcode(program, profile, seconds, facts, comments=pictures, labels=labels)

@@ -16,7 +16,7 @@ from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import LARGEST, blocks
 from printer_slicer.mesh_io.units import SPOKEN
-from printer_slicer.model import Float, Mesh
+from printer_slicer.model import Float, Item, Mesh
 from printer_slicer.profile import Printer
 
 __all__ = ["IN_THE_MIDDLE", "Placement", "joined", "place", "transformed"]
@@ -74,7 +74,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         # rounding.
         np.add(mesh.triangles[block], by, out=placed[block])
         np.round(placed[block], 6, out=placed[block])
-    return Mesh(placed, mesh.name)
+    return Mesh(placed, mesh.name, tuple(item.moved(by) for item in mesh.items))
 
 
 def _check_size(name: str, size: Float, printer: Printer, placement: Placement) -> None:
@@ -175,7 +175,7 @@ def transformed(
     for block in blocks(mesh.n_facets):
         part = mesh.triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
-    return Mesh(made, mesh.name)
+    return Mesh(made, mesh.name, _outlined(mesh.items, made))
 
 
 def _listed(factors: Float) -> str:
@@ -206,4 +206,19 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     if len(meshes) == 1:
         return meshes[0]
     name = f"{meshes[0].name} and {len(meshes) - 1} more"
-    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name)
+    items: list[Item] = []
+    begin = 0
+    for mesh in meshes:
+        own = mesh.items or (Item.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
+        items += [item.behind(begin) for item in own]
+        begin += mesh.n_facets
+    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
+
+
+def _outlined(items: Sequence[Item], triangles: Float) -> tuple[Item, ...]:
+    """The same things after their facets have been moved about."""
+    made = []
+    for item in items:
+        facets = triangles[item.first : item.first + item.count]
+        made.append(Item.of(item.name, Mesh(facets).bounds, item.first, item.count))
+    return tuple(made)

@@ -50,7 +50,9 @@ def slice_command(arguments: argparse.Namespace) -> int:
         if arguments.picture:
             _draw_layer(program, 1 if arguments.layer is None else arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), stage.sections.plan)
-        write_file(output, gcode_of(program, profile, part=stage.part, certificate=certificate))
+        write_file(
+            output, gcode_of(program, profile, part=stage.part, certificate=certificate, labels=stage.labels)
+        )
     facts = facts_of(stage, profile, seconds, certificate)
     if arguments.json:
         print(json.dumps({"output": str(output), **facts, **plate.facts()}))

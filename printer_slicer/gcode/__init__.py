@@ -15,8 +15,8 @@ from printer_slicer.gcode.repetier import REPETIER
 from printer_slicer.gcode.reprapfirmware import REPRAPFIRMWARE
 from printer_slicer.gcode.smoothie import SMOOTHIE
 from printer_slicer.gcode.summary import spoken
-from printer_slicer.gcode.writer import write_program
-from printer_slicer.model import Float, Program
+from printer_slicer.gcode.writer import Told, write_program
+from printer_slicer.model import Float, Labels, Program
 from printer_slicer.profile import Profile
 
 __all__ = ["FLAVOURS", "Dialect", "Moves", "read_moves", "spoken", "write_gcode"]
@@ -37,7 +37,9 @@ def write_gcode(
     profile: Profile,
     seconds: Float | None = None,
     facts: Sequence[str] = (),
+    *,
     comments: Sequence[str] = (),
+    labels: Labels | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect, settings included as comments.
 
@@ -47,9 +49,10 @@ def write_gcode(
         seconds: (K,) modelled time of each move; what needs it is left out if it is not known.
         facts: more to tell at the top.
         comments: lines that stand behind the first one as they are.
+        labels: which moves lay which of several things.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
     """
     dialect = FLAVOURS[profile.printer.flavour]
-    return write_program(program, profile, dialect, seconds, facts=facts, comments=comments)
+    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels))

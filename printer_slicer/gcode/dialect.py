@@ -32,6 +32,8 @@ class Dialect:
         pressure_advance: s; None where there is no command for it.
         retraction: tells the firmware how to retract; None where it cannot be told.
         progress: percent done and minutes left; None where nothing would show it.
+        labels: how things on the plate are marked where the profile says `auto`, a key of `LABEL_WORDS`.
+        m486: how where it says `m486`, likewise.
         reads: what commands mean that mean something else in Marlin 2, for who reads files.
     """
 
@@ -41,6 +43,8 @@ class Dialect:
     pressure_advance: Callable[[float], str] | None = None
     retraction: Callable[[Printer], list[str]] | None = None
     progress: Callable[[int, int], str] | None = None
+    labels: str = "octoprint"
+    m486: str = "m486"
     reads: Mapping[str, Action] = field(default_factory=dict)
 
 

@@ -16,13 +16,16 @@ __all__ = ["layer_facts", "print_facts"]
 _DIGITS = 6
 
 
-def print_facts(program: Program, profile: Profile, seconds: float = 0.0) -> dict[str, Value]:
+def print_facts(
+    program: Program, profile: Profile, seconds: float = 0.0, names: tuple[str, ...] = ()
+) -> dict[str, Value]:
     """Settings of printer, material and quality, each as `section.name` and as `name`, and facts about the print.
 
     Args:
         program: the moves.
         profile: what they were made with.
         seconds: modelled time of the moves.
+        names: of the things on the plate, where there are several.
     """
     known = _settings(profile)
     printer, material = profile.printer, profile.material
@@ -51,6 +54,7 @@ def print_facts(program: Program, profile: Profile, seconds: float = 0.0) -> dic
         "first_layer_max": _list(high),
         "first_layer_size": _list(high - low),
         "layer_tops": _list(program.plan.top),
+        "object_names": names,
     }
     for name in ("layer_heights", "pause_at"):
         lists[name] = lists[f"quality.{name}"] = getattr(profile.quality, name)

@@ -55,5 +55,6 @@ KLIPPER: Final = Dialect(
     pressure_advance=lambda seconds: f"SET_PRESSURE_ADVANCE ADVANCE={number(seconds)}",
     retraction=_retraction,
     progress=lambda percent, _minutes: f"M73 P{percent}",
+    labels="exclude_object",
     reads={"SET_RETRACTION": _set_retraction, "SET_VELOCITY_LIMIT": _set_velocity_limit},
 )

@@ -13,6 +13,7 @@ import numpy as np
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
+from printer_slicer.gcode.labels import Mark, Marking, label_notes
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
 from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import Acceleration, Fan, Float, Heat, Int, PressureAdvance, Program, Role
@@ -54,6 +55,7 @@ class Writing:
         dialect: how the printer wants it said.
         known: what macros may speak of.
         begins: (K + 1,) modelled time at which each move begins, s; zeros where it is not known.
+        marking: things that are marked, and how.
     """
 
     program: Program
@@ -61,6 +63,7 @@ class Writing:
     dialect: Dialect
     known: dict[str, Value]
     begins: Float
+    marking: Marking | None = None
 
 
 def macro_of(profile: Profile, name: str) -> Template:
@@ -73,19 +76,22 @@ def macro_of(profile: Profile, name: str) -> Template:
     return read_template(getattr(printer, name), f"printer {printer.name!r}: {name}")
 
 
-def notes_of(writing: Writing, rows: Rows, turns: Int) -> dict[int, list[str]]:
+def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dict[int, list[str]]:
     """The lines that stand before each move, and after the last one.
 
     Args:
         writing: what they are written from.
         rows: the moves as text.
         turns: (K,) which of them the firmware makes; see `retracted_by_firmware`.
+        marks: where things begin and end.
 
     Raises:
         ProfileError: a macro cannot be filled in, or a pause lies above the part.
     """
     notes: dict[int, list[str]] = {}
+    relative = writing.profile.printer.relative_extrusion
     sources = (
+        label_notes(marks, writing.marking, rows, relative=relative) if writing.marking else (),
         _layers(writing, rows),
         _arrivals(writing, rows),
         _progress(writing),

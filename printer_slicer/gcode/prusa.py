@@ -21,4 +21,5 @@ PRUSA: Final = Dialect(
     pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
     retraction=retraction_lines,
     progress=lambda percent, minutes: f"M73 Q{percent} S{minutes} P{percent} R{minutes}",
+    labels="m486",
 )

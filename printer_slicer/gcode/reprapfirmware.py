@@ -41,5 +41,7 @@ REPRAPFIRMWARE: Final = Dialect(
     pressure_advance=lambda seconds: f"M572 D0 S{number(seconds)}",
     retraction=_retraction,
     progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
+    labels="m486_quoted",
+    m486="m486_quoted",
     reads={"M203": limit("M203", scale=1 / _MINUTE), "M566": limit("M205", scale=1 / _MINUTE)},
 )

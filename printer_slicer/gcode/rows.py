@@ -39,12 +39,13 @@ class Rows:
     feed: Int
 
 
-def rows_of(program: Program, *, relative: bool) -> Rows:
+def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Rows:
     """G0 and G1 rows of a program's moves.
 
     Args:
         program: the moves.
         relative: E words are differences (M83); otherwise they count from 0 (M82).
+        fresh: moves at or behind which a row says x, y, z and speed whether they change or not.
     """
     xyz = np.rint(program.xyz * 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])).astype(np.int64)
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
@@ -63,13 +64,15 @@ def rows_of(program: Program, *, relative: bool) -> Rows:
     moved = np.diff(ends, axis=0, prepend=ends[:1] - 1) != 0
     codes: _Letters = np.where(code > 0, code, step != 0).astype(np.uint8)
     arc = codes > 1
+    anew = _first_kept(head, fresh)
+    moved |= anew[:, None]
     columns = [
         (b" X", ends[:, 0], XY_DECIMALS, moved[:, 0]),
         (b" Y", ends[:, 1], XY_DECIMALS, moved[:, 1]),
         (b" Z", ends[:, 2], Z_DECIMALS, moved[:, 2]),
         *([(b" I", i, XY_DECIMALS, arc), (b" J", j, XY_DECIMALS, arc)] if arc.any() else []),
         (b" E", step if relative else fed, E_DECIMALS, step != 0),
-        (b" F", feed, 0, np.diff(feed, prepend=-1) != 0),
+        (b" F", feed, 0, (np.diff(feed, prepend=-1) != 0) | anew),
     ]
     texts, lengths = [], []
     for first in range(0, len(ends), _AT_ONCE):
@@ -104,6 +107,15 @@ def _arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, I
         out, way = program.start[first, :2] - centre, program.xyz[first, :2] - program.start[first, :2]
         code[arc] = np.where(out[:, 0] * way[:, 1] > out[:, 1] * way[:, 0], 3, 2)
     return code, off[:, 0], off[:, 1]
+
+
+def _first_kept(kept: Int, fresh: Int | None) -> Bool:
+    """Which of the rows that are kept are the first at or behind a move of `fresh`."""
+    anew = np.zeros(len(kept), np.bool_)
+    if fresh is not None:
+        place = np.searchsorted(kept, fresh)
+        anew[place[place < len(kept)]] = True
+    return anew
 
 
 def _visible(xyz: Int, fed: Int, pure: Bool) -> Int:

@@ -3,29 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from printer_slicer.gcode.dialect import Dialect, fan_line
 from printer_slicer.gcode.facts import print_facts
+from printer_slicer.gcode.labels import definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import Writing, begins_with, macro_of, notes_of, retracted_by_firmware
 from printer_slicer.gcode.rows import rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
-from printer_slicer.model import Float, Program
+from printer_slicer.model import Float, Labels, Program
 from printer_slicer.profile import Profile
 
-__all__ = ["write_program"]
+__all__ = ["Told", "write_program"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What is known of a program besides its moves.
+
+    Attributes:
+        seconds: (K,) modelled time of each move.
+        facts: more to tell at the top.
+        comments: lines that stand behind the first one as they are.
+        labels: which moves lay which of several things.
+    """
+
+    seconds: Float | None = None
+    facts: Sequence[str] = ()
+    comments: Sequence[str] = ()
+    labels: Labels | None = None
 
 
 def write_program(
     program: Program,
     profile: Profile,
     dialect: Dialect,
-    seconds: Float | None,
-    *,
-    facts: Sequence[str],
-    comments: Sequence[str],
+    told: Told,
 ) -> bytes:
     """The whole file; nothing in it depends on when or where it was made.
 
@@ -33,24 +48,24 @@ def write_program(
         program: the moves.
         profile: what they were made with.
         dialect: how the printer wants them said.
-        seconds: (K,) modelled time of each move, if it is known.
-        facts: more to tell at the top.
-        comments: lines that stand behind the first one as they are.
+        told: what else is known.
     """
+    seconds, labels = told.seconds, told.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
     begins = np.concatenate([[0.0], np.cumsum(each)])
     total = None if seconds is None else float(begins[-1])
-    known = print_facts(program, profile, total or 0.0)
-    writing = Writing(program, profile, dialect, known, begins)
+    known = print_facts(program, profile, total or 0.0, labels.names if labels else ())
+    writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels))
     start = macro_of(profile, "start_gcode").filled(known)
     end = macro_of(profile, "end_gcode").filled(known)
-    first, *others = first_lines(program, total, facts)
-    before = [first, *comments, *others]
+    first, *others = first_lines(program, total, told.facts)
+    before = [first, *told.comments, *others]
     before += begins_with(writing)
     before += ["G21 ; mm", "G90", "M83", fan_line(0.0)]
     before += [*dialect.limits(profile.printer), *_retraction(profile, dialect), *start]
     if profile.material.pressure_advance and dialect.pressure_advance:
         before.append(dialect.pressure_advance(profile.material.pressure_advance))
+    before += definitions(writing.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *last_lines(program, profile, total)]
     return b"".join([_lines(before), *_body(writing), _lines(after)])
@@ -74,8 +89,9 @@ def _body(writing: Writing) -> list[bytes]:
     program, profile = writing.program, writing.profile
     turns = retracted_by_firmware(program, profile)
     fed = replace(program, filament=np.where(turns != 0, 0.0, program.filament)) if turns.any() else program
-    rows = rows_of(fed, relative=profile.printer.relative_extrusion)
-    notes = notes_of(writing, rows, turns)
+    marks = marks_of(program, writing.marking[0]) if writing.marking else []
+    rows = rows_of(fed, relative=profile.printer.relative_extrusion, fresh=fresh_rows(marks))
+    notes = notes_of(writing, rows, turns, marks)
     pieces, done = [], 0
     for index in sorted(notes):
         place = int(rows.start[index])

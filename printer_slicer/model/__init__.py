@@ -5,6 +5,7 @@ Lengths are mm, times s, speeds mm/s, temperatures °C.
 """
 
 from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.model.items import Item, Labels
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
 from printer_slicer.model.part import Faults, Mesh, Repair, Repairs
 from printer_slicer.model.paths import (
@@ -33,6 +34,8 @@ __all__ = [
     "Gap",
     "Heat",
     "Int",
+    "Item",
+    "Labels",
     "LayerPlan",
     "Mesh",
     "PressureAdvance",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry import Float, frozen_array
+from printer_slicer.model.items import Item
 
 __all__ = ["Faults", "Mesh", "Repair", "Repairs"]
 
@@ -23,10 +24,12 @@ class Mesh:
     Attributes:
         triangles: (F, 3, 3) mm; corners counter-clockwise seen from outside.
         name: what to call the part in messages.
+        items: the things that it holds, where it holds several.
     """
 
     triangles: Float
     name: str = "part"
+    items: tuple[Item, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
@@ -74,7 +77,8 @@ class Mesh:
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
         """The same part, shifted by (x, y, z) mm."""
-        return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name)
+        items = tuple(item.moved(np.asarray(by, dtype=np.float64)) for item in self.items)
+        return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name, items)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -122,6 +122,12 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     receive_buffer: Annotated[
         int, meta("bytes the firmware's serial buffer holds", "bytes", ge=32, le=65536)
     ] = 128
+    labels: Annotated[
+        Literal["auto", "none", "octoprint", "m486", "exclude_object"],
+        meta(
+            "how several things on the plate are marked, so that one can be given up; auto: as the flavour does"
+        ),
+    ] = "auto"
     thumbnails: Annotated[
         tuple[Annotated[str, meta("", pattern=r"^[1-9]\d{0,3}x[1-9]\d{0,3}(/(PNG|QOI))?$")], ...],
         meta("pictures of the part in the file: width x height, PNG or QOI", "px"),

@@ -26,9 +26,12 @@ from tests.parts import cone, profile
 
 PYTHON = os.environ.get("PRINTER_SLICER_READERS", sys.executable)
 MOONRAKER = """
-import json, sys
-from moonraker.components.file_manager.metadata import extract_metadata
-print(json.dumps(extract_metadata(sys.argv[1], [])))
+import json, runpy, sys
+from importlib.util import find_spec
+from pathlib import Path
+folder = Path(find_spec("moonraker").origin).parent
+script = runpy.run_path(str(folder / "components" / "file_manager" / "metadata.py"))
+print(json.dumps(script["extract_metadata"](sys.argv[1], [])))
 """
 PRUSA = """
 import json, sys
@@ -100,9 +103,7 @@ def grams(program: Program, usual: Profile) -> float:
 
 def test_moonraker_finds_everything(printed: tuple[Path, Program, Profile]) -> None:
     path, program, usual = printed
-    found: dict[str, Any] = json.loads(
-        asked("moonraker.components.file_manager.metadata", ["-c", MOONRAKER, str(path)])
-    )
+    found: dict[str, Any] = json.loads(asked("moonraker", ["-c", MOONRAKER, str(path)]))
     heights, counts = np.unique(np.round(program.plan.height, 4), return_counts=True)
 
     assert (found["slicer"], found["slicer_version"]) == ("printer_slicer", VERSION)

@@ -495,6 +495,7 @@ M104 S0
 ; printer.baud = 115200
 ; printer.link_lines_per_second = 0
 ; printer.receive_buffer = 128
+; printer.labels = auto
 ; printer.thumbnails = 32x32, 300x300
 ; printer.start_gcode = G28\nM109 S{first_layer_nozzle_temperature}\n
 ; printer.end_gcode = M104 S0

@@ -1,0 +1,166 @@
+"""Where the moves of one thing on the plate begin and end, so that it can be given up while the others are printed.
+
+A printer that gives a thing up passes over everything between the two marks. So both stand where the filament is pulled
+back and the nozzle lifted, or both where it is not; behind each the first row says x, y, z and speed anew, and where E
+counts from the beginning, what it stands at.
+
+Sources: OctoPrint's Cancel Objects and PrusaSlicer (`; printing object`); Duet3D's and Marlin's M486; Klipper's
+[exclude_object].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.rows import E_DECIMALS, Rows
+from printer_slicer.macros import number
+from printer_slicer.model import Float, Int, Labels, Program, Role
+from printer_slicer.profile import Profile
+
+__all__ = [
+    "LABEL_WORDS",
+    "LabelWords",
+    "Mark",
+    "Marking",
+    "definitions",
+    "fresh_rows",
+    "label_notes",
+    "marking",
+    "marks_of",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelWords:
+    """How things are named.
+
+    Attributes:
+        define: all of them, before the first move: names and boxes (O, 2, 2) from above.
+        start: number, name, and whether it is the first time.
+        stop: number and name.
+    """
+
+    define: Callable[[tuple[str, ...], Float], list[str]]
+    start: Callable[[int, str, bool], list[str]]
+    stop: Callable[[int, str], list[str]]
+
+
+def _klipper_definitions(names: tuple[str, ...], boxes: Float) -> list[str]:
+    """Without outlines: with them lines would be longer than some hosts send."""
+    middles = boxes.mean(axis=1).tolist()
+    return [
+        f"EXCLUDE_OBJECT_DEFINE NAME={name} CENTER={number(round(x, 1))},{number(round(y, 1))}"
+        for name, (x, y) in zip(names, middles, strict=True)
+    ]
+
+
+LABEL_WORDS: Final[Mapping[str, LabelWords]] = {
+    "octoprint": LabelWords(
+        define=lambda _names, _boxes: [],
+        start=lambda index, name, _new: [f"; printing object {name} id:{index} copy 0"],
+        stop=lambda index, name: [f"; stop printing object {name} id:{index} copy 0"],
+    ),
+    "m486": LabelWords(
+        define=lambda names, _boxes: [f"M486 T{len(names)}"],
+        start=lambda index, name, new: [f"M486 S{index}", *([f"M486 A{name}"] if new else [])],
+        stop=lambda _index, _name: ["M486 S-1"],
+    ),
+    "m486_quoted": LabelWords(
+        define=lambda names, _boxes: [f"M486 T{len(names)}"],
+        start=lambda index, name, new: [f"M486 S{index}" + (f' A"{name}"' if new else "")],
+        stop=lambda _index, _name: ["M486 S-1"],
+    ),
+    "exclude_object": LabelWords(
+        define=_klipper_definitions,
+        start=lambda _index, name, _new: [f"EXCLUDE_OBJECT_START NAME={name}"],
+        stop=lambda _index, name: [f"EXCLUDE_OBJECT_END NAME={name}"],
+    ),
+}
+
+
+Marking = tuple[Labels, LabelWords]
+"""What is marked, and how."""
+
+
+def marking(profile: Profile, dialect: Dialect, labels: Labels | None) -> Marking | None:
+    """How a file marks the things on the plate; None where there is but one, or nobody wants to know."""
+    asked = profile.printer.labels
+    if labels is None or asked == "none":
+        return None
+    return labels, LABEL_WORDS[{"auto": dialect.labels, "m486": dialect.m486}.get(asked, asked)]
+
+
+def definitions(marks: Marking | None) -> list[str]:
+    """What stands before the first move."""
+    return marks[1].define(marks[0].names, marks[0].boxes) if marks else []
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Before move `index` thing `stop` ends and thing `start` begins; -1: none."""
+
+    index: int
+    stop: int
+    start: int
+
+
+def marks_of(program: Program, labels: Labels) -> list[Mark]:
+    """All changes from thing to thing, and at every layer."""
+    beads = np.flatnonzero(program.role != Role.TRAVEL)
+    item, layer = labels.item[beads], program.layer[beads]
+    new = (np.diff(item, prepend=-1) != 0) | ((np.diff(layer, prepend=-1) != 0) & (item >= 0))
+    change = np.flatnonzero(new)
+    begins = beads[change]
+    ends = np.where(change > 0, beads[np.maximum(change - 1, 0)] + 1, 0)
+    before = np.where(change > 0, item[np.maximum(change - 1, 0)], -1)
+    marks = [
+        Mark(_between(program, int(end), int(begin)), int(stop), int(start))
+        for end, begin, stop, start in zip(ends, begins, before, item[change], strict=True)
+    ]
+    if len(item) and item[-1] >= 0:
+        last = int(beads[-1]) + 1
+        marks.append(Mark(_between(program, last, program.n_moves), int(item[-1]), -1))
+    return marks
+
+
+def _between(program: Program, end: int, begin: int) -> int:
+    """The move of a gap (from `end`, to before `begin`) before which a mark stands: behind retraction and lift."""
+    pulled = np.flatnonzero(program.filament[end:begin] < 0)
+    if not len(pulled):
+        return end
+    place = end + int(pulled[-1]) + 1
+    while place < begin and _lifts(program, place):
+        place += 1
+    return place
+
+
+def _lifts(program: Program, move: int) -> bool:
+    """Whether a move only goes up."""
+    way = program.xyz[move] - program.xyz[move - 1]
+    return bool(way[2] > 0 and (way[:2] == 0).all() and program.filament[move] == 0)
+
+
+def fresh_rows(marks: list[Mark]) -> Int:
+    """The moves whose rows must say everything."""
+    return np.array(sorted({mark.index for mark in marks}), np.int64)
+
+
+def label_notes(
+    marks: list[Mark], marked: Marking, rows: Rows, *, relative: bool
+) -> Iterator[tuple[int, list[str]]]:
+    """The lines of all marks; where E counts from the beginning, what it stands at behind a thing given up."""
+    labels, words = marked
+    seen: set[int] = set()
+    for mark in marks:
+        lines = words.stop(mark.stop, labels.names[mark.stop]) if mark.stop >= 0 else []
+        if mark.stop >= 0 and not relative:
+            lines = [*lines, f"G92 E{number(float(rows.fed[mark.index - 1]) / 10**E_DECIMALS)}"]
+        if mark.start >= 0:
+            lines = [*lines, *words.start(mark.start, labels.names[mark.start], mark.start not in seen)]
+            seen.add(mark.start)
+        yield mark.index, lines

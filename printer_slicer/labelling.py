@@ -1,0 +1,104 @@
+"""Which of several things on the plate a bead belongs to, told by where it lies.
+
+Most things stand apart, so that only one envelope holds a bead. Where several do, as with a ring around a cube, the
+section of each at this height is asked how often it goes around the bead. Things that overlap have become one solid;
+its beads belong to the first of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.model import Bool, Float, Int, Item, Labels, LayerPlan, Mesh, Program, Role
+
+__all__ = ["labels_of"]
+
+_SLACK: Final = 1.0  # mm: beads may lie this far outside of the envelope, by compensation
+_LONGEST: Final = 24  # letters of a name, so that lines stay short
+_BESIDE: Final = (Role.TRAVEL, Role.SKIRT, Role.BRIM, Role.RAFT)
+
+
+def labels_of(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
+    """What belongs to which thing; None where there is only one.
+
+    Args:
+        program: the moves.
+        part: what they print, with its items.
+        plan: the layers of the part; the program may have those of a raft below.
+    """
+    items = part.items
+    if len(items) < 2:
+        return None
+    lays = ~np.isin(program.role, _BESIDE)
+    begins = lays & ~(np.append(False, lays[:-1]) & (np.diff(program.layer, prepend=-1) == 0))
+    first = np.flatnonzero(begins)
+    middle = (program.start[first, :2] + program.xyz[first, :2]) / 2
+    layer = np.maximum(program.layer[first] - (program.plan.n_layers - plan.n_layers), 0)
+    found = _found(middle, plan.cut[layer], items, part)
+    item = np.full(program.n_moves, -1)
+    item[lays] = found[np.cumsum(begins)[lays] - 1]
+    boxes = np.array([[one.low[:2], one.high[:2]] for one in items])
+    return Labels(_names([one.name for one in items]), boxes, item)
+
+
+def _names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names that every reader takes, each another one."""
+    made: list[str] = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:_LONGEST] or "object"
+        number, unique = 1, plain
+        while unique in made:
+            number += 1
+            unique = f"{plain}_{number}"
+        made.append(unique)
+    return tuple(made)
+
+
+def _found(place: Float, z: Float, items: Sequence[Item], part: Mesh) -> Int:
+    """(n,) the item at each place (n, 2) and height, mm."""
+    low, high = (np.array([getattr(one, side) for one in items]) for side in ("low", "high"))
+    at = np.column_stack([place, z])
+    beyond = np.maximum(np.maximum(low[None] - at[:, None], at[:, None] - high[None]), 0).max(axis=2)
+    volume = np.prod(high - low, axis=1)
+    # The nearest envelope; of several that hold the place, the smallest.
+    found = np.lexsort((np.broadcast_to(volume, beyond.shape), np.maximum(beyond - _SLACK, 0)), axis=1)[:, 0]
+    doubtful = np.flatnonzero((beyond <= _SLACK).sum(axis=1) > 1)
+    for level in np.unique(z[doubtful]):
+        some = doubtful[z[doubtful] == level]
+        held = np.stack([_inside(place[some], float(level), one, part) for one in items])
+        certain = held.any(axis=0)
+        found[some[certain]] = held.argmax(axis=0)[certain]
+    return found
+
+
+def _inside(place: Float, z: float, item: Item, part: Mesh) -> Bool:
+    """(n,) whether an item's section at a height goes around places (n, 2)."""
+    if not item.count or not item.low[2] <= z <= item.high[2]:
+        return np.zeros(len(place), np.bool_)
+    facets = part.triangles[item.first : item.first + item.count]
+    above = facets[:, :, 2] > z
+    facets = facets[above.any(axis=1) & ~above.all(axis=1)]
+    begin, end = _cuts(facets, z, rising=True), _cuts(facets, z, rising=False)
+    x, y = place[:, 0, None], place[:, 1, None]
+    crosses = (begin[:, 1] <= y) != (end[:, 1] <= y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = begin[:, 0] + (y - begin[:, 1]) / (end[:, 1] - begin[:, 1]) * (end[:, 0] - begin[:, 0])
+        right = crosses & (at > x)
+    turns = np.where(right, np.sign(end[:, 1] - begin[:, 1]), 0).sum(axis=1)
+    return np.asarray(turns != 0)
+
+
+def _cuts(facets: Float, z: float, *, rising: bool) -> Float:
+    """(n, 2) where the edge of each facet that rises through z, or falls through it, is cut."""
+    after = np.roll(facets, -1, axis=1)
+    low, high = (facets, after) if rising else (after, facets)
+    edge = ((low[:, :, 2] <= z) & (high[:, :, 2] > z)).argmax(axis=1)
+    every = np.arange(len(facets))
+    a, b = low[every, edge], high[every, edge]
+    share = (z - a[:, 2]) / (b[:, 2] - a[:, 2])
+    cut: Float = a[:, :2] + share[:, None] * (b - a)[:, :2]
+    return cut
