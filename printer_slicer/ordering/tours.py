@@ -41,9 +41,12 @@ def shortened(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int, Bo
     # One of a kind can do no more than turn around.
     alone = np.bincount(group, minlength=1)[group] == 1 if len(group) else np.zeros(0, np.bool_)
     active = np.flatnonzero(~alone | free)
+    last = np.searchsorted(group, group, side="right") - 1
     for _ in range(_ROUNDS):
         if not len(active):
             break
+        # Those with few places before them side by side: what is compared is as wide as the widest asks for.
+        active = active[np.argsort(np.minimum(last[active] - active, _REACH), kind="stable")]
         changes = [_best(row, active[first : first + _AT_ONCE]) for first in range(0, len(active), _AT_ONCE)]
         place, span, kind, saved = (np.concatenate(column) for column in zip(*changes, strict=True))
         chosen = _apart(place, span, saved, len(group))
@@ -116,26 +119,31 @@ def _best(row: _Row, place: Int) -> tuple[Int, Int, Int, Float]:
 
 def _savings(row: _Row, i: Int, j: Int) -> list[Float]:
     """For each kind of change from places `i` (A, 1) to `j` (A, W) how many mm it saves."""
-    b, e = row.begin, row.end
     i, j = i + 1, j + 1  # of what is padded
-    into_i, out_of_j = _far(e[i - 1], b[i]), _far(e[j], b[j + 1])
-    out_of_i, into_j = _far(e[i], b[i + 1]), _far(e[j - 1], b[j])
-    turned = into_i + out_of_j - _far(e[i - 1], e[j]) - _far(b[i], b[j + 1])
-    without_i = into_i + out_of_i - _far(e[i - 1], b[i + 1]) + out_of_j
-    without_j = into_j + out_of_j - _far(e[j - 1], b[j + 1]) + into_i
+    bx, by, ex, ey = (np.ascontiguousarray(column) for of in (row.begin, row.end) for column in of.T)
+    b_i, e_i, b_j, e_j = ((x[at], y[at]) for at in (i, j) for x, y in ((bx, by), (ex, ey)))
+    before_i, after_j = (ex[i - 1], ey[i - 1]), (bx[j + 1], by[j + 1])
+    hop = _far((ex[:-1], ey[:-1]), (bx[1:], by[1:]))  # into the unit after each
+    over = _far((ex[:-2], ey[:-2]), (bx[2:], by[2:]))  # past the unit after each
+    into_i, out_of_j, from_j_to_i = hop[i - 1], hop[j], _far(e_j, b_i)
+    across, around = _far(before_i, e_j), _far(b_i, after_j)
+    without_i = into_i + hop[i] - over[i - 1] + out_of_j
+    without_j = hop[j - 1] + out_of_j - over[j - 1] + into_i
     return [
-        turned,
-        without_i - _far(e[j], b[i]) - _far(e[i], b[j + 1]),
-        without_i - _far(e[j], e[i]) - _far(b[i], b[j + 1]),
-        without_j - _far(e[i - 1], b[j]) - _far(e[j], b[i]),
-        without_j - _far(e[i - 1], e[j]) - _far(b[j], b[i]),
+        into_i + out_of_j - across - around,
+        without_i - from_j_to_i - _far(e_i, after_j),
+        without_i - _far(e_j, e_i) - around,
+        without_j - _far(before_i, b_j) - from_j_to_i,
+        without_j - across - _far(b_j, b_i),
     ]
 
 
-def _far(one: Float, other: Float) -> Float:
-    gap = one - other
-    x, y = gap[..., 0], gap[..., 1]
-    return np.asarray(np.sqrt(x * x + y * y))
+def _far(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
+    x, y = one[0] - other[0], one[1] - other[1]
+    x *= x
+    y *= y
+    x += y
+    return np.asarray(np.sqrt(x, out=x))
 
 
 def _apart(place: Int, span: Int, saved: Float, n: int) -> Int:
