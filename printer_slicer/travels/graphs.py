@@ -153,7 +153,8 @@ def _spokes(  # noqa: PLR0917 - both ends are of one kind
     last = seen.count[seen.way] - 1 - rank
     for (ends, nodes), length, ahead in ((begin, seen.coming, rank), (end, seen.going, last)):
         some = np.flatnonzero(ahead < _AHEAD)
-        some = some[_passes(ends[seen.way[some]], seen.corner[some], ground)]
+        if np.isinf(ground.toll):  # a leg that crosses the outline of its corner may leave it on any hand
+            some = some[_passes(ends[seen.way[some]], seen.corner[some], ground)]
         way = seen.way[some]
         meeting = ground.met(ends[way], ground.corners.place[seen.corner[some]], asked.layer[way])
         made.append((nodes[way], some, _priced(length[some], way, meeting, known, ground)))
