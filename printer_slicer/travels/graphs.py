@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, run_begins
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import Bool, Float, Int
@@ -180,11 +180,14 @@ def _chords(reach: Float, asked: Asked, seen: _Seen, known: Known, ground: Groun
     length = length[some]
     # The same two corners are seen from many ways: what stands between them is looked up once.
     key = np.minimum(a, b) * len(place) + np.maximum(a, b)
-    pair, first, number = np.unique(key, return_index=True, return_inverse=True)
-    p, q = np.divmod(pair, max(len(place), 1))
+    order = np.argsort(key, kind="stable")
+    begins = run_begins(key[order])
+    first, number = order[begins], np.zeros(len(key), np.int64)
+    number[order] = np.cumsum(begins) - 1
+    p, q = np.divmod(key[first], max(len(place), 1))
     met, ring = ground.met(place[p], place[q], asked.layer[way[first]])
     order = np.argsort(met, kind="stable")
-    times = np.bincount(met, minlength=len(pair))
+    times = np.bincount(met, minlength=len(first))
     begin = (np.cumsum(times) - times)[number]
     leg = np.repeat(np.arange(len(way)), times[number])
     rings = ring[order][consecutive(begin, times[number])]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, distinct
 from printer_slicer.model import Bool, Int
 
 __all__ = ["Known"]
@@ -38,7 +38,7 @@ class Known:
 
     def joined(self, way: Int, ring: Int) -> Known:
         """With more pairs."""
-        return Known(np.union1d(self.key, way * self.n_rings + ring), self.n_rings)
+        return Known(distinct(np.concatenate([self.key, way * self.n_rings + ring])), self.n_rings)
 
     def of(self, ways: Int) -> Known:
         """Those of some ways (n,), ascending, which are then 0, 1, ...."""

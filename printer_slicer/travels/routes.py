@@ -119,8 +119,10 @@ def eased(
     hits, result = np.zeros(len(tight.count), np.int64), tight
     left = np.arange(len(tight.count))
     for part in _TRIES:
+        again = np.zeros(len(tight.count), np.bool_)
+        again[left] = True
         xy = result.xy.copy()
-        moved = np.isin(owner, left)
+        moved = again[owner]
         xy[own[moved]] = tight.xy[own[moved]] + (part * free[:, None] * step)[moved]
         result = Routes(xy, tight.count, tight.layer)
         tried = result.take(left)
