@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.geometry.areas import distinct
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.model import Areas, Int
 from printer_slicer.profile import Profile
@@ -57,7 +56,7 @@ def rerouted(
     many = np.flatnonzero(spare > 0)
     if len(many):
         asked = Asked(*some.ends, some.layer, some.layer, straight + _TOLL * spare, _TOLL * fewest)
-        ground = abroad(solid.of_layers(distinct(some.layer[many])), box, _CLEARANCE * width, _TOLL)
+        ground = abroad(solid, outlines, box, _CLEARANCE * width, _TOLL)
         improving.seek(poor[many], asked.take(many), ground)
     return improving.ways, improving.crossings
 

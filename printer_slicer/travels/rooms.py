@@ -69,15 +69,20 @@ def rooms_of(solid: Areas, box: tuple[Float, Float], clearance: float) -> Rooms:
     return Rooms(Ground(areas, Outlines(areas, *box), room, Corners.inside(areas), np.inf), clearance)
 
 
-def abroad(solid: Areas, box: tuple[Float, Float], clearance: float, toll: float) -> Ground:
+def abroad(
+    solid: Areas, outlines: Outlines, box: tuple[Float, Float], clearance: float, toll: float
+) -> Ground:
     """Where ways are sought that leave the part: each layer is a field, with corners inside and outside of it.
 
     Args:
-        solid: the sections, of those layers that are asked for.
+        solid: the sections.
+        outlines: of the sections.
         box: corners (2,) of the box, mm, in which all points to ask for will lie.
         clearance: mm.
         toll: mm that a way may be longer to cross one outline less.
     """
     simple = simplify(solid, _SIMPLER * clearance)
     corners = Corners.inside(simple, clearance).joined(Corners.outside(simple, clearance))
-    return Ground(simple, Outlines(simple, *box), simple.ring_layer, corners, toll)
+    if simple.n_rings != solid.n_rings:  # slivers are gone; otherwise rings have the same numbers
+        solid, outlines = simple, Outlines(simple, *box)
+    return Ground(solid, outlines, solid.ring_layer, corners, toll)

@@ -35,12 +35,13 @@ def over_top_skin(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
 
 def _lines_shown(paths: Toolpaths, layers: Int) -> tuple[Segments, Int]:
     """The lines of top skin and ironing on `layers` (n,), and (S,) the path that each belongs to."""
-    shown = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)
     used = np.zeros(paths.plan.n_layers, np.bool_)
     used[layers] = True
-    owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
-    following = paths.following
-    begin = np.flatnonzero((shown & used[paths.layer])[owner] & (following != np.arange(len(following))))
-    owner, ends = owner[begin], (paths.xy[begin], paths.xy[following[begin]])
+    shown = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)
+    chosen = np.flatnonzero(shown & used[paths.layer])
+    lines = paths.take(chosen)
+    begin = np.flatnonzero(lines.following != np.arange(len(lines.xy)))
+    owner = chosen[np.repeat(np.arange(len(chosen)), np.diff(lines.start))[begin]]
+    ends = lines.xy[begin], lines.xy[lines.following[begin]]
     box = paths.xy.min(axis=0), paths.xy.max(axis=0)
     return Segments(ends, paths.layer[owner], paths.plan.n_layers, box), owner
