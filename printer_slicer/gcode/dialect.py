@@ -89,4 +89,7 @@ def marlin_limits(printer: Printer, corner: str) -> list[str]:
 def retraction_lines(printer: Printer) -> list[str]:
     """M207 and M208 for G10 and G11, without lift: lifting is left to the moves. F in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
-    return [f"M207 S{number(printer.retract_length)} F{back} Z0", f"M208 S0 F{forward}"]
+    return [
+        f"M207 S{number(printer.retract_length)} F{back} Z0",
+        f"M208 S{number(printer.deretract_extra)} F{forward}",
+    ]

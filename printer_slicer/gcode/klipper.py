@@ -29,17 +29,19 @@ def _limits(printer: Printer) -> list[str]:
 def _retraction(printer: Printer) -> list[str]:
     """Mm and mm/s."""
     length, back = number(printer.retract_length), number(printer.retract_speed)
+    extra = number(printer.deretract_extra)
     return [
         f"SET_RETRACTION RETRACT_LENGTH={length} RETRACT_SPEED={back}",
-        f"SET_RETRACTION UNRETRACT_EXTRA_LENGTH=0 UNRETRACT_SPEED={number(printer.deretract_speed)}",
+        f"SET_RETRACTION UNRETRACT_EXTRA_LENGTH={extra} UNRETRACT_SPEED={number(printer.deretract_speed)}",
     ]
 
 
 def _set_retraction(state: State, words: Mapping[str, float], _index: int) -> None:
     """SET_RETRACTION."""
-    length, back, forward = state.retraction
-    length, back = words.get("RETRACT_LENGTH", length), words.get("RETRACT_SPEED", back)
-    state.retraction = length, back, words.get("UNRETRACT_SPEED", forward)
+    names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
+    old = state.retraction
+    length, back, forward, extra = (words.get(name, value) for name, value in zip(names, old, strict=True))
+    state.retraction = length, back, forward, extra
 
 
 def _set_velocity_limit(state: State, words: Mapping[str, float], index: int) -> None:

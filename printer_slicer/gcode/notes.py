@@ -253,7 +253,9 @@ def retracted_by_firmware(program: Program, profile: Profile) -> Int:
     fed = program.filament
     alone = (program.role == Role.TRAVEL) & (fed != 0)
     signs = np.sign(fed[alone]).astype(np.int64)
-    equal = np.abs(np.abs(fed[alone]) - profile.printer.retract_length) < 1e-6
+    printer = profile.printer
+    length = np.where(signs < 0, printer.retract_length, printer.retract_length + printer.deretract_extra)
+    equal = np.abs(np.abs(fed[alone]) - length) < 1e-6
     stands = (program.xyz == program.start).all(axis=1)[alone]
     turns = np.where(np.arange(len(signs)) % 2 == 0, -1, 1)
     if not (equal.all() and stands.all() and (signs == turns).all()):

@@ -18,7 +18,7 @@ class State:
     """Where the machine is and how it reads numbers.
 
     Attributes:
-        retraction: of G10 and G11: mm, mm/s back, mm/s forward.
+        retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
         changes: of limits, as `Moves` has them.
         rows: position at the end (3), way (4), speed, acceleration, command, tool of each move.
@@ -40,7 +40,7 @@ class State:
     retract: float = np.nan
     speed_ratio: float = 1.0
     dwell: float = 0.0
-    retraction: tuple[float, float, float] = (0.0, 25.0, 25.0)
+    retraction: tuple[float, float, float, float] = (0.0, 25.0, 25.0, 0.0)
     retracted: bool = False
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
     rows: list[tuple[float, ...]] = field(default_factory=list)
@@ -170,16 +170,16 @@ def passed_over(_state: State, _words: Mapping[str, float], _index: int) -> None
 
 
 def _retraction(state: State, words: Mapping[str, float], _index: int) -> None:
-    """M207: S mm, F mm/min, and in RepRapFirmware T mm/min forward."""
-    length, back, forward = state.retraction
-    back = words.get("F", 60 * back) / 60
-    state.retraction = words.get("S", length), back, words.get("T", 60 * forward) / 60
+    """M207: S mm, F mm/min, and in RepRapFirmware forward T mm/min and R mm more."""
+    length, back, forward, extra = state.retraction
+    back, forward = words.get("F", 60 * back) / 60, words.get("T", 60 * forward) / 60
+    state.retraction = words.get("S", length), back, forward, words.get("R", extra)
 
 
 def _deretraction(state: State, words: Mapping[str, float], _index: int) -> None:
-    """M208: F mm/min forward; more filament than was pulled back (S) is not known here."""
-    length, back, forward = state.retraction
-    state.retraction = length, back, words.get("F", 60 * forward) / 60
+    """M208: forward F mm/min, and S mm more."""
+    length, back, forward, extra = state.retraction
+    state.retraction = length, back, words.get("F", 60 * forward) / 60, words.get("S", extra)
 
 
 def _firmware_retraction(back: bool) -> Action:
@@ -190,10 +190,10 @@ def _firmware_retraction(back: bool) -> Action:
         if words or state.retracted == back:
             return
         state.retracted = back
-        length, out, forward = state.retraction
+        length, out, forward, extra = state.retraction
         x, y, z, e = state.position
         feed, state.feed = state.feed, out if back else forward
-        _move(state, [x, y, z, e - length if back else e + length], index)
+        _move(state, [x, y, z, e - length if back else e + length + extra], index)
         state.position, state.feed = [x, y, z, e], feed
 
     return run

@@ -31,7 +31,9 @@ def _limits(printer: Printer) -> list[str]:
 def _retraction(printer: Printer) -> list[str]:
     """M207 holds both ways; F and T in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
-    return [f"M207 S{number(printer.retract_length)} R0 F{back} T{forward} Z0"]
+    return [
+        f"M207 S{number(printer.retract_length)} R{number(printer.deretract_extra)} F{back} T{forward} Z0"
+    ]
 
 
 REPRAPFIRMWARE: Final = Dialect(

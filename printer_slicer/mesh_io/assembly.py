@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
     from printer_slicer.model import Float, Int
 
-__all__ = ["Body", "Shelf", "Use", "assembled", "turned_over"]
+__all__ = ["Body", "Shelf", "Use", "assembled", "shares", "turned_over"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,12 +90,14 @@ class Body:
         xyz: coordinates of its vertices, three each.
         corners: indices of the vertices of its facets, three each.
         parts: the objects it consists of.
+        label: what the file calls it.
     """
 
     name: str
     xyz: array[float] = field(default_factory=lambda: array("d"))
     corners: array[int] = field(default_factory=lambda: array("q"))
     parts: list[Use] = field(default_factory=list)
+    label: str = ""
 
     def indices(self, path: Path) -> Int:
         """(F, 3) its facets.
@@ -146,6 +148,17 @@ def assembled(
             triangles[begin : begin + len(part)] = points[part]
             begin += len(part)
     return triangles
+
+
+def shares(
+    roots: Sequence[Use], bodies: Mapping[Hashable, Body], path: Path, limits: Limits
+) -> list[tuple[str, int]]:
+    """What each thing on the plate is called, and how many of the facets of `assembled` it has; they come in turn."""
+    found = []
+    for root in roots:
+        placed = _placements([root], bodies, path, limits)
+        found.append((bodies[root.key].label, sum(len(body.corners) // 3 for body, _ in placed)))
+    return [(name, count) for name, count in found if count]
 
 
 def turned_over(matrix: Float) -> bool:

@@ -114,14 +114,16 @@ class Modifiers(Reader):
                 keep[max(first, 0) : max(last + 1, 0)] = False
                 taken.append(volume)
             corners = np.frombuffer(body.corners, dtype=np.int64).reshape(-1, 3)[keep]
-            bodies[part, number] = Body(body.name, body.xyz, array("q", corners.tobytes()), body.parts)
+            bodies[part, number] = Body(
+                body.name, body.xyz, array("q", corners.tobytes()), body.parts, body.label
+            )
         for (number, child), volume in self.components.items():
             body = bodies.get((part, number))
             if body is None:
                 continue
             kept = [use for use in body.parts if not (isinstance(use.key, tuple) and use.key[1] == child)]
             taken += [volume] * (len(body.parts) - len(kept))
-            bodies[part, number] = Body(body.name, body.xyz, body.corners, kept)
+            bodies[part, number] = Body(body.name, body.xyz, body.corners, kept, body.label)
         return _notes(taken)
 
 

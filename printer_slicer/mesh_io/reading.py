@@ -16,7 +16,7 @@ from printer_slicer.mesh_io.files import Progress, Source, opened
 from printer_slicer.mesh_io.limits import LIMITS, Limits
 from printer_slicer.mesh_io.soundness import blocks, sound
 from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
-from printer_slicer.model import Mesh
+from printer_slicer.model import Item, Mesh
 
 if TYPE_CHECKING:
     import os
@@ -135,9 +135,21 @@ def load_model(
     unit = checked_unit(units) if units is not None else None
     with opened(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _kind(source)
-        triangles, own_unit, notes = _READERS.get(kind, _read_other)(source, kind, unit, limits)
+        triangles, own_unit, notes, *shares = _READERS.get(kind, _read_other)(source, kind, unit, limits)
+        items = _items(shares[0] if shares else [], triangles, path.stem)
         kept, n_folded = sound(triangles, path)
-    return Model(Mesh(kept, path.stem), path, kind, own_unit, n_folded, tuple(notes))
+    items = tuple(item.without_facets() for item in items) if n_folded else items
+    return Model(Mesh(kept, path.stem, items), path, kind, own_unit, n_folded, tuple(notes))
+
+
+def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[Item, ...]:
+    """The things in a file, if there are several; those without a name are called as the file."""
+    begin, items = 0, []
+    for label, count in shares if len(shares) > 1 else []:
+        bounds = Mesh(triangles[begin : begin + count]).bounds
+        items.append(Item.of(label or name, bounds, begin, count))
+        begin += count
+    return tuple(items)
 
 
 def _kind(source: Source) -> str:
@@ -167,10 +179,11 @@ def _kind(source: Source) -> str:
     )
 
 
-# Readers: source, format, unit asked for, limits -> corners in mm, unit, notes.
+# Readers: source, format, unit asked for, limits -> corners in mm, unit, notes, and where a file says so, the names of
+# the things in it with the number of their facets, which come in turn.
 # Each imports its module when it is called: most parts are STL.
 
-Result = tuple["Float", str, list[str]]
+Result = tuple["Float", str, list[str]] | tuple["Float", str, list[str], list[tuple[str, int]]]
 
 
 def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:

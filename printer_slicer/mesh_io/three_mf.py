@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled
+from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled, shares
 from printer_slicer.mesh_io.markup import Reader, number_in, whole_in
 from printer_slicer.mesh_io.modifiers import read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
@@ -89,6 +89,7 @@ class _ModelReader(Reader):
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
         key = (self._part, _number(given.get("id", "")))
         self._body = self.model.shelf.begin(key, f"object {key[1]}")
+        self._body.label = given.get("name", "")
         self.model.kinds[key] = given.get("type", "model")
 
     def _vertex(self, attributes: list[str]) -> None:
@@ -146,7 +147,9 @@ class _RelationReader(Reader):
             self.start = _absolute(given.get("Target", ""))
 
 
-def read_three_mf(archive: Archive, limits: Limits, unit: str | None) -> tuple[Float, str, list[str]]:
+def read_three_mf(
+    archive: Archive, limits: Limits, unit: str | None
+) -> tuple[Float, str, list[str], list[tuple[str, int]]]:
     """Everything that a 3MF archive builds.
 
     Args:
@@ -155,7 +158,8 @@ def read_three_mf(archive: Archive, limits: Limits, unit: str | None) -> tuple[F
         unit: the key in UNITS that its numbers mean; None: what it says itself.
 
     Returns:
-        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look.
+        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look; names of the things on the plate,
+        each with the number of its facets.
 
     Raises:
         MeshError: it is no sound 3MF.
@@ -173,7 +177,8 @@ def read_three_mf(archive: Archive, limits: Limits, unit: str | None) -> tuple[F
         raise MeshError(
             f"{path}: there is nothing in it to build", remedy="Mark a part as printable, and export again."
         )
-    return assembled(first.items, bodies, path, limits, UNITS[own_unit]), own_unit, notes
+    triangles = assembled(first.items, bodies, path, limits, UNITS[own_unit])
+    return triangles, own_unit, notes, shares(first.items, bodies, path, limits)
 
 
 def _read(archive: Archive, limits: Limits, part: str) -> _Model:

@@ -196,6 +196,9 @@ def _firmware(profile: Profile) -> Iterator[Conflict]:
     if printer.firmware_retraction and not firmware.firmware_retraction:
         unable = f"printer.flavour {printer.flavour} cannot be told how far to retract"
         yield Conflict("printer.firmware_retraction", unable, "set it to false")
+    if printer.firmware_retraction and printer.wipe_distance:
+        both = f"{printer.wipe_distance:g} mm, but the firmware pulls back while the nozzle stands"
+        yield Conflict("printer.wipe_distance", both, "set it to 0, or printer.firmware_retraction to false")
     if profile.material.pressure_advance and not firmware.pressure_advance:
         unable = f"printer.flavour {printer.flavour} has no command for it"
         yield Conflict("material.pressure_advance", unable, "set it to 0")

@@ -150,15 +150,16 @@ def limit_accelerations(
 
 
 def _retraction(board: Board, command: Command) -> None:
-    """M207: S mm, F mm/min, and T mm/min forward."""
-    new, (length, back, forward) = command.values("SFT"), board.retraction
-    board.retraction = new.get("S", length), new.get("F", back * 60) / 60, new.get("T", forward * 60) / 60
+    """M207: S mm, F mm/min, and forward T mm/min and R mm more."""
+    new, (length, back, forward, extra) = command.values("SFTR"), board.retraction
+    back, forward = new.get("F", back * 60) / 60, new.get("T", forward * 60) / 60
+    board.retraction = new.get("S", length), back, forward, new.get("R", extra)
 
 
 def _deretraction(board: Board, command: Command) -> None:
-    """M208: F mm/min forward."""
-    length, back, forward = board.retraction
-    board.retraction = length, back, command.values("F").get("F", forward * 60) / 60
+    """M208: forward F mm/min, and S mm more."""
+    new, (length, back, forward, extra) = command.values("FS"), board.retraction
+    board.retraction = length, back, new.get("F", forward * 60) / 60, new.get("S", extra)
 
 
 def _corners(board: Board, command: Command) -> None:

@@ -34,7 +34,7 @@ class Board:
         filament: mm fed since power-on, as planned.
         unit: mm per unit of the program.
         feed: mm/s asked for last.
-        retraction: of G10 and G11: mm, mm/s back, mm/s forward.
+        retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
         homed: x, y, z.
         guarded: all axes are homed and the soft endstops are on.
@@ -69,7 +69,7 @@ class Board:
         self.relative_e = False
         self.unit = 1.0
         self.feed = 25.0
-        self.retraction = (0.0, 25.0, 25.0)
+        self.retraction = (0.0, 25.0, 25.0, 0.0)
         self.retracted = False
         self.speed_ratio = 1.0
         self.flow_ratio = 1.0

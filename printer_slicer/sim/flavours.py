@@ -31,12 +31,10 @@ def _velocity_limit(board: Board, command: Command) -> None:
 
 def _retraction(board: Board, command: Command) -> None:
     """Klipper's SET_RETRACTION."""
-    names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED")
-    new = [command.setting(name) for name in names]
-    length, back, forward = (
-        old if value is None else value for value, old in zip(new, board.retraction, strict=True)
-    )
-    board.retraction = length, back, forward
+    names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
+    new = zip((command.setting(name) for name in names), board.retraction, strict=True)
+    length, back, forward, extra = (old if value is None else value for value, old in new)
+    board.retraction = length, back, forward, extra
 
 
 def _speeds_per_minute(board: Board, command: Command) -> None:

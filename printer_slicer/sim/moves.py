@@ -171,11 +171,11 @@ def _firmware_retraction(board: Board, command: Command) -> Steps | None:
     if command.words or back == board.retracted:
         return None
     board.retracted = back
-    length, out, forward = board.retraction
+    length, out, forward, extra = board.retraction
     feed, position = board.feed, board.position
     board.feed = out if back else forward
     x, y, z, e = position
-    block = _prepared(board, (x, y, z, e - length if back else e + length))
+    block = _prepared(board, (x, y, z, e - length if back else e + length + extra))
     board.feed, board.position = feed, position
     board.mover.advance(board.now)
     return None if block is None else _pushed_later(board, block, (x, y, z, board.filament))

@@ -268,6 +268,28 @@ def test_retractions_by_the_firmware_are_those_of_the_program(flavour: str, rela
     assert told.seconds(limits) == pytest.approx(plainly.seconds(limits), rel=1e-6)
 
 
+@pytest.mark.parametrize("flavour", ABLE)
+def test_the_firmware_is_told_what_more_to_push_forward(flavour: str) -> None:
+    changes: dict[str, object] = {
+        "deretract_extra": 0.05,
+        "printer.origin": "corner",
+        "start_gcode": "G28\nM109 S210",
+    }
+    usual, other = wanted(flavour, **changes), wanted(flavour, firmware_retraction=True, **changes)
+    plainly, told = (job_of(two_boxes((5, 8, 1), gap=8), one) for one in (usual, other))
+    verdict = dry_run(told, other)
+
+    assert b"G10" in told.commands
+    assert verdict.problems == ()
+    assert verdict.report.filament_fed == pytest.approx(dry_run(plainly, usual).report.filament_fed, rel=1e-6)
+    assert told.seconds == pytest.approx(plainly.seconds, rel=1e-6)
+
+
+def test_the_firmware_does_not_pull_back_while_wiping() -> None:
+    with pytest.raises(ProfileError, match=r"printer\.wipe_distance: 2 mm"):
+        wanted("marlin", firmware_retraction=True, wipe_distance=2)
+
+
 def test_a_printer_that_cannot_be_told_how_to_retract_is_not_asked_to() -> None:
     with pytest.raises(ProfileError, match=r"printer\.firmware_retraction: printer\.flavour repetier"):
         wanted("repetier", firmware_retraction=True)

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import FLAVOURS, read_moves
-from printer_slicer.jobs import job_of
+from printer_slicer.jobs import job_from, job_of
 from printer_slicer.model import Float, Int, Mesh, Role
 from printer_slicer.pipeline import Stages, gcode_of, slice_stages
 from printer_slicer.placing import joined, transformed
 from printer_slicer.profile import Profile
 from printer_slicer.verdict import dry_run
+from tests.mesh_io.tiny_files import item, mesh_xml, model_xml, three_mf, write
 from tests.parts import box, box_with_hole, cone, plain, profile
 from tests.tiny_gcode import commands
 
@@ -224,6 +225,17 @@ def test_a_raft_belongs_to_nobody_and_carries_all() -> None:
     assert raft.any()
     assert (stages.labels.item[raft] == -1).all()
     assert set(stages.labels.item[(stages.program.role > Role.RAFT)].tolist()) == {0, 1, 2}
+
+
+def test_the_items_of_a_plate_in_one_file_are_marked(tmp_path: Path) -> None:
+    shapes = {1: mesh_xml(), 2: mesh_xml()}
+    text = model_xml(shapes, item(1) + item(2, (1, 0, 0, 0, 1, 0, 0, 0, 1, 40, 0, 0))).replace(
+        '<object id="2"', '<object name="second one" id="2"'
+    )
+    path = write(tmp_path, three_mf(text), "plate.3mf")
+    lines = job_from(path, wanted(labels="m486")).text.decode().splitlines()
+
+    assert lines.index("M486 Aplate") < lines.index("M486 Asecond_one")
 
 
 def test_macros_may_name_the_things() -> None:

@@ -322,3 +322,36 @@ def test_ways_of_packing_that_3mf_does_not_allow_are_refused(tmp_path: Path) -> 
     packed = zipped({"3D/3dmodel.model": ONE}, zipfile.ZIP_LZMA)
 
     assert "packed in a way" in fault(tmp_path, packed)
+
+
+def test_the_items_of_a_plate_are_things_of_their_own(tmp_path: Path) -> None:
+    """With the names of their objects; what has none is called as the file, and components belong to their item."""
+    text = model_xml(
+        {1: mesh_xml(), 2: group(component(1) + component(1, MOVED)), 3: mesh_xml()},
+        item(1) + item(2) + item(3),
+    )
+    text = text.replace('<object id="1"', '<object name="a part" id="1"').replace(
+        '<object id="2"', '<object name="two" id="2"'
+    )
+    mesh = read(tmp_path, text).mesh
+
+    assert [one.name for one in mesh.items] == ["a part", "two", "part"]
+    assert [(one.first, one.count) for one in mesh.items] == [(0, 12), (12, 24), (36, 12)]
+    for one in mesh.items:
+        own = mesh.triangles[one.first : one.first + one.count].reshape(-1, 3)
+        assert one.low == pytest.approx(own.min(axis=0))
+        assert one.high == pytest.approx(own.max(axis=0))
+
+
+def test_a_single_item_is_no_plate(tmp_path: Path) -> None:
+    assert read(tmp_path, model_xml({1: mesh_xml()}, item(1))).mesh.items == ()
+
+
+def test_facets_left_out_leave_the_envelopes(tmp_path: Path) -> None:
+    faces = [*FACES, (0, 0, 1)]
+    mesh = read(
+        tmp_path, model_xml({1: mesh_xml(CORNERS, faces), 2: mesh_xml()}, item(1) + item(2, MOVED))
+    ).mesh
+
+    assert [one.count for one in mesh.items] == [0, 0]
+    assert mesh.items[0].high == pytest.approx(CORNERS.max(axis=0))
