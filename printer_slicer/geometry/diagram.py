@@ -7,16 +7,17 @@ of an outline moves. Every area has a diagram of its own: many small ones take l
 from __future__ import annotations
 
 import gc
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Bool, Float, Int, run_begins
+from printer_slicer.geometry.areas import Bool, Float, Int, following_around, run_begins
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["Diagram", "diagram_of"]
@@ -61,35 +62,42 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
     starts = np.flatnonzero(run_begins(area))
     low, high = (which.reduceat(which(ends[:, 0], ends[:, 1]), starts) for which in (np.minimum, np.maximum))
     middle = np.rint((low + high) / 2)  # whole mm, so that nothing is rounded anew
-    size = np.diff(np.append(starts, len(area)))
-    steps = np.rint((ends - np.repeat(middle, size, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64) + _AWAY
+    n_sides = np.diff(np.append(starts, len(area)))
+    steps = (
+        np.rint((ends - np.repeat(middle, n_sides, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64) + _AWAY
+    )
+    found = _Found()
     with _no_collection():
-        parts = [
-            _one(steps[first : first + count].tolist()) for first, count in zip(starts, size, strict=True)
+        sizes = [
+            found.take_in(_built(steps[first : first + count].tolist()))
+            for first, count in zip(starts.tolist(), n_sides.tolist(), strict=True)
         ]
-    vertex, edge, cell, after, site = zip(*parts, strict=True)
-    n_vertices, n_cells = _before(vertex), _before(site)
-    n_edges = _before(cell)
-    edges = np.concatenate([np.where(own < 0, -1, own + n) for own, n in zip(edge, n_vertices, strict=True)])
-    primary = np.concatenate([own[:, 2] == 1 for own in edge])
-    forth, back = edges[:, :2], edges[:, 1::-1]
-    ways = np.stack([forth, back], axis=1).reshape(-1, 2)
+    n_edges, n_cells, n_vertices = np.array(sizes).T
+    pairs = np.frombuffer(found.pairs, np.int64).reshape(-1, 3)
+    there = np.where(
+        pairs[:, :2] < 0, -1, pairs[:, :2] + np.repeat(_before(n_vertices), n_edges // 2)[:, None]
+    )
+    around = np.frombuffer(found.around, np.int64) + np.repeat(_before(n_edges), n_edges)
+    count = np.frombuffer(found.counts, np.int64)
+    cell, after = np.zeros((2, len(around)), np.int64)
+    cell[around] = np.repeat(np.arange(len(count)), count)
+    after[around] = around[following_around(np.append(0, np.cumsum(count)))]
+    sites = np.frombuffer(found.sites, np.int64).reshape(-1, 2)
+    vertex = (np.frombuffer(found.vertices).reshape(-1, 2) - _AWAY) / STEPS_PER_MM
     return Diagram(
-        (np.concatenate(vertex) - _AWAY) / STEPS_PER_MM
-        + np.repeat(middle, [len(own) for own in vertex], axis=0),
-        ways[:, 0],
-        ways[:, 1],
-        np.concatenate([own + n for own, n in zip(cell, n_cells, strict=True)]),
-        np.concatenate([own + n for own, n in zip(after, n_edges, strict=True)]),
-        np.repeat(primary, 2),
-        np.concatenate([own[:, 0] + n for own, n in zip(site, starts, strict=True)]),
-        np.concatenate([own[:, 1] for own in site]),
+        vertex + np.repeat(middle, n_vertices, axis=0),
+        there.ravel(),
+        there[:, ::-1].ravel(),
+        cell,
+        after,
+        np.repeat(pairs[:, 2] == 1, 2),
+        sites[:, 0] + np.repeat(starts, n_cells),
+        sites[:, 1],
     )
 
 
-def _before(parts: tuple[Any, ...]) -> Int:
+def _before(size: Int) -> Int:
     """How many items all earlier parts have."""
-    size = np.array([len(part) for part in parts])
     return np.asarray(np.cumsum(size) - size)
 
 
@@ -105,33 +113,43 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _one(sides: list[list[list[int]]]) -> tuple[Float, Int, Int, Int, Int]:
-    """Vertices (v, 2) in steps, every second edge (e / 2, 3), cells (e,) and followers (e,) of all, sites (c, 2)."""
+def _built(sides: list[list[list[int]]]) -> Any:
+    """The library's diagram of the sides of one area."""
     import pyvoronoi  # noqa: PLC0415 - only for parts with narrow places
 
     builder = pyvoronoi.Pyvoronoi(1)
     for side in sides:
         builder.AddSegment(side)
     builder.Construct()
-    n_edges = builder.CountEdges()
-    edges = _columns(list(map(builder.GetEdge, range(0, n_edges, 2))), "start", "end", "is_primary")
-    cells = builder.GetCells()
-    around = [cell.edges for cell in cells]
-    size = np.fromiter(map(len, around), np.int64, len(around))
-    edge = np.fromiter(chain.from_iterable(around), np.int64, n_edges)
-    first = np.cumsum(size) - size
-    onward = np.arange(n_edges) + 1
-    onward[(first + size - 1)[size > 0]] = first[size > 0]
-    cell, after = np.zeros((2, n_edges), np.int64)
-    cell[edge], after[edge] = np.repeat(np.arange(len(size)), size), edge[onward]
-    vertices = builder.GetVertices()
-    vertex = np.fromiter(
-        chain.from_iterable(map(attrgetter("X", "Y"), vertices)), np.float64, 2 * len(vertices)
-    )
-    return vertex.reshape(-1, 2), edges, cell, after, _columns(cells, "site", "source_category")
+    return builder
 
 
-def _columns(objects: list[Any], *names: str) -> Int:
-    """(n, k) attributes of the library's objects."""
-    flat = chain.from_iterable(map(attrgetter(*names), objects))
-    return np.fromiter(flat, np.int64, len(objects) * len(names)).reshape(-1, len(names))
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What the library says of one area after the other, in numbers of its own for each.
+
+    Attributes:
+        pairs: start, end and whether it is primary, of every second edge.
+        around: the edges of one cell after the other.
+        counts: how many each cell has.
+        sites: the side of each cell, and the place there.
+        vertices: x and y of each.
+    """
+
+    pairs: array[int] = field(default_factory=lambda: array("q"))
+    around: array[int] = field(default_factory=lambda: array("q"))
+    counts: array[int] = field(default_factory=lambda: array("q"))
+    sites: array[int] = field(default_factory=lambda: array("q"))
+    vertices: array[float] = field(default_factory=lambda: array("d"))
+
+    def take_in(self, built: Any) -> tuple[int, int, int]:
+        """Append the diagram of the next area, of so many edges, cells and vertices."""
+        n_edges, cells, vertices = built.CountEdges(), built.GetCells(), built.GetVertices()
+        edges = map(built.GetEdge, range(0, n_edges, 2))
+        self.pairs.extend(chain.from_iterable(map(attrgetter("start", "end", "is_primary"), edges)))
+        around = [cell.edges for cell in cells]
+        self.around.extend(chain.from_iterable(around))
+        self.counts.extend(map(len, around))
+        self.sites.extend(chain.from_iterable(map(attrgetter("site", "source_category"), cells)))
+        self.vertices.extend(chain.from_iterable(map(attrgetter("X", "Y"), vertices)))
+        return n_edges, len(cells), len(vertices)
