@@ -64,6 +64,8 @@ class Limits:
         square_corner_velocity: mm/s, for "square_corner".
         minimum_cruise_ratio: share of a ramp up and down that must be cruise, 0 to below 1 (Klipper).
         planner_blocks: how many moves the firmware looks ahead.
+        min_segment_seconds: shorter moves are slowed down until they take this long at their cruise speed; 0: never.
+            Marlin does so (M205 B) while its queue is less than half full, here it holds for all moves.
     """
 
     max_speed: Axes
@@ -77,6 +79,7 @@ class Limits:
     square_corner_velocity: float
     minimum_cruise_ratio: float = 0.0
     planner_blocks: int = 16
+    min_segment_seconds: float = 0.0
 
 
 class Block(NamedTuple):
@@ -117,6 +120,8 @@ def make_block(limits: Limits, delta: Axes, speed: float) -> Block | None:
             return None
         unit = (0.0, 0.0, 0.0, 1.0 if e > 0.0 else -1.0)
         wanted = limits.retract_acceleration
+    if limits.min_segment_seconds * speed > length:
+        speed = length / limits.min_segment_seconds
     if not speed > SLOWEST:
         speed = SLOWEST
     acceleration = wanted

@@ -28,4 +28,5 @@ def limits_of(printer: Printer) -> Limits:
         square_corner_velocity=printer.square_corner_velocity,
         minimum_cruise_ratio=printer.minimum_cruise_ratio,
         planner_blocks=printer.firmware.planner_blocks,
+        min_segment_seconds=printer.min_segment_time,
     )

@@ -105,6 +105,8 @@ def _make_blocks(delta: Float, length: Float, speed: Float, wanted: Float | None
     if wanted is None:
         with_head = np.where(e != 0.0, float(limits.acceleration), float(limits.travel_acceleration))
         wanted = np.where(head_moves, with_head, float(limits.retract_acceleration))
+    if limits.min_segment_seconds > 0:
+        speed = np.minimum(speed, length / limits.min_segment_seconds)
     speed = np.where(speed > SLOWEST, speed, SLOWEST)
     acceleration = wanted
     for part, top_speed, top_acceleration in zip(

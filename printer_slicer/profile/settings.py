@@ -86,6 +86,15 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     jerk_e: Annotated[float, meta("for corner = jerk", "mm/s", ge=0, le=100)] = 5
     square_corner_velocity: Annotated[float, meta("for corner = square_corner", "mm/s", ge=0, le=100)] = 5
     minimum_cruise_ratio: Annotated[float, meta("Klipper's minimum_cruise_ratio", "0-1", ge=0, lt=1)] = 0
+    min_segment_time: Annotated[
+        float,
+        meta(
+            "the time model slows shorter moves down to this, as Marlin's M205 B does; 0: none",
+            "s",
+            ge=0,
+            le=1,
+        ),
+    ] = 0
     retract_length: Annotated[float, meta("filament pulled back before a travel", "mm", ge=0, le=20)] = 0.8
     retract_speed: Annotated[float, meta("speed of pulling back", "mm/s", gt=0, le=200)] = 35
     deretract_speed: Annotated[float, meta("speed of pushing forward", "mm/s", gt=0, le=200)] = 25

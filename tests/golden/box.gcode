@@ -480,6 +480,7 @@ M104 S0
 ; printer.jerk_e = 5
 ; printer.square_corner_velocity = 5
 ; printer.minimum_cruise_ratio = 0
+; printer.min_segment_time = 0
 ; printer.retract_length = 0.8
 ; printer.retract_speed = 35
 ; printer.deretract_speed = 25

@@ -29,6 +29,7 @@ MACHINES = [
     for corner in ("junction_deviation", "jerk", "square_corner")
     for ratio in (0.0, 0.5)
 ]
+MACHINES.append(replace(MARLIN, min_segment_seconds=0.02))
 
 
 def one_by_one(delta: np.ndarray, speed: np.ndarray, limits: Limits) -> np.ndarray:
@@ -52,13 +53,27 @@ def print_like(n_moves: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return delta, rng.choice([0.0, 20.0, 60.0, 150.0], n_moves)
 
 
-@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+@pytest.mark.parametrize(
+    "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
+)
 def test_a_print_takes_as_long_as_its_moves_one_by_one(limits: Limits) -> None:
     delta, speed = print_like(20_000, seed=7)
 
     np.testing.assert_allclose(
         durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
     )
+
+
+def test_no_segment_is_shorter_than_the_machine_allows() -> None:
+    delta, speed = print_like(5_000, seed=3)
+    moves = np.abs(delta).max(axis=1) > 0.01  # shorter ones would crawl
+
+    usual = durations(delta, speed, MARLIN)
+    slow = durations(delta, speed, replace(MARLIN, min_segment_seconds=0.02))
+
+    assert usual[moves].min() < 0.01
+    assert slow[moves].min() >= 0.02 - 1e-9
+    assert slow.sum() > usual.sum()
 
 
 coordinates = st.one_of(st.just(0.0), st.floats(-40, 40), st.floats(-0.2, 0.2), st.sampled_from([-1.0, 1.0]))
@@ -80,7 +95,9 @@ def test_any_moves_take_as_long_as_one_by_one(
     )
 
 
-@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+@pytest.mark.parametrize(
+    "limits", MACHINES[:-1], ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
+)
 def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: Limits) -> None:
     # A travel of 40 m: a sum of what the pieces gain would have grown to 1e8 (mm/s)² and lost eight digits.
     delta = np.tile([0.024, 0.032, 0.0, 0.0], (1_000_000, 1))
@@ -92,7 +109,9 @@ def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: Limits) -> 
     assert seconds[-1] == pytest.approx(sqrt(2 * 0.04 / 1500.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+@pytest.mark.parametrize(
+    "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
+)
 def test_a_stop_parts_the_plan(limits: Limits) -> None:
     delta, speed = print_like(300, seed=3)
     delta[120] = 0.0  # a stop after a move that goes nowhere is a stop all the same
@@ -106,7 +125,9 @@ def test_a_stop_parts_the_plan(limits: Limits) -> None:
     np.testing.assert_allclose(seconds, expected, rtol=1e-9, atol=0)
 
 
-@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+@pytest.mark.parametrize(
+    "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
+)
 def test_acceleration_of_each_move_replaces_that_of_the_machine(limits: Limits) -> None:
     delta, speed = print_like(200, seed=5)
     delta[99:101] = 0.0
