@@ -15,6 +15,7 @@ __all__ = ["clip_lines", "clipped", "spans"]
 
 _PAD = 1e-4  # mm; more than the rounding of places within a cell
 _SMALLEST_CELL, _LARGEST_CELL = 0.2, 20.0  # mm
+_SAME_PLACE = 0.5  # steps of the grid
 _NOTHING = 2e-5  # mm; pieces shorter than the steps of the grid
 
 
@@ -159,8 +160,31 @@ def _crossings(
     at, on = np.divmod(found, len(outline))
     share = np.clip(before[chosen] / (before[chosen] - after[chosen]).astype(np.float64), 0, 1)
     enters = left_q[chosen]  # solid lies to the left of every edge
-    order = np.lexsort((~enters, share, at))
+    length = np.hypot(*way[chosen].T.astype(np.float64))
+    order = np.lexsort((share, at))
+    apart = np.diff(share[order] * length[order], prepend=-np.inf) > _SAME_PLACE
+    place = np.cumsum(apart | run_begins(at[order]))
+    order = order[_left_over(place, enters[order])]
     return at[order], on[order], share[order], enters[order]
+
+
+def _left_over(place: Int, enters: Bool) -> Int:
+    """The crossings (C,), sorted along the lines, without those that undo each other at one place (C,).
+
+    Which of them comes first is rounding, and so would be whether the line was inside before.
+    """
+    if not len(place):
+        return np.zeros(0, np.int64)
+    first = np.flatnonzero(run_begins(place))
+    entering = np.add.reduceat(enters, first, dtype=np.int64)
+    leaving = np.diff(np.append(first, len(place))) - entering
+    of = np.repeat(np.arange(len(first)), entering + leaving)
+    ins = np.cumsum(enters, dtype=np.int64)
+    outs = np.arange(1, len(place) + 1) - ins
+    # The how many-th of its kind at its place.
+    nth = np.where(enters, ins - (ins[first] - enters[first])[of], outs - (outs[first] - ~enters[first])[of])
+    more = np.where(enters, (entering - leaving)[of], (leaving - entering)[of])
+    return np.asarray(np.flatnonzero(nth <= more))
 
 
 def _aside(way: Int) -> Bool:

@@ -9,6 +9,8 @@ from printer_slicer.geometry.engine import normalize
 
 __all__ = ["swept"]
 
+_NOTHING = 1e-6  # mm; less than the steps of the engines' grids
+
 
 def swept(areas: Areas, way: Float) -> Areas:
     """What areas pass over that are moved from `way` behind to `way` ahead of where they are.
@@ -21,7 +23,8 @@ def swept(areas: Areas, way: Float) -> Areas:
     """
     if not areas.n_rings:
         return areas
-    by = np.repeat(way[areas.ring_layer], np.diff(areas.ring_start), axis=0)
+    seen = np.where(np.abs(way) < _NOTHING, 0.0, way)
+    by = np.repeat(seen[areas.ring_layer], np.diff(areas.ring_start), axis=0)
     begin, end, layer = areas.xy, areas.xy[areas.following], areas.point_layer
     quads = np.stack([begin - by, end - by, end + by, begin + by], axis=1)
     side = end - begin

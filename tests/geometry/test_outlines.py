@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from printer_slicer.geometry import Areas, clip_outlines
+from printer_slicer.geometry import Areas, clip_outlines, normalize
 from tests.parts import shape, shapely
 from tests.strategies import box, clean_areas
 
@@ -24,6 +24,11 @@ def lines_of(xy: Any, size: Any, closed: Any) -> list[Any]:
 @given(clean_areas(1), clean_areas(1))
 @settings(deadline=None)
 def test_what_is_left_is_what_another_library_leaves(outlines: Areas, within: Areas) -> None:
+    assert_left(outlines, within)
+
+
+def assert_left(outlines: Areas, within: Areas) -> None:
+    """What is left of outlines within areas is what shapely leaves of them."""
     xy, size, ring, closed = clip_outlines(outlines, within)
     lines = lines_of(xy, size, closed)
     area = shape(within, 0)
@@ -81,3 +86,23 @@ def test_nothing_is_left_where_there_is_no_area() -> None:
     assert clip_outlines(ring, other)[1].tolist() == []
     with pytest.raises(ValueError, match="2 and 1 layers"):
         clip_outlines(ring, Areas.empty(1))
+
+
+def test_edges_that_nearly_lie_on_each_other_do_not_lose_what_follows() -> None:
+    """Two crossings at one place, which rounding puts in the wrong order: out of the area before into it."""
+    ten = [(4, 0), (3.42705098, 1.76335576), (1.92705098, 2.85316955), (0.0729490169, 2.85316955)]
+    ten += [(-1.42705098, 1.76335576), (-2, 0), (-1.42705098, -1.76335576), (0.0729490169, -2.85316955)]
+    ten += [(2.00430523, -3.09093368), (3.42705098, -1.76335576)]
+    hole = [(1.97082039, -0.705342303), (1.40172209, -1.23637347), (0.629179607, -1.14126782)]
+    hole += [(0.0291796068, -0.705342303), (-0.2, 0), (0.0291796068, 0.705342303), (0.629179607, 1.14126782)]
+    hole += [(1.37082039, 1.14126782), (1.97082039, 0.705342303), (2.2, 0)]
+    outlines, within = (
+        normalize(
+            Areas.from_rings(
+                [[np.array([(3, 0), (-1.5, 2.59807621), corner]), np.array(ten), np.array(hole)]]
+            )
+        )
+        for corner in ((-1.5, -2.59807621), (-1.625, -2.81458256))
+    )
+
+    assert_left(outlines, within)

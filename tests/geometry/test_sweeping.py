@@ -31,6 +31,14 @@ def test_swept_areas_are_all_the_places_on_the_way(engine: str, areas: Areas, tu
         assert shapely.area(shapely.difference(found, passed.buffer(far / 24 + 1e-3))) < 1e-3
 
 
+@pytest.mark.parametrize("engine", list(ENGINES))
+def test_a_way_shorter_than_any_step_is_none(engine: str) -> None:
+    areas = Areas.from_rings([[box(0, 0, 10, 10)]])
+
+    with using_engine(engine):
+        assert swept(areas, np.array([[1e-308, 1e-308]])).area() == pytest.approx([100])
+
+
 def test_a_square_is_longer_by_twice_the_way_and_a_narrow_hole_is_closed() -> None:
     areas = Areas.from_rings([[box(0, 0, 10, 10), box(4, 3, 6, 7)[::-1]]])
 
