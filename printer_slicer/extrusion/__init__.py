@@ -13,9 +13,9 @@ import numpy as np
 from printer_slicer.extrusion.accelerating import acceleration_events
 from printer_slicer.extrusion.beads import beads_of, is_perimeter, speeds_of
 from printer_slicer.extrusion.cooling import fans, slowed
-from printer_slicer.extrusion.rows import APPROACH, Rows, rows_of
+from printer_slicer.extrusion.rows import APPROACH, rows_of
 from printer_slicer.extrusion.timing import known_as, move_seconds
-from printer_slicer.model import Event, Float, Heat, Program, Role, Toolpaths, Travels
+from printer_slicer.model import Event, Heat, Program, Role, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
 
 __all__ = ["extrude", "move_seconds"]
@@ -43,19 +43,15 @@ def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
         role=role,
         width=rows.spread(beads.width),
         height=rows.spread(beads.height),
-        centre=_centres(paths, rows),
         events=acceleration_events(role, paths.layer[rows.path], profile),
     )
+    if paths.has_arcs:
+        centre = np.full((program.n_moves, 2), np.nan)
+        centre[rows.is_bead] = paths.centre[rows.begin]
+        program = replace(program, centre=centre)
     program = slowed(program, profile)
     events = [*_heat(program, profile.material), *fans(program, carried, profile), *program.events]
     return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
-
-
-def _centres(paths: Toolpaths, rows: Rows) -> Float:
-    """(K, 2) the centre of the arc that each move is a chord of."""
-    centre = np.full((len(rows.path), 2), np.nan)
-    centre[rows.is_bead] = paths.centre[rows.begin]
-    return centre
 
 
 def _heat(program: Program, material: Material) -> list[Event]:

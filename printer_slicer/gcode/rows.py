@@ -89,6 +89,9 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Ro
 def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
     """First and last move of each row: the chords of an arc are one row, every other move is one by itself."""
     centre = program.centre
+    if not program.has_arcs:
+        every = np.arange(program.n_moves)
+        return every, every
     same = (centre[1:] == centre[:-1]).all(axis=1)  # never where there is none
     same &= (feed[1:] == feed[:-1]) & (program.layer[1:] == program.layer[:-1])
     head = np.flatnonzero(np.append(True, ~same))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -29,6 +29,7 @@ __all__ = [
 
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
+_MAY_BE_USUAL: Final = ("carried", "rise", "share", "centre")
 _OF_POINTS: Final = ("xy", "width", "carried", "rise", "share", "centre")
 _OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep")
 
@@ -93,11 +94,14 @@ class Toolpaths:
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
-        for name, usual in (("carried", 1.0), ("rise", 0.0), ("share", 1.0)):
+        for name, value, shape in (
+            ("carried", 1.0, (n_points,)),
+            ("rise", 0.0, (n_points,)),
+            ("share", 1.0, (n_points,)),
+            ("centre", np.nan, (n_points, 2)),
+        ):
             if getattr(self, name) is _NOT_GIVEN:
-                object.__setattr__(self, name, np.full(n_points, usual))
-        if self.centre is _NOT_GIVEN:
-            object.__setattr__(self, "centre", np.full((n_points, 2), np.nan))
+                object.__setattr__(self, name, np.broadcast_to(np.float64(value), shape))
         if self.sweep is _NO_NUMBERS:
             object.__setattr__(self, "sweep", np.full(n_paths, -1))
         for name, dtype, shape in (
@@ -114,7 +118,8 @@ class Toolpaths:
             ("share", np.float64, (n_points,)),
             ("centre", np.float64, (n_points, 2)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
+                object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @classmethod
     def gathered(  # noqa: PLR0913 - one argument per column
@@ -140,13 +145,17 @@ class Toolpaths:
         flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
         heights = plan.height[layer] if height is None else height
         widths = width if len(width) == len(xy) else np.repeat(width, size)
-        shares = np.ones(len(xy)) if carried is None else carried
+        shares = _NOT_GIVEN if carried is None else carried
         sweeps = np.full(len(layer), -1) if sweep is None else sweep
-        rise, share = (np.zeros(len(xy)), np.ones(len(xy))) if slope is None else slope
+        rise, share = (_NOT_GIVEN, _NOT_GIVEN) if slope is None else slope
         if (np.diff(layer) < 0).any():
             order = np.argsort(layer, kind="stable")
-            columns = (xy, widths, shares, rise, share)
-            (xy, widths, shares, rise, share), size = reordered(columns, size, order)
+            before = size
+            (xy, widths), size = reordered((xy, widths), before, order)
+            if carried is not None:
+                (shares,), _ = reordered((carried,), before, order)
+            if slope is not None:
+                (rise, share), _ = reordered(slope, before, order)
             layer, role, flags = layer[order], role[order], flags[order]
             heights, sweeps = heights[order], sweeps[order]
         start = np.concatenate([[0], np.cumsum(size)])
@@ -166,7 +175,9 @@ class Toolpaths:
             height=np.concatenate([part.height for part in parts]),
             carried=np.concatenate([part.carried for part in parts]),
             sweep=_numbered_apart([part.sweep for part in parts]),
-            slope=(
+            slope=None
+            if all(_is_usual(part.rise) and _is_usual(part.share) for part in parts)
+            else (
                 np.concatenate([part.rise for part in parts]),
                 np.concatenate([part.share for part in parts]),
             ),
@@ -188,9 +199,18 @@ class Toolpaths:
         Path `i` of them has the points `point[start[i]:start[i + 1]]`. `carried` goes with the points: it is right for
         paths that keep their direction.
         """
-        columns = {name: getattr(self, name).take(point, axis=0) for name in _OF_POINTS}
+        columns: dict[str, Any] = {name: getattr(self, name) for name in _OF_POINTS}
+        columns = {
+            name: _NOT_GIVEN if _is_usual(column) else column.take(point, axis=0)
+            for name, column in columns.items()
+        }
         of_path = {name: getattr(self, name).take(path) for name in _OF_PATHS}
         return replace(self, start=start, **columns, **of_path)
+
+    @property
+    def has_arcs(self) -> bool:
+        """Whether some lines are chords of arcs."""
+        return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
     def n_paths(self) -> int:
@@ -220,6 +240,11 @@ class Toolpaths:
     def path(self, index: int) -> Float:
         """(n, 2) the points of one path."""
         return self.xy[self.start[index] : self.start[index + 1]]
+
+
+def _is_usual(column: Float) -> bool:
+    """Whether a column was not given: one value stands for all, and takes no room."""
+    return len(column) > 0 and column.strides[0] == 0
 
 
 def _numbered_apart(sweeps: Sequence[Int]) -> Int:
@@ -306,7 +331,7 @@ class Program:
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)
         if self.centre is _NOT_GIVEN:
-            object.__setattr__(self, "centre", np.full((n_moves, 2), np.nan))
+            object.__setattr__(self, "centre", np.broadcast_to(np.float64(np.nan), (n_moves, 2)))
         for name, dtype, shape in (
             ("origin", np.float64, (3,)),
             ("xyz", np.float64, (-1, 3)),
@@ -318,7 +343,13 @@ class Program:
             ("height", np.float64, (n_moves,)),
             ("centre", np.float64, (n_moves, 2)),
         ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+            if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
+                object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @property
+    def has_arcs(self) -> bool:
+        """Whether some moves are chords of arcs."""
+        return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
     def n_moves(self) -> int:
