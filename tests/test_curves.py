@@ -54,7 +54,7 @@ def arcs(paths: Toolpaths) -> int:
     )
 
 
-@pytest.mark.parametrize("radius", [1.0, 5.0, 60.0])
+@pytest.mark.parametrize("radius", [3.0, 5.0, 60.0])
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_circle_becomes_three_arcs_about_its_middle(radius: float, way: int) -> None:
     after = curved(path_of(circle(radius, 120)[::way], closed=True), plain(arc_tolerance=0.05))
@@ -86,6 +86,10 @@ def test_no_point_is_farther_off_than_the_tolerance(
     if not before.closed[0]:
         assert after.path(0)[-1] == pytest.approx(before.path(0)[-1])
     assert np.isfinite(after.xy).all()
+
+
+def test_circles_so_small_that_their_chords_would_outrun_the_planner_stay_lines() -> None:
+    assert arcs(curved(path_of(circle(1.5, 60), closed=True), plain(arc_tolerance=0.05))) == 0
 
 
 def test_beads_whose_width_changes_and_those_that_hang_stay_lines() -> None:

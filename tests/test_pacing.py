@@ -82,6 +82,17 @@ def test_merging_moves_nothing_by_more_than_the_tolerance() -> None:
             assert shapely.hausdorff_distance(old, new, densify=0.02) < 0.021
 
 
+def test_arcs_stay_arcs_when_what_follows_them_is_merged() -> None:
+    after, wanted = sliced(arc_tolerance=0.03, link_lines_per_second=20)
+    program = after.program
+
+    chords = np.isfinite(program.centre[:, 0])
+    out, home = (ends[chords, :2] - program.centre[chords] for ends in (program.start, program.xyz))
+    assert chords.sum() > 200
+    assert np.hypot(*out.T) == pytest.approx(np.hypot(*home.T), abs=0.002)
+    assert not crowded(program, wanted).any()
+
+
 def test_a_quick_link_changes_nothing() -> None:
     before, _ = sliced()
     after, _ = sliced(link_lines_per_second=100_000)

@@ -66,12 +66,24 @@ def of_part(**changes: object) -> Program:
 def test_the_plastic_of_a_part_stays_what_it_was() -> None:
     plain_seams, sloped = of_part(), of_part(scarf_length=8, scarf_start=0)
 
-    assert sloped.filament_used == pytest.approx(plain_seams.filament_used, rel=0.005)
+    assert sloped.filament_used == pytest.approx(plain_seams.filament_used, rel=1e-5)
     outer = (sloped.role == Role.OUTER_PERIMETER) & (sloped.layer > 0)
     below = sloped.plan.top[sloped.layer] - sloped.xyz[:, 2]
     assert below[outer].max() < sloped.plan.height.max()
     assert (sloped.start[outer, 2] < sloped.plan.top[sloped.layer[outer]] - 0.1).sum() >= 9
     assert (sloped.height[outer] > 0).all()
+
+
+def test_the_nozzle_comes_down_where_the_slope_begins_and_not_before() -> None:
+    program = of_part(scarf_length=8)
+
+    way = program.xyz - program.start
+    down = (way[:, 2] < -1e-6) & (np.arange(program.n_moves) > 1)
+    assert down.sum() >= 9
+    assert (np.hypot(*way[down, :2].T) == 0).all()
+    # What follows is the bead that begins there.
+    following = program.role[np.flatnonzero(down) + 1]
+    assert (following == Role.OUTER_PERIMETER).all()
 
 
 def test_inner_perimeters_are_sloped_when_asked() -> None:

@@ -91,6 +91,19 @@ def test_check_finds_nothing_wrong_with_it(plan: LayerPlan) -> None:
     assert not check.problems
 
 
+def test_a_spiral_stands_on_a_raft_and_on_its_own_bottom() -> None:
+    wanted = spiral(raft_height=1.0)
+    stages = slice_stages(tower(EVEN), wanted, plan=EVEN)
+    paths = stages.toolpaths
+
+    base = int(paths.layer[paths.role == Role.RAFT].max()) + 1
+    climbing = np.unique(
+        paths.layer[np.repeat(np.arange(paths.n_paths), np.diff(paths.start))[paths.rise < 0]]
+    )
+    assert base > 1
+    assert climbing.tolist() == list(range(base + 3, paths.plan.n_layers))
+
+
 def test_a_part_with_a_hole_is_refused_with_the_place() -> None:
     with pytest.raises(PartError, match=r"a spiral needs one outline.*at z .* mm there are 2") as caught:
         slice_stages(box_with_hole((20, 20, 3)), spiral())

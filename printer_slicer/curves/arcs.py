@@ -24,7 +24,8 @@ from printer_slicer.profile import Profile
 __all__ = ["curved"]
 
 _LEAST = 3  # lines in an arc: fewer are no curve
-_SMALLEST, _LARGEST = 0.5, 500.0  # mm, radius of an arc
+# Mm, radius of an arc. Of smaller ones firmware makes chords so short that they use up the moves that it plans ahead.
+_SMALLEST, _LARGEST = 2.5, 500.0
 _WIDEST_TURN = np.radians(160)  # of an arc
 
 

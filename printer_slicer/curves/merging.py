@@ -17,7 +17,9 @@ def merged(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     """The paths; lines of those `chosen` (M,) are joined where nothing is moved by more than `tolerance` mm."""
     line = Lines.of(paths)
     owner = np.searchsorted(paths.start, line.begin, side="right") - 1
-    line = replace(line, apart=line.apart | ~chosen[owner] | np.isfinite(paths.centre[line.begin, 0]))
+    arc = np.isfinite(paths.centre[line.begin, 0])
+    # Neither a chord of an arc nor what follows it is joined with what stands before.
+    line = replace(line, apart=line.apart | ~chosen[owner] | arc | np.append(False, arc[:-1]))
 
     def fits(first: Int, stop: Int) -> Bool:
         return _fits(line, first, stop, tolerance)

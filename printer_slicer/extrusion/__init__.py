@@ -42,7 +42,7 @@ def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
         layer=paths.layer[rows.path],
         role=role,
         width=rows.spread(beads.width),
-        height=rows.spread(beads.height),
+        height=rows.spread(beads.height * beads.share),
         events=acceleration_events(role, paths.layer[rows.path], profile),
     )
     if paths.has_arcs:

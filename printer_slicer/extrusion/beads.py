@@ -24,7 +24,8 @@ class Beads:
     Attributes:
         length: (B,) mm.
         width: (B,) mm, in the mean along the bead.
-        height: (B,) mm, likewise.
+        height: (B,) mm, where all of it is laid.
+        share: (B,) of the cross-section that is laid, in the mean along the bead.
         flow: (B,) the cross-section is multiplied by this.
         carried: (B,) share of the width that lies over the layer below.
     """
@@ -32,17 +33,19 @@ class Beads:
     length: Float
     width: Float
     height: Float
+    share: Float
     flow: Float
     carried: Float
 
     @property
     def cross_section(self) -> Float:
         """(B,) mm²; it grows evenly with the width, so that of the mean width is the mean one."""
-        return bead.cross_section(self.width, self.height) * self.flow
+        return bead.cross_section(self.width, self.height) * (self.share * self.flow)
 
     def filament(self, diameter: float) -> Float:
         """(B,) mm of filament in each."""
-        return self.length * bead.filament_per_mm(self.width, self.height, diameter) * self.flow
+        per_mm = bead.filament_per_mm(self.width, self.height, diameter)
+        return self.length * per_mm * (self.share * self.flow)
 
 
 def beads_of(paths: Toolpaths, rows: Rows, profile: Profile) -> Beads:
@@ -54,7 +57,8 @@ def beads_of(paths: Toolpaths, rows: Rows, profile: Profile) -> Beads:
     return Beads(
         np.sqrt((way * way).sum(axis=1) + climbed * climbed),
         (paths.width[begin] + paths.width[end]) / 2,
-        paths.height[path] * (paths.share[begin] + paths.share[end]) / 2,
+        paths.height[path],
+        (paths.share[begin] + paths.share[end]) / 2,
         first * profile.material.flow_ratio,
         paths.carried[begin],
     )

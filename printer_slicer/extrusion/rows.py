@@ -15,6 +15,7 @@ __all__ = ["APPROACH", "Kind", "Rows", "rows_of"]
 
 APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
 _SHORTEST = 0.003  # mm, of a bead
+_LEVEL = 1e-6  # mm
 _RAMP = 3.0  # mm of way per mm of a ramped lift
 
 
@@ -97,32 +98,27 @@ def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, profile: Profile) 
     count = np.zeros((paths.n_paths, Kind.BEAD + 1), np.int64)
     count[:, Kind.RETRACT] = travels.retract & (wipes.standing > 0)
     count[:, Kind.WIPE] = np.diff(wipes.start)
-    count[:, Kind.LIFT] = _lifts(paths, travels, profile)
+    low, travelled, high = _heights(paths, travels, profile)
+    count[:, Kind.LIFT] = (travelled - low > _LEVEL) & ~first
     moves = (np.hypot(*(begin - leave).T) > 0) | (count[:, Kind.WIPE] > 0)
     count[:, Kind.TRAVEL] = moves | first
     count[:, Kind.TRAVEL] += np.diff(travels.start)
-    count[:, Kind.DROP] = _hops(travels, profile) > 0
+    count[:, Kind.DROP] = travelled - high > _LEVEL
     count[:, Kind.DERETRACT] = travels.retract
     count[:, Kind.BEAD] = np.where(paths.closed, size, size - 1)
     return count
 
 
-def _hops(travels: Travels, profile: Profile) -> Float:
-    """(M,) mm over the layer at which the nozzle travels to each path."""
+def _heights(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Float, Float, Float]:
+    """(M,) z at which the nozzle leaves for each path, at which it travels there, and at which the path begins."""
+    first, last = paths.start[:-1], paths.start[1:] - 1
+    top = paths.plan.top[paths.layer]
+    begin, end = top + paths.rise[first], top + paths.rise[np.where(paths.closed, first, last)]
+    leave = np.append(begin[:1], end[:-1])
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
     hop[:1] = APPROACH
-    return hop
-
-
-def _lifts(paths: Toolpaths, travels: Travels, profile: Profile) -> Bool:
-    """(M,) whether the nozzle goes up before it travels to a path: onto a new layer, or to hop."""
-    begin, last = paths.start[:-1], paths.start[1:] - 1
-    ends = paths.plan.top[paths.layer] + paths.rise[np.where(paths.closed, begin, last)]
-    starts = paths.plan.top[paths.layer] + paths.rise[begin]
-    lifts = _hops(travels, profile) > 0
-    lifts[1:] |= np.abs(starts[1:] - ends[:-1]) > 1e-6
-    lifts[:1] = False
-    return lifts
+    # What begins lower than the bead before ends is reached from above: nothing is dragged through that bead.
+    return leave, np.maximum(leave, begin) + hop, begin
 
 
 def _ends_of_beads(paths: Toolpaths) -> tuple[Int, Int]:
@@ -140,9 +136,7 @@ def _positions(
     path, kind, end = moves
     leave, begin = leaves(paths)
     top = paths.plan.top[paths.layer]
-    first, last = paths.start[:-1], paths.start[1:] - 1
-    start_z, end_z = top + paths.rise[first], top + paths.rise[np.where(paths.closed, first, last)]
-    before = np.append(start_z[:1], end_z[:-1])
+    before, travelled, start_z = _heights(paths, travels, profile)
     xyz = np.zeros((len(path), 3))
     xyz[:, :2], xyz[:, 2] = begin[path], start_z[path]
     stays = kind <= Kind.LIFT
@@ -151,7 +145,7 @@ def _positions(
     xyz[low, 2] = before[path[low]]
     xyz[kind == Kind.WIPE, :2] = wipes.xy
     lifted = (kind == Kind.LIFT) | (kind == Kind.TRAVEL)
-    xyz[lifted, 2] += _hops(travels, profile)[path[lifted]]
+    xyz[lifted, 2] = travelled[path[lifted]]
     wiped = np.flatnonzero((kind == Kind.LIFT) & (np.diff(wipes.start) > 0)[path])
     xyz[wiped, :2] = xyz[wiped - 1, :2]
     # All travels of a way but the last one end at the points that it passes.

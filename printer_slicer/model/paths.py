@@ -72,8 +72,8 @@ class Toolpaths:
         sweep: (M,) paths with the same number follow each other as they stand, or all of them turned around and the
             last one first; -1, everywhere where it is not given, for those that may be printed in any order.
         rise: (N,) mm from the top of the layer up to the nozzle, negative below it; 0 where it is not given.
-        share: (N,) how much of the bead's height is laid; between two points both change evenly. 1 where it is not
-            given.
+        share: (N,) how much of the bead's cross-section is laid; between two points both change evenly. 1 where it is
+            not given.
         centre: (N, 2) mm, of the arc that the line to the next point is a chord of; nan, everywhere where it is not
             given, for lines.
     """

@@ -13,7 +13,7 @@ import numpy as np
 
 from printer_slicer.errors import PartError
 from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Float, Int, LayerPlan, Role, Toolpaths
+from printer_slicer.model import Float, Int, Role, Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.profile import Profile
 
@@ -30,7 +30,7 @@ def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
     Raises:
         PartError: a layer above the bottom has no outline, or several.
     """
-    first = _first_turn(paths.plan, profile)
+    first = _first_turn(paths, profile)
     outer = paths.closed & (paths.role == Role.OUTER_PERIMETER) & (paths.layer >= first)
     n_loops = np.bincount(paths.layer[outer], minlength=paths.plan.n_layers)[first:]
     wrong = np.flatnonzero(n_loops != 1)
@@ -49,7 +49,7 @@ def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 def spiralled(paths: Toolpaths, profile: Profile) -> Toolpaths:
     """Paths in printing order, those above the bottom as one bead that climbs; all of them are outer loops."""
-    first = _first_turn(paths.plan, profile)
+    first = _first_turn(paths, profile)
     chosen = np.flatnonzero(paths.layer >= first)
     if not len(chosen):
         return paths
@@ -61,9 +61,14 @@ def spiralled(paths: Toolpaths, profile: Profile) -> Toolpaths:
     return Toolpaths.joined(paths.plan, [paths.take(np.flatnonzero(paths.layer < first)), turns])
 
 
-def _first_turn(plan: LayerPlan, profile: Profile) -> int:
-    """The first layer that is not part of the bottom; never the one on the bed, which has to stick."""
-    return max(1, int(np.searchsorted(plan.bottom, profile.quality.bottom_thickness - 1e-9)))
+def _first_turn(paths: Toolpaths, profile: Profile) -> int:
+    """The first layer that is not part of the bottom; never the one on the bed or raft, which has to stick."""
+    base = int(paths.layer[paths.role == Role.RAFT].max(initial=-1)) + 1
+    bottom = paths.plan.bottom
+    over = np.searchsorted(
+        bottom, bottom[min(base, len(bottom) - 1)] + profile.quality.bottom_thickness - 1e-9
+    )
+    return max(base + 1, int(over))
 
 
 def _begun_above_each_other(paths: Toolpaths, chosen: Int) -> Toolpaths:
