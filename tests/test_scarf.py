@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.model import LayerPlan, Program, Role, Toolpaths
 from printer_slicer.ordering.scarf import scarfed
-from printer_slicer.pipeline import slice_stages
-from tests.parts import box, plain, sphere
+from printer_slicer.pipeline import gcode_of, slice_stages
+from tests.parts import box, cone, plain, sphere
 
 PLAN = LayerPlan.from_tops(np.array([0.3, 0.5, 0.8, 0.9]))
 
@@ -84,6 +85,15 @@ def test_the_nozzle_comes_down_where_the_slope_begins_and_not_before() -> None:
     # What follows is the bead that begins there.
     following = program.role[np.flatnonzero(down) + 1]
     assert (following == Role.OUTER_PERIMETER).all()
+
+
+def test_check_knows_slopes_for_what_they_are() -> None:
+    wanted = plain(scarf_length=8)
+    stages = slice_stages(cone(12, 6), wanted)
+
+    check = check_gcode(gcode_of(stages.program, wanted), stages.part, Asked())
+
+    assert [finding.text for finding in check.findings] == []
 
 
 def test_inner_perimeters_are_sloped_when_asked() -> None:

@@ -12,9 +12,10 @@ from printer_slicer.pipeline import Stages, gcode_of, slice_stages
 from printer_slicer.profile import Profile
 from tests.parts import box, box_with_hole, plain, two_boxes
 
+ONE_LOW = LayerPlan.from_tops(np.cumsum([0.3, 0.2, 0.2, *[0.32] * 18, 0.23, 0.32, 0.32]))
 UNEVEN = LayerPlan.from_tops(np.cumsum([0.3, 0.2, 0.2, *[0.1] * 10, *[0.32] * 10, *[0.2] * 5]))
 EVEN = LayerPlan.from_tops(np.arange(1, 31) * 0.2)
-PLANS = pytest.mark.parametrize("plan", [EVEN, UNEVEN], ids=["even", "uneven"])
+PLANS = pytest.mark.parametrize("plan", [EVEN, UNEVEN, ONE_LOW], ids=["even", "uneven", "one low"])
 
 
 def spiral(**changes: object) -> Profile:

@@ -82,6 +82,8 @@ def cell_for(low: Float, high: Float) -> float:
 def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
     """(deep, wide) how often each cell is filled to the height of the beads in it: 1 where it is just full.
 
+    Slopes count by how much of the layer's height they fill.
+
     Args:
         beads: of one layer, all within the window.
         window: the cells; beads too wide for it are laid narrower, with all that they hold.
@@ -93,6 +95,9 @@ def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
     threads = (beads.height > layer_height + _DEEPER) & (width <= beads.height * _ROUND)
     spread = np.where(threads, width, beads.area / beads.height)
     reach = np.minimum(spread, 2 * window.room(beads))
+    # Slopes lie lower than their layer; what is laid over them fills the rest.
+    share = np.minimum(beads.height / layer_height, 1) if np.isfinite(layer_height) else 1.0
+    held = np.where(beads.rise != 0, spread * share, spread)
     along = np.maximum(np.ceil(beads.length / window.cell), 1).astype(np.int64)
     across = np.maximum(np.ceil(reach / window.cell), 1).astype(np.int64)
     block = np.cumsum(along * across) // _AT_ONCE
@@ -100,7 +105,7 @@ def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
     for first, last in _runs(block):
         some = slice(first, last)
         count = along[some], across[some]
-        weight = (spread * beads.length)[some] / (count[0] * count[1])
+        weight = (held * beads.length)[some] / (count[0] * count[1])
         sums += _spread(beads.take(np.arange(first, last)), reach[some], weight, count, window)
     return (sums / window.cell**2).reshape(window.deep, window.wide)
 

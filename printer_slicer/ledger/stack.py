@@ -18,7 +18,7 @@ __all__ = ["Stack", "stack_of", "stacked", "through_layers"]
 
 _STEADY: Final = 0.1  # mm
 _HAIR: Final = 0.02  # of a turn
-_UNEVEN: Final = 0.6  # of a turn, that one may begin higher or lower than if all were as high
+_UNEVEN: Final = 0.2  # of a turn, that one may begin higher or lower than if all were as high
 _LEVEL: Final = (
     0.004  # mm: heights of the nozzle closer than this are one layer; files round z to 0.001 or 0.01
 )
@@ -72,10 +72,13 @@ class Stack:
 
     @property
     def rising(self) -> Bool:
-        """(L,) layers that are laid, about half of them at least, while z rises: turns of a spiral."""
+        """(L,) layers that are laid, for the most part, while z rises: turns of a spiral. In a spiral all above are."""
         own = self.layer >= 0
         length = self.beads.length * np.where(np.abs(self.beads.rise) >= _FLAT, 1.0, -0.9)
-        return np.bincount(self.layer[own], length[own], self.n_layers) > 0
+        found = np.bincount(self.layer[own], length[own], self.n_layers) > 0
+        if 2 * int(found.sum()) > self.n_layers:
+            found[int(found.argmax()) :] = True
+        return np.asarray(found)
 
     @property
     def spiral(self) -> bool:

@@ -151,8 +151,11 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
         abs=ARC * (2 * length + 1) + 0.1,
     )
     # All of a lone layer has air above.
-    bare = without_slits(shapely.difference(part, covered), 0.1)
-    assert ledger.uncovered.area()[0] == pytest.approx(bare.area, abs=ARC * (2 * length + part.length) + 0.1)  # type: ignore[attr-defined]
+    # A slit hardly wider or narrower than what counts may be told or not.
+    bare = shapely.difference(part, covered)
+    least, most = (without_slits(bare, slit).area for slit in (0.11, 0.09))  # type: ignore[attr-defined]
+    slack = ARC * (2 * length + part.length) + 0.1
+    assert least - slack <= ledger.uncovered.area()[0] <= most + slack
 
 
 @settings(max_examples=25, deadline=None)
