@@ -18,8 +18,8 @@ from printer_slicer.travels.worth import longest_worthwhile
 
 __all__ = ["rerouted"]
 
-_CLEARANCE = 0.25  # bead widths that ways keep from outlines: even a wall of one narrow bead can be passed
-_ROOM = 0.75  # bead widths more that they keep where there is room
+_CLEARANCE = 0.55  # bead widths that ways keep from outlines: they do not lie on the outer bead
+_ROOM = 0.45  # bead widths more that they keep where there is room
 _GRAZING = 3.0  # mm that a way may be longer not to come nearer to an outline
 _TOLL = 3.0  # mm that a way with a retraction may be longer to cross one outline less
 
