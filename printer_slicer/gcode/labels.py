@@ -10,6 +10,7 @@ Sources: OctoPrint's Cancel Objects and PrusaSlicer (`; printing object`); Duet3
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -28,10 +29,12 @@ __all__ = [
     "Mark",
     "Marking",
     "definitions",
+    "for_all",
     "fresh_rows",
-    "label_notes",
     "marking",
     "marks_of",
+    "start_notes",
+    "stop_notes",
 ]
 
 
@@ -102,11 +105,16 @@ def definitions(marks: Marking | None) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Before move `index` thing `stop` ends and thing `start` begins; -1: none."""
+    """Before move `index` thing `stop` ends and thing `start` begins; -1: none.
+
+    The beads of the one end before move `after`, those of the other begin with move `until`.
+    """
 
     index: int
     stop: int
     start: int
+    after: int
+    until: int
 
 
 def marks_of(program: Program, labels: Labels) -> list[Mark]:
@@ -119,12 +127,13 @@ def marks_of(program: Program, labels: Labels) -> list[Mark]:
     ends = np.where(change > 0, beads[np.maximum(change - 1, 0)] + 1, 0)
     before = np.where(change > 0, item[np.maximum(change - 1, 0)], -1)
     marks = [
-        Mark(_between(program, int(end), int(begin)), int(stop), int(start))
+        Mark(_between(program, int(end), int(begin)), int(stop), int(start), int(end), int(begin))
         for end, begin, stop, start in zip(ends, begins, before, item[change], strict=True)
     ]
     if len(item) and item[-1] >= 0:
         last = int(beads[-1]) + 1
-        marks.append(Mark(_between(program, last, program.n_moves), int(item[-1]), -1))
+        end = program.n_moves
+        marks.append(Mark(_between(program, last, end), int(item[-1]), -1, last, end))
     return marks
 
 
@@ -150,17 +159,34 @@ def fresh_rows(marks: list[Mark]) -> Int:
     return np.array(sorted({mark.index for mark in marks}), np.int64)
 
 
-def label_notes(
+def stop_notes(
     marks: list[Mark], marked: Marking, rows: Rows, *, relative: bool
 ) -> Iterator[tuple[int, list[str]]]:
-    """The lines of all marks; where E counts from the beginning, what it stands at behind a thing given up."""
+    """Where things end; where E counts from the beginning, what it stands at behind a thing given up."""
+    labels, words = marked
+    for mark in marks:
+        if mark.stop < 0:
+            continue
+        lines = words.stop(mark.stop, labels.names[mark.stop])
+        if not relative:
+            lines = [*lines, f"G92 E{number(float(rows.fed[mark.index - 1]) / 10**E_DECIMALS)}"]
+        yield mark.index, lines
+
+
+def start_notes(marks: list[Mark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
+    """Where things begin."""
     labels, words = marked
     seen: set[int] = set()
     for mark in marks:
-        lines = words.stop(mark.stop, labels.names[mark.stop]) if mark.stop >= 0 else []
-        if mark.stop >= 0 and not relative:
-            lines = [*lines, f"G92 E{number(float(rows.fed[mark.index - 1]) / 10**E_DECIMALS)}"]
         if mark.start >= 0:
-            lines = [*lines, *words.start(mark.start, labels.names[mark.start], mark.start not in seen)]
+            yield mark.index, words.start(mark.start, labels.names[mark.start], mark.start not in seen)
             seen.add(mark.start)
-        yield mark.index, lines
+
+
+def for_all(notes: Iterator[tuple[int, list[str]]], marks: list[Mark]) -> Iterator[tuple[int, list[str]]]:
+    """Notes that concern everything, put between the marks of two things: they hold if either is given up."""
+    ends = [mark.after for mark in marks]
+    for index, lines in notes:
+        nth = bisect_right(ends, index) - 1
+        held = nth >= 0 and index <= marks[nth].until
+        yield marks[nth].index if held else index, lines

@@ -13,10 +13,10 @@ import numpy as np
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
-from printer_slicer.gcode.labels import Mark, Marking, label_notes
+from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, stop_notes
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
 from printer_slicer.macros import Template, Value, number, read_template
-from printer_slicer.model import Acceleration, Fan, Float, Heat, Int, PressureAdvance, Program, Role
+from printer_slicer.model import Acceleration, Event, Fan, Float, Heat, Int, PressureAdvance, Program, Role
 from printer_slicer.profile import Profile
 
 __all__ = ["TYPE_NAMES", "Writing", "begins_with", "macro_of", "notes_of", "retracted_by_firmware"]
@@ -89,13 +89,15 @@ def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dic
         ProfileError: a macro cannot be filled in, or a pause lies above the part.
     """
     notes: dict[int, list[str]] = {}
-    relative = writing.profile.printer.relative_extrusion
+    relative, marking = writing.profile.printer.relative_extrusion, writing.marking
     sources = (
-        label_notes(marks, writing.marking, rows, relative=relative) if writing.marking else (),
-        _layers(writing, rows),
+        stop_notes(marks, marking, rows, relative=relative) if marking else (),
+        _said_again(writing, marks),
+        for_all(_layers(writing, rows), marks),
+        for_all(_events(writing), marks),
+        start_notes(marks, marking) if marking else (),
         _arrivals(writing, rows),
         _progress(writing),
-        _events(writing),
         _retractions(turns),
         _beads(writing.program),
     )
@@ -193,20 +195,38 @@ def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list
     return back
 
 
+def _said_again(writing: Writing, marks: list[Mark]) -> Iterator[_Note]:
+    """Behind a thing, what was changed within it and goes on to hold: it holds too if the thing is given up."""
+    changes = [event for event in writing.program.events if isinstance(event, Fan | Acceleration)]
+    begun = 0
+    for mark in marks:
+        if mark.stop >= 0:
+            within = {type(event): event for event in changes if begun < event.index < mark.after}
+            yield (
+                mark.index,
+                [line for event in within.values() for line in _lines_of(event, writing.dialect)],
+            )
+        begun = mark.until
+
+
 def _events(writing: Writing) -> Iterator[_Note]:
     """Fans, heaters, accelerations."""
-    dialect = writing.dialect
     for event in writing.program.events:
-        match event:
-            case Fan():
-                yield event.index, [fan_line(event.ratio)]
-            case Heat():
-                nozzle = [nozzle_line(event.nozzle)] if event.nozzle is not None else []
-                yield event.index, nozzle + ([bed_line(event.bed)] if event.bed is not None else [])
-            case Acceleration():
-                yield event.index, [dialect.acceleration(event.value)]
-            case PressureAdvance() if dialect.pressure_advance is not None:
-                yield event.index, [dialect.pressure_advance(event.seconds)]
+        yield event.index, _lines_of(event, writing.dialect)
+
+
+def _lines_of(event: Event, dialect: Dialect) -> list[str]:
+    """What an event says."""
+    match event:
+        case Fan():
+            return [fan_line(event.ratio)]
+        case Heat():
+            nozzle = [nozzle_line(event.nozzle)] if event.nozzle is not None else []
+            return nozzle + ([bed_line(event.bed)] if event.bed is not None else [])
+        case Acceleration():
+            return [dialect.acceleration(event.value)]
+        case PressureAdvance():
+            return [dialect.pressure_advance(event.seconds)] if dialect.pressure_advance is not None else []
 
 
 def begins_with(writing: Writing) -> list[str]:

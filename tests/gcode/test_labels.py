@@ -258,3 +258,35 @@ def test_the_command_line_marks_its_models(tmp_path: Path) -> None:
     assert "EXCLUDE_OBJECT_START NAME=left" in lines
     assert "EXCLUDE_OBJECT_END NAME=right" in lines
     assert [line for line in commands("\n".join(lines).encode()) if len(line) > 80] == []
+
+
+@pytest.mark.parametrize("labels", KINDS)
+@pytest.mark.parametrize("gone", NAMES)
+def test_a_thing_that_is_given_up_takes_no_temperature_fan_or_acceleration_with_it(
+    labels: str, gone: str
+) -> None:
+    """What a printer knows at every bead of the others is what it would have known."""
+    changes = {
+        "printer.labels": labels,
+        "first_layer_nozzle_temperature": 220,
+        "fan_full_above": 2.5,
+        "quality.accelerations.outer_perimeter": 300,
+    }
+    lines = text_of(**changes)
+    owner = marked(lines)
+
+    def known(taken: list[bool]) -> list[tuple[str, ...]]:
+        """For each line that lays a bead of another thing, what was said last of each kind."""
+        said: dict[str, str] = {}
+        found = []
+        for line, one, read in zip(lines, owner, taken, strict=True):
+            code = line.partition(" ")[0]
+            if read and code in ("M104", "M140", "M106", "M107", "M204", ";LAYER_CHANGE"):
+                said["fan" if code in ("M106", "M107") else code] = line
+            if one not in ("", gone) and line.startswith("G1 X"):
+                found.append(tuple(sorted(said.values())))
+        return found
+
+    everything = known([True] * len(lines))
+    assert known([one != gone for one in owner]) == everything
+    assert len(set(everything)) > 3
