@@ -15,7 +15,7 @@ from printer_slicer.extrusion.beads import beads_of, is_perimeter, speeds_of
 from printer_slicer.extrusion.cooling import fans, slowed
 from printer_slicer.extrusion.rows import APPROACH, rows_of
 from printer_slicer.extrusion.timing import known_as, move_seconds
-from printer_slicer.model import Event, Heat, Program, Role, Toolpaths, Travels
+from printer_slicer.model import Event, Float, Heat, Program, Role, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
 
 __all__ = ["extrude", "move_seconds"]
@@ -28,6 +28,15 @@ def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
 
     Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
     """
+    # What the moves were made from is not needed any more when they are timed: that takes the most memory.
+    program, carried = _moves(paths, travels, profile)
+    program = slowed(program, profile)
+    events = [*_heat(program, profile.material), *fans(program, carried, profile), *program.events]
+    return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
+
+
+def _moves(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Program, Float]:
+    """The moves as quick as they may be, and (K,) the share of each bead that lies over the layer below."""
     rows = rows_of(paths, travels, profile)
     beads = beads_of(paths, rows, profile)
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
@@ -49,9 +58,7 @@ def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
         centre = np.full((program.n_moves, 2), np.nan)
         centre[rows.is_bead] = paths.centre[rows.begin]
         program = replace(program, centre=centre)
-    program = slowed(program, profile)
-    events = [*_heat(program, profile.material), *fans(program, carried, profile), *program.events]
-    return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
+    return program, carried
 
 
 def _heat(program: Program, material: Material) -> list[Event]:
