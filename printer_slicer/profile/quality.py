@@ -145,7 +145,10 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     perimeters: Annotated[int, meta("perimeters around each section", ge=0, le=100)] = 2
     varying_walls: Annotated[
-        bool, meta("fill places too narrow for all perimeters with beads of varying width; false is quicker")
+        bool,
+        meta(
+            "fill places too narrow for all perimeters with beads of varying width; false is a little quicker"
+        ),
     ] = True
     min_bead_width: Annotated[
         float, meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
