@@ -54,7 +54,8 @@ class Writing:
         profile: what they were made with.
         dialect: how the printer wants it said.
         known: what macros may speak of.
-        begins: (K + 1,) modelled time at which each move begins, s; zeros where it is not known.
+        begins: (K + 1,) modelled time at which each move begins, s, counted from the start G-code, and at last that at
+            which all is done; zeros where it is not known.
         marking: things that are marked, and how.
     """
 

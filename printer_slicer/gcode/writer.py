@@ -11,9 +11,11 @@ from printer_slicer.gcode.dialect import Dialect, fan_line
 from printer_slicer.gcode.facts import print_facts
 from printer_slicer.gcode.labels import definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import Writing, begins_with, macro_of, notes_of, retracted_by_firmware
+from printer_slicer.gcode.reader import read_moves
 from printer_slicer.gcode.rows import rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
 from printer_slicer.model import Float, Labels, Program
+from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
 
 __all__ = ["Told", "write_program"]
@@ -52,12 +54,15 @@ def write_program(
     """
     seconds, labels = told.seconds, told.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
-    begins = np.concatenate([[0.0], np.cumsum(each)])
-    total = None if seconds is None else float(begins[-1])
-    known = print_facts(program, profile, total or 0.0, labels.names if labels else ())
-    writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels))
+    known = print_facts(program, profile, float(each.sum()), labels.names if labels else ())
     start = macro_of(profile, "start_gcode").filled(known)
     end = macro_of(profile, "end_gcode").filled(known)
+    begins, total = np.concatenate([[0.0], np.cumsum(each)]), None
+    if seconds is not None:
+        begins += _seconds_of(start, profile, dialect)
+        begins[-1] += _seconds_of(end, profile, dialect, _goes_on(program))
+        total = float(begins[-1])
+    writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels))
     first, *others = first_lines(program, total, told.facts)
     before = [first, *told.comments, *others]
     before += begins_with(writing)
@@ -69,6 +74,28 @@ def write_program(
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *last_lines(program, profile, total)]
     return b"".join([_lines(before), *_body(writing), _lines(after)])
+
+
+def _goes_on(program: Program) -> list[str]:
+    """A move to where the program ends."""
+    if not program.n_moves:
+        return []
+    x, y, z = program.xyz[-1]
+    return [f"G1 X{x:.3f} Y{y:.3f} Z{z:.4f} F6000"]
+
+
+def _seconds_of(
+    lines: Sequence[str], profile: Profile, dialect: Dialect, before: Sequence[str] = ()
+) -> float:
+    """Modelled time of the moves and dwells of a macro that runs behind others."""
+
+    def seconds(texts: Sequence[str]) -> float:
+        """Of all of them, from the endstops on."""
+        commands = [text.partition(";")[0].strip().encode("ascii", "replace") for text in texts]
+        moves = read_moves([text for text in commands if text], profile.printer.corners[0], dialect)
+        return moves.seconds(limits_of(profile.printer))
+
+    return seconds([*before, *lines]) - (seconds(before) if before else 0.0)
 
 
 def _retraction(profile: Profile, dialect: Dialect) -> list[str]:
