@@ -160,7 +160,9 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
         # On a raft, what lies below the first layer of the part is the raft, or a little air over it.
         raft = (beads.purpose == Purpose.SUPPORT) & (beads.z_top < top[0] - _THINNEST)
         below = float(beads.z_top[raft].max(initial=0.0))
-        usual = top[0] - float(np.diff(top[:2]).sum() or np.inf)
+        told = beads.height[own & (np.abs(beads.z_top - top[0]) < _LEVEL)]
+        told = told[~np.isnan(told)]
+        usual = top[0] - (float(np.median(told)) if len(told) else float(np.diff(top[:2]).sum() or np.inf))
         bottom[0] = np.clip(usual, below, below + _CONTACT) if raft.any() else 0.0
     layer = np.searchsorted(levels, beads.z_top - _LEVEL)
     middle = beads.z_top[free] - beads.rise[free] / 2

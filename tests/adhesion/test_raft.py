@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths, on_raft
 from printer_slicer.adhesion.raft import raft_heights
+from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PartError, PlanError, ProfileError
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import using_engine
 from printer_slicer.jobs import job_of
-from printer_slicer.model import Mesh, Role
+from printer_slicer.model import LayerPlan, Mesh, Role
 from printer_slicer.pipeline import Stages, gcode_of, slice_stages
 from printer_slicer.placing import Placement
 from printer_slicer.planning import PLANNERS
@@ -285,3 +286,15 @@ def test_a_draft_shield_over_the_air_is_no_higher_than_the_nozzle_can_press(gap:
     shield = paths.height[paths.role == Role.SKIRT]
     assert shield.max() <= 0.8 * chosen.printer.nozzle_diameter + 1e-9
     assert shield.max() > paths.plan.height.min() + 0.05  # and higher than elsewhere
+
+
+def test_check_finds_a_part_of_uneven_layers_on_its_raft() -> None:
+    """The first layer is thinner than the second: only the file tells how thick it is."""
+
+    wanted = plain(raft_height=1.0)
+    plan = LayerPlan.from_tops(np.cumsum([0.2, 0.3, 0.32, 0.32, 0.25, 0.32]))
+    stages = slice_stages(box((14, 14, float(plan.top[-1]))), wanted, plan=plan)
+
+    check = check_gcode(gcode_of(stages.program, wanted), stages.part, Asked())
+
+    assert [finding.text for finding in check.findings] == []
