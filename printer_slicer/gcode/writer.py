@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from printer_slicer.gcode.notes import Writing, begins_with, macro_of, notes_of,
 from printer_slicer.gcode.reader import read_moves
 from printer_slicer.gcode.rows import rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
+from printer_slicer.macros import Value
 from printer_slicer.model import Float, Labels, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
@@ -55,7 +56,7 @@ def write_program(
     seconds, labels = told.seconds, told.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
     known = print_facts(program, profile, float(each.sum()), labels.names if labels else ())
-    start = macro_of(profile, "start_gcode").filled(known)
+    start = [*_tool(profile, known), *macro_of(profile, "start_gcode").filled(known)]
     end = macro_of(profile, "end_gcode").filled(known)
     begins, total = np.concatenate([[0.0], np.cumsum(each)]), None
     if seconds is not None:
@@ -74,6 +75,14 @@ def write_program(
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *last_lines(program, profile, total)]
     return b"".join([_lines(before), *_body(writing), _lines(after)])
+
+
+def _tool(profile: Profile, known: Mapping[str, Value]) -> list[str]:
+    """What selects the tool that prints; start G-code then heats it."""
+    template = macro_of(profile, "tool_gcode")
+    if template.empty:
+        return [f"T{profile.printer.tool}"] if profile.printer.tool else []
+    return template.filled(known)
 
 
 def _goes_on(program: Program) -> list[str]:

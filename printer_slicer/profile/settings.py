@@ -147,6 +147,10 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     end_gcode: Annotated[str, meta("G-code after the part")] = ""
     before_layer_gcode: Annotated[str, meta("G-code before the nozzle goes to the next layer")] = ""
     layer_gcode: Annotated[str, meta("G-code when the nozzle has come to the height of a layer")] = ""
+    tool: Annotated[int, meta("the tool that prints, where the machine has several", ge=0, le=63)] = 0
+    tool_gcode: Annotated[
+        str, meta("G-code that selects it, before start G-code; empty: T and its number, nothing for tool 0")
+    ] = ""
     pause_gcode: Annotated[
         str, meta("G-code where the print pauses (quality.pause_at); empty: the flavour's own command")
     ] = ""

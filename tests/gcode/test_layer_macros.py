@@ -142,6 +142,22 @@ def test_the_document_names_every_fact_and_every_function() -> None:
     assert [name for name in FUNCTIONS if f"{name}(" not in text] == []
 
 
+# Tools
+
+
+def test_the_tool_that_prints_is_selected_before_anything_heats() -> None:
+    assert not [line for line in lines_with() if line.startswith("T")]
+
+    other = lines_with(tool="2", start_gcode="M109 S{nozzle_temperature}")
+    assert other.index("T2") < other.index("M109 S210")
+
+    own = lines_with(
+        tool="1", tool_gcode="T{tool} P0 ; no macro of its own\n{if tool > 0}M116 P{tool}{endif}"
+    )
+    assert own.index("T1 P0 ; no macro of its own") + 1 == own.index("M116 P1")
+    assert "T1" not in own
+
+
 # Pauses
 
 

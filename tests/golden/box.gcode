@@ -502,6 +502,8 @@ M104 S0
 ; printer.end_gcode = M104 S0
 ; printer.before_layer_gcode = 
 ; printer.layer_gcode = 
+; printer.tool = 0
+; printer.tool_gcode = 
 ; printer.pause_gcode = 
 ; material.name = golden material
 ; material.type = 
