@@ -34,6 +34,7 @@ from benchmarks.cura_settings import Definitions, cura_settings, find_definition
 from benchmarks.processes import RunError, run
 from benchmarks.prusa_rule import HeightLimits, adaptive_profile, model_xml, stack_profile, write_3mf
 from benchmarks.prusa_settings import prusa_settings
+from printer_slicer import bead
 from printer_slicer.gcode import read_moves
 from printer_slicer.geometry import Float
 from printer_slicer.jobs import commands_of
@@ -171,19 +172,28 @@ class PrusaSlicer:
 
 
 class CuraEngine:
-    """CuraEngine's command line. Uniform layers are cut in their middle, adaptive ones at their top."""
+    """CuraEngine's command line. Uniform layers are cut in their middle, adaptive ones at their top.
+
+    Its beads are rectangles: one of our width lies as far from the next as it is wide, and holds more than ours,
+    whose sides are round. With `same_beads` its lines are as wide as ours lie apart, and hold as much per mm.
+    """
 
     program = "CuraEngine"
 
-    def __init__(self, definitions: Definitions) -> None:
+    def __init__(self, definitions: Definitions, *, same_beads: bool = False) -> None:
         said = subprocess.run([self.program, "help"], capture_output=True, text=True, check=False)
         found = re.search(r"version ([\d.]+)", said.stdout + said.stderr)
         self.name = f"CuraEngine {found[1] if found else '(unknown version)'}"
-        self._definitions = definitions
+        self.name += " same beads" if same_beads else ""
+        self.definitions = definitions
+        self._same_beads = same_beads
 
     def uniform(self, part: Part, height: float) -> Printed:
         """Layers of one height, mm, after the first."""
-        return self._sliced(part, f"uniform {height:g}", {"layer_height": height}, cut_ratio=0.5)
+        settings: dict[str, object] = {"layer_height": height}
+        if self._same_beads:
+            settings["line_width"] = round(float(bead.spacing(part.profile.extrusion_width, height)), 4)
+        return self._sliced(part, f"uniform {height:g}", settings, cut_ratio=0.5)
 
     def adaptive(self, part: Part, threshold: float, step: float = 0.01) -> Printed:
         """Its adaptive layers: `threshold` is how far stairs may reach out, `step` how fast heights may change, mm.
@@ -205,13 +215,13 @@ class CuraEngine:
         self, part: Part, setting: str, changes: Mapping[str, object], *, cut_ratio: float
     ) -> Printed:
         wanted = cura_settings(part.profile) | {"layer_height_0": part.heights.first, **changes}
-        settings = self._definitions.settings(wanted)
+        settings = self.definitions.settings(wanted)
         words = [word for key, text in settings.items() for word in ("-s", f"{key}={text}")]
         digest = _digest(part, self.name, words)
         gcode = part.folder / f"{part.mesh.name}.cura.{_file_name(setting)}.{digest}.gcode"
         if not gcode.exists():
             unfinished = gcode.with_suffix(".part.gcode")
-            machine = ["-j", str(self._definitions.machine), *words, "-e0", *words]
+            machine = ["-j", str(self.definitions.machine), *words, "-e0", *words]
             run([self.program, "slice", *machine, "-l", str(part.stl), "-o", str(unfinished)])
             unfinished.rename(gcode)
         return _read(part, self.name, setting, gcode, cut_ratio=cut_ratio)

@@ -2,8 +2,9 @@
 
     python -m benchmarks.travel [--models DIR] [--height MM] [--set KEY=VALUE] [--json FILE] [part ...]
 
-Every part is sliced by us, by PrusaSlicer (as it is by default, and avoiding perimeters) and by CuraEngine where they
-are installed, with the settings of one profile in uniform layers. All files are read by the same code: a way is
+Every part is sliced by us, by PrusaSlicer (as it is by default, and avoiding perimeters) and by CuraEngine (with lines
+of our width, which hold more, and with lines that hold as much as ours) where they are installed, with the settings of
+one profile in uniform layers. All files are read by the same code: a way is
 everything between two beads; the outlines that it crosses are those of the part's section in the layer of the bead it
 leads to. Minutes are those of the moves on one machine, that of the profile: what files say of accelerations and other
 limits is left out. Peers' G-code is kept in `benchmarks/made/` and used again.
@@ -143,7 +144,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         walls = options.walls
         peers += [PrusaSlicer(walls), PrusaSlicer(walls, avoid_crossing_perimeters="")]
     if cura and not options.alone:
-        peers.append(cura)
+        peers += [cura, CuraEngine(cura.definitions, same_beads=True)]
     print(machine_note())
     print(*absent, sep="\n", end="\n" if absent else "")
     print("each figure:", " / ".join([_OURS, *(peer.name for peer in peers)]))

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.model import Areas, Int
+from printer_slicer.model import Areas, Float, Int
 from printer_slicer.profile import Profile
 from printer_slicer.travels.graphs import Asked
 from printer_slicer.travels.ground import Ground
-from printer_slicer.travels.rooms import abroad, rooms_of
+from printer_slicer.travels.rooms import Rooms, abroad, rooms_of
 from printer_slicer.travels.routes import Routes, eased, through, without_stops
 from printer_slicer.travels.routing import routed
 from printer_slicer.travels.worth import longest_worthwhile
@@ -19,6 +19,7 @@ from printer_slicer.travels.worth import longest_worthwhile
 __all__ = ["rerouted"]
 
 _CLEARANCE = 0.55  # bead widths that ways keep from outlines: they do not lie on the outer bead
+_CLOSE = 0.25  # the same where that leaves no way: even a wall of one narrow bead can be passed
 _ROOM = 0.45  # bead widths more that they keep where there is room
 _GRAZING = 3.0  # mm that a way may be longer not to come nearer to an outline
 _TOLL = 3.0  # mm that a way with a retraction may be longer to cross one outline less
@@ -44,13 +45,15 @@ def rerouted(
     rooms = rooms_of(solid, box, _CLEARANCE * width)
     poor = np.flatnonzero((crossings > 0) | (ways.crossings(rooms.ground.outlines) > 0))
     some, straight = ways.take(poor), length[poor]
-    (begin, room), (end, other) = (rooms.entered(ends, some.layer) for ends in some.ends)
     limit = longest_worthwhile(straight, profile)
     limit = np.where(crossings[poor] > 0, limit, np.minimum(limit, straight + _GRAZING))
-    inside = np.flatnonzero((room == other) & (room >= 0))
     improving = _Improving(outlines, _ROOM * width, ways, crossings)
-    asked = Asked(begin, end, some.layer, room, limit, np.zeros(len(poor)))
-    improving.seek(poor[inside], asked.take(inside), rooms.ground)
+    room, other = _inside(improving, rooms, poor, limit)
+    # What is too narrow for that may have room enough to pass closer by.
+    left = np.flatnonzero(improving.crossings[poor] > 0)
+    if len(left):
+        close = rooms_of(solid, box, _CLOSE * width)
+        room[left], other[left] = _inside(improving, close, poor[left], limit[left])
     fewest = (room >= 0).astype(np.float64) + (other >= 0)
     spare = improving.crossings[poor] - fewest
     many = np.flatnonzero(spare > 0)
@@ -59,6 +62,16 @@ def rerouted(
         ground = abroad(solid, outlines, box, _CLEARANCE * width, _TOLL)
         improving.seek(poor[many], asked.take(many), ground)
     return improving.ways, improving.crossings
+
+
+def _inside(improving: _Improving, rooms: Rooms, which: Int, limit: Float) -> tuple[Int, Int]:
+    """Lead ways `which` (n,) through rooms, no longer than `limit` (n,) mm; the rooms that they begin and end in."""
+    some = improving.ways.take(which)
+    (begin, room), (end, other) = (rooms.entered(ends, some.layer) for ends in some.ends)
+    inside = np.flatnonzero((room == other) & (room >= 0))
+    asked = Asked(begin, end, some.layer, room, limit, np.zeros(len(which)))
+    improving.seek(which[inside], asked.take(inside), rooms.ground)
+    return room, other
 
 
 @dataclass(slots=True, eq=False)
