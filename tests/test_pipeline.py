@@ -396,15 +396,21 @@ print(hashlib.sha256(gcode_of(slice_part(load_mesh(Path(sys.argv[1])), profile),
     assert len(digests) == 1
 
 
-def test_the_estimate_in_the_header_is_the_time_of_the_moves() -> None:
+def test_the_estimate_in_the_header_is_the_time_of_all_moves() -> None:
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode import spoken
+    from printer_slicer.jobs import job_of
 
-    wanted = profile()
-    program = slice_part(box(), wanted)
+    bare = profile(start_gcode="", end_gcode="")
+    program = slice_part(box(), bare)
+    told = "; estimated printing time (normal mode) = "
 
-    line = f"; estimated printing time (normal mode) = {spoken(float(move_seconds(program, wanted).sum()))}"
-    assert line.encode() in gcode_of(program, wanted).splitlines()
+    line = told + spoken(float(move_seconds(program, bare).sum()))
+    assert line.encode() in gcode_of(program, bare).splitlines()
+    # With start and end G-code it is what the whole file takes, but for the way from one to the other.
+    whole = job_of(box(), profile())
+    seconds = next(line for line in whole.text.splitlines() if line.startswith(b";TIME:"))
+    assert int(seconds[6:]) == pytest.approx(whole.seconds, abs=2)
 
 
 def test_every_command_of_the_whole_file_is_known_to_the_flavour() -> None:
