@@ -36,6 +36,15 @@ def test_every_unit_is_visited_once_in_its_group_and_the_way_is_no_longer(
     assert n < 2 or way(begin, end, order, turned) <= way(begin, end, np.arange(n), np.zeros(n, bool)) + 1e-6
 
 
+def test_the_first_and_the_last_have_no_way_before_and_behind_them() -> None:
+    rng = np.random.default_rng(65537)
+    begin, end = rng.uniform(0, 50, (2, 6, 2))
+
+    order, turned = shortened(begin, end, np.zeros(6, bool), np.zeros(6, np.int64))
+
+    assert way(begin, end, order, turned) <= way(begin, end, np.arange(6), np.zeros(6, bool)) + 1e-6
+
+
 @pytest.mark.parametrize("may_turn", [False, True])
 def test_few_units_are_visited_on_nearly_the_shortest_way(may_turn: bool) -> None:
     """Against every order and every way of turning; the first and the last stay where they are."""

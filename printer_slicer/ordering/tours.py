@@ -58,8 +58,9 @@ def shortened(begin: Float, end: Float, free: Bool, group: Int) -> tuple[Int, Bo
 
 
 def _padded(points: Float) -> Float:
-    """With one more before the first and one after the last, to which no way leads."""
-    return np.concatenate([points[:1], points, points[-1:]])
+    """With one more before the first and one after the last, to which no way leads: it is nowhere."""
+    nowhere = np.full((1, 2), np.nan)
+    return np.concatenate([nowhere, points, nowhere])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,11 +140,12 @@ def _savings(row: _Row, i: Int, j: Int) -> list[Float]:
 
 
 def _far(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
+    """Mm between places; 0 to what is nowhere."""
     x, y = one[0] - other[0], one[1] - other[1]
     x *= x
     y *= y
     x += y
-    return np.asarray(np.sqrt(x, out=x))
+    return np.asarray(np.nan_to_num(np.sqrt(x, out=x), copy=False, nan=0.0))
 
 
 def _apart(place: Int, span: Int, saved: Float, n: int) -> Int:
