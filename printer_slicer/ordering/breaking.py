@@ -10,6 +10,7 @@ import numpy as np
 
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.ordering.loops import first_least
 
 __all__ = ["broken"]
 
@@ -39,13 +40,9 @@ def _breaks(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
     come, go = paths.xy[ends[line - 1]], paths.xy[begin[line + 1]]
     place = paths.xy.take(point, axis=0)
     way = _far(place, np.repeat(come, size, axis=0)) + _far(place, np.repeat(go, size, axis=0))
-    first = np.cumsum(size) - size
-    least = np.minimum.reduceat(way, first)
-    hits = np.flatnonzero(way == np.repeat(least, size))
-    owner = np.repeat(np.arange(len(line)), size)[hits]
-    at = point[hits[np.searchsorted(owner, np.arange(len(line)))]]
+    chosen, least = first_least(way, size)
     one, other = paths.xy[begin[line]], paths.xy[last[line]]
-    return at, _far(come, one) + _far(other, go) - least - _far(one, other)
+    return point[chosen], _far(come, one) + _far(other, go) - least - _far(one, other)
 
 
 def _apart(line: Int, saved: Float) -> Bool:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from printer_slicer.geometry.areas import consecutive, following_around
+from printer_slicer.geometry.vectors import nearest_share, norm
 from printer_slicer.model import Float, Int, Toolpaths
 
-__all__ = ["Loops", "begun_at", "closed_up"]
+__all__ = ["Loops", "begun_at", "closed_up", "first_least"]
 
 _SAME = 2e-3  # mm; a place no farther from a point of its loop is that point
 
@@ -89,24 +90,22 @@ class Loops:
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
         gap = self.xy.take(point, axis=0) - np.repeat(goal, size, axis=0)
-        chosen, _ = _least((gap * gap).sum(axis=1), size)
+        chosen, _ = first_least((gap * gap).sum(axis=1), size)
         return np.asarray(self.reach[point[chosen]])
 
     def nearest(self, loop: Int, goal: Float) -> tuple[Float, Float]:
         """For each loop (Q,) the place (Q,) nearest to a goal (Q, 2), and how far from it that is, mm."""
         size = np.diff(self.start)[loop]
         point = consecutive(self.start[loop], size)
-        ends = self.following[point]
         begin = self.xy.take(point, axis=0)
-        way, to = self.xy.take(ends, axis=0) - begin, np.repeat(goal, size, axis=0) - begin
-        square = (way * way).sum(axis=1)
-        share = np.clip((way * to).sum(axis=1) / np.maximum(square, 1e-24), 0.0, 1.0)
-        gap = np.hypot(*(to - way * share[:, None]).T)
-        chosen, least = _least(gap, size)
-        return self.reach[point[chosen]] + share[chosen] * np.sqrt(square[chosen]), least
+        way = self.xy.take(self.following[point], axis=0) - begin
+        gap = np.repeat(goal, size, axis=0) - begin
+        share = nearest_share(gap, way)
+        chosen, least = first_least(np.hypot(*(gap - share[:, None] * way).T), size)
+        return self.reach[point[chosen]] + share[chosen] * norm(way[chosen]), least
 
 
-def _least(values: Float, size: Int) -> tuple[Int, Float]:
+def first_least(values: Float, size: Int) -> tuple[Int, Float]:
     """(Q,) the first least one of values that stand in groups of `size` (Q,), and the values (Q,) themselves."""
     if not len(size):
         return np.zeros(0, np.int64), np.zeros(0)

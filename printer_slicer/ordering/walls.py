@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.nearest import distance_to_segments
 from printer_slicer.model import Bool, Float, Int, Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.ordering.seams import outer_loops
@@ -94,13 +95,10 @@ def _distances(loops: Loops, outer: Loops, reach: float) -> tuple[Int, Int, Floa
     share = (np.arange(len(loop)) % _SAMPLES) / _SAMPLES
     place = loops.at(loop, share * loops.length[loop])
     of = np.repeat(np.arange(outer.n_loops), np.diff(outer.start))
-    begin, way = outer.xy, outer.xy[outer.following] - outer.xy
-    sides = Boxes(np.minimum(begin, begin + way), np.maximum(begin, begin + way), outer.layer[of])
+    begin, end = outer.xy, outer.xy[outer.following]
+    sides = Boxes(np.minimum(begin, end), np.maximum(begin, end), outer.layer[of])
     sample, side = Boxes(place, place, loops.layer[loop]).grown(reach).overlapping(sides)
-    to, along = place[sample] - begin[side], way[side]
-    square = np.maximum((along * along).sum(axis=1), 1e-24)
-    share = np.clip((to * along).sum(axis=1) / square, 0.0, 1.0)
-    distance = np.hypot(*(to - along * share[:, None]).T)
+    distance = distance_to_segments(place[sample], begin[side], end[side])
     key = loop[sample] * outer.n_loops + of[side]
     order = np.lexsort((distance, key))
     first = np.diff(key[order], prepend=-1) > 0
