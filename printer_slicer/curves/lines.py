@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import run_begins
 from printer_slicer.model import Bool, Float, Int, Toolpaths
 
 __all__ = ["Fits", "Lines", "stretches"]
@@ -40,15 +40,13 @@ class Lines:
     @classmethod
     def of(cls, paths: Toolpaths) -> Lines:
         """Path by path; loops end with the line to their first point."""
-        size = np.diff(paths.start)
-        begin = consecutive(paths.start[:-1], np.where(paths.closed, size, size - 1))
-        end = paths.following[begin]
-        owner = np.searchsorted(paths.start, begin, side="right") - 1
+        begin, end = paths.ends_of_beads
+        owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
         way = paths.xy[end] - paths.xy[begin]
         even = np.abs(paths.width[end] - paths.width[begin]) < _SAME_WIDTH
         flat = (paths.rise[begin] == paths.rise[end]) & (paths.share[begin] == paths.share[end])
         plain = even & flat
-        apart = np.diff(owner, prepend=-1) != 0
+        apart = run_begins(owner)
         apart |= ~plain | ~np.append(False, plain[:-1])
         apart[1:] |= (paths.carried[begin[1:]] != paths.carried[begin[:-1]]) | (
             np.abs(paths.width[begin[1:]] - paths.width[begin[:-1]]) > _SAME_WIDTH

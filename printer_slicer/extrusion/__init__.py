@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer.extrusion.accelerating import acceleration_events
-from printer_slicer.extrusion.beads import beads_of, is_perimeter, speeds_of
+from printer_slicer.extrusion.beads import beads_of, speeds_of
 from printer_slicer.extrusion.cooling import fans, slowed
 from printer_slicer.extrusion.rows import APPROACH, rows_of
 from printer_slicer.extrusion.timing import known_as, move_seconds
-from printer_slicer.model import Event, Float, Heat, Program, Role, Toolpaths, Travels
+from printer_slicer.model import Event, Float, Heat, Program, Role, Toolpaths, Travels, is_perimeter
 from printer_slicer.profile import Material, Profile
 
 __all__ = ["extrude", "move_seconds"]

@@ -8,10 +8,10 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.extrusion.rows import Kind, Rows
-from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.model import Float, Role, Toolpaths, is_perimeter
 from printer_slicer.profile import Profile, Speeds
 
-__all__ = ["SHARES", "Beads", "beads_of", "is_perimeter", "speeds_of"]
+__all__ = ["SHARES", "Beads", "beads_of", "speeds_of"]
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Carried, for which there are settings."""
@@ -135,11 +135,6 @@ def _of_roles(speeds: Speeds) -> Float:
     of_role[Role.SPARSE] = speeds.sparse
     of_role[Role.IRONING] = speeds.ironing
     return of_role
-
-
-def is_perimeter(role: Int) -> Bool:
-    """(n,) whether it is the role of a perimeter's bead."""
-    return np.asarray((role == Role.OUTER_PERIMETER) | (role == Role.INNER_PERIMETER))
 
 
 def _overhang_speeds(speeds: Speeds) -> tuple[float, ...]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.extrusion.wiping import Wipes, wipes_of
-from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model import Bool, Float, Int, Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
 
@@ -68,7 +67,7 @@ def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
     count = _counts(paths, travels, wipes, profile)
     path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
     kind = np.repeat(np.tile(np.arange(Kind.BEAD + 1), paths.n_paths), count.ravel())
-    begin, end = _ends_of_beads(paths)
+    begin, end = paths.ends_of_beads
     # Where a bead's width changes at once, the same point stands twice; and files are written in steps of 1 µm.
     far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST
     kept = np.ones(len(path), np.bool_)
@@ -92,7 +91,6 @@ def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
 
 def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, profile: Profile) -> Int:
     """(M, 7) how many moves of each kind lead to or make each path."""
-    size = np.diff(paths.start)
     leave, begin = leaves(paths)
     first = np.arange(paths.n_paths) == 0
     count = np.zeros((paths.n_paths, Kind.BEAD + 1), np.int64)
@@ -105,7 +103,7 @@ def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, profile: Profile) 
     count[:, Kind.TRAVEL] += np.diff(travels.start)
     count[:, Kind.DROP] = travelled - high > _LEVEL
     count[:, Kind.DERETRACT] = travels.retract
-    count[:, Kind.BEAD] = np.where(paths.closed, size, size - 1)
+    count[:, Kind.BEAD] = paths.beads_of_each
     return count
 
 
@@ -119,14 +117,6 @@ def _heights(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Floa
     hop[:1] = APPROACH
     # What begins lower than the bead before ends is reached from above: nothing is dragged through that bead.
     return leave, np.maximum(leave, begin) + hop, begin
-
-
-def _ends_of_beads(paths: Toolpaths) -> tuple[Int, Int]:
-    """The points at which beads begin and end, path by path."""
-    size = np.diff(paths.start)
-    n_beads = np.where(paths.closed, size, size - 1)
-    begin = consecutive(paths.start[:-1], n_beads)
-    return begin, paths.following.take(begin)
 
 
 def _positions(

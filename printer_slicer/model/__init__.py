@@ -15,10 +15,10 @@ from printer_slicer.model.paths import (
     Heat,
     PressureAdvance,
     Program,
-    Role,
     Toolpaths,
     reordered,
 )
+from printer_slicer.model.roles import Role, is_perimeter
 from printer_slicer.model.travels import Travels, leaves
 from printer_slicer.model.walls import Walls
 
@@ -48,6 +48,7 @@ __all__ = [
     "Toolpaths",
     "Travels",
     "Walls",
+    "is_perimeter",
     "leaves",
     "reordered",
 ]

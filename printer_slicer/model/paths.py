@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.areas import consecutive, distinct, following_around, lengths
 from printer_slicer.model.layers import LayerPlan
+from printer_slicer.model.roles import Role
 
 __all__ = [
     "Acceleration",
@@ -21,7 +21,6 @@ __all__ = [
     "Heat",
     "PressureAdvance",
     "Program",
-    "Role",
     "Toolpaths",
     "reordered",
 ]
@@ -32,25 +31,6 @@ _NO_NUMBERS: Final = np.zeros(0, np.int64)
 _MAY_BE_USUAL: Final = ("carried", "rise", "share", "centre")
 _OF_POINTS: Final = ("xy", "width", "carried", "rise", "share", "centre")
 _OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep")
-
-
-class Role(IntEnum):
-    """Why a bead is laid. The order is the order in which the parts of one island are printed."""
-
-    TRAVEL = 0
-    SKIRT = 1
-    BRIM = 2
-    RAFT = 3
-    INNER_PERIMETER = 4
-    OUTER_PERIMETER = 5
-    OVERHANG_PERIMETER = 6  # a bead of a perimeter that is carried by less than half
-    BRIDGE = 7
-    BOTTOM_SKIN = 8
-    SPARSE = 9
-    INTERNAL_BRIDGE = 10
-    SOLID = 11
-    TOP_SKIN = 12
-    IRONING = 13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,6 +201,17 @@ class Toolpaths:
     def following(self) -> Int:
         """(N,) the point after each; itself at the end of an open path."""
         return following_around(self.start, self.closed)
+
+    @property
+    def beads_of_each(self) -> Int:
+        """(M,) number of lines from point to point, the last one of a loop to its first point."""
+        return np.diff(self.start) - ~self.closed
+
+    @property
+    def ends_of_beads(self) -> tuple[Int, Int]:
+        """(B,) both: the points at which the lines of all paths begin, and those at which they end."""
+        begin = consecutive(self.start[:-1], self.beads_of_each)
+        return begin, self.following.take(begin)
 
     def steps(self) -> Float:
         """(N,) mm from each point to the one after it; 0 at the end of an open path."""

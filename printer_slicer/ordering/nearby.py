@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Int, Role, Toolpaths
+from printer_slicer.model import Int, Toolpaths, is_perimeter
 from printer_slicer.ordering.loops import Loops, begun_at
+from printer_slicer.ordering.seams import outer_loops
 from printer_slicer.profile import Profile
 
 __all__ = ["begun_nearby", "begun_toward_seams"]
@@ -13,7 +14,7 @@ __all__ = ["begun_nearby", "begun_toward_seams"]
 
 def begun_toward_seams(paths: Toolpaths, island: Int, profile: Profile) -> Toolpaths:
     """The same paths; free loops begin at their point nearest to the seam of the longest outer loop of their island."""
-    outer = np.flatnonzero(paths.closed & (paths.role == Role.OUTER_PERIMETER))
+    outer = outer_loops(paths)
     loops = Loops.of(paths, _free(paths, profile))
     if not len(outer) or not loops.n_loops:
         return paths
@@ -47,5 +48,4 @@ def begun_nearby(paths: Toolpaths, profile: Profile) -> Toolpaths:
 
 def _free(paths: Toolpaths, profile: Profile) -> Int:
     """Loops that are no perimeters, and with seams wherever it is nearest those too."""
-    perimeter = (paths.role == Role.INNER_PERIMETER) | (paths.role == Role.OUTER_PERIMETER)
-    return np.flatnonzero(paths.closed & ((profile.quality.seam == "nearest") | ~perimeter))
+    return np.flatnonzero(paths.closed & ((profile.quality.seam == "nearest") | ~is_perimeter(paths.role)))

@@ -40,8 +40,8 @@ def _lines_shown(paths: Toolpaths, layers: Int) -> tuple[Segments, Int]:
     shown = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)
     chosen = np.flatnonzero(shown & used[paths.layer])
     lines = paths.take(chosen)
-    begin = np.flatnonzero(lines.following != np.arange(len(lines.xy)))
-    owner = chosen[np.repeat(np.arange(len(chosen)), np.diff(lines.start))[begin]]
-    ends = lines.xy[begin], lines.xy[lines.following[begin]]
+    begin, end = lines.ends_of_beads
+    owner = np.repeat(chosen, lines.beads_of_each)
+    ends = lines.xy[begin], lines.xy[end]
     box = paths.xy.min(axis=0), paths.xy.max(axis=0)
     return Segments(ends, paths.layer[owner], paths.plan.n_layers, box), owner
