@@ -13,6 +13,7 @@ import numpy as np
 
 from printer_slicer.extrusion.rows import rows_of
 from printer_slicer.extrusion.timing import move_seconds
+from printer_slicer.geometry.areas import distinct
 from printer_slicer.model import Bool, Float, Program, Role, Toolpaths, Travels
 from printer_slicer.profile import Profile
 
@@ -49,8 +50,7 @@ def crowded(program: Program, profile: Profile) -> Bool:
         return np.zeros(program.n_moves, np.bool_)
     seconds = move_seconds(program, profile)
     # The chords of an arc are one line.
-    new = np.append(True, ~(program.centre[1:] == program.centre[:-1]).all(axis=1))
-    behind = np.cumsum(new) / rate - (np.cumsum(seconds) - seconds)
+    behind = np.cumsum(~program.on_same_arc) / rate - (np.cumsum(seconds) - seconds)
     least = np.minimum.accumulate(behind)
     short = behind - least > max(_AHEAD * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
@@ -94,7 +94,7 @@ def paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tu
             break
         program = replace(program, speed=np.maximum(slower, 0.1))
     seconds = (float(move_seconds(one, profile).sum()) for one in (program, before))
-    layers = np.unique(before.layer[busy]) + 1
+    layers = distinct(before.layer[busy]) + 1
     return program, LinkReport(
         rate,
         tuple(layers.tolist()),
@@ -106,6 +106,5 @@ def paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tu
 
 def _per_line(program: Program) -> Float:
     """(K,) how many moves stand in one line: the chords of an arc."""
-    new = np.append(True, ~(program.centre[1:] == program.centre[:-1]).all(axis=1))
-    number = np.cumsum(new) - 1
+    number = np.cumsum(~program.on_same_arc) - 1
     return np.asarray(np.bincount(number)[number], np.float64)

@@ -19,6 +19,7 @@ import numpy as np
 
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.rows import E_DECIMALS, Rows
+from printer_slicer.geometry.areas import run_begins
 from printer_slicer.macros import number
 from printer_slicer.model import Float, Int, Labels, Program, Role
 from printer_slicer.profile import Profile
@@ -121,7 +122,7 @@ def marks_of(program: Program, labels: Labels) -> list[Mark]:
     """All changes from thing to thing, and at every layer."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     item, layer = labels.item[beads], program.layer[beads]
-    new = (np.diff(item, prepend=-1) != 0) | ((np.diff(layer, prepend=-1) != 0) & (item >= 0))
+    new = (np.diff(item, prepend=-1) != 0) | (run_begins(layer) & (item >= 0))
     change = np.flatnonzero(new)
     begins = beads[change]
     ends = np.where(change > 0, beads[np.maximum(change - 1, 0)] + 1, 0)

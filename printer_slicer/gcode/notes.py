@@ -15,6 +15,7 @@ from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_lin
 from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, stop_notes
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
+from printer_slicer.geometry.areas import distinct, run_begins
 from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Float, Heat, Int, PressureAdvance, Program, Role
 from printer_slicer.profile import Profile
@@ -112,7 +113,7 @@ def _layers(writing: Writing, rows: Rows) -> Iterator[_Note]:
     """Every change of layer, and the macro before it."""
     program, template = writing.program, macro_of(writing.profile, "before_layer_gcode")
     height = _layer_heights(program)
-    for move in np.flatnonzero(np.diff(program.layer, prepend=-1) > 0).tolist():
+    for move in np.flatnonzero(run_begins(program.layer)).tolist():
         layer = int(program.layer[move])
         yield (
             move,
@@ -139,8 +140,8 @@ def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
         pause = read_template(writing.dialect.pause, "pause")
     high = program.xyz[:, 2] >= program.plan.top[program.layer] - 1e-6
     arrived = np.flatnonzero(high)
-    layers, first = np.unique(program.layer[arrived], return_index=True)
-    for layer, place in zip(layers.tolist(), arrived[first].tolist(), strict=True):
+    arrived = arrived[run_begins(program.layer[arrived])]
+    for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
         lines = _in_layer(pause, writing, rows, place + 1, layer) if layer in pauses else []
         yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer)
 
@@ -152,7 +153,7 @@ def _pauses(writing: Writing) -> set[int]:
         ProfileError: a pause above the part.
     """
     program, tops = writing.program, writing.program.plan.top
-    layers = np.unique(program.layer)
+    layers = distinct(program.layer)
     pauses = set()
     for z in writing.profile.quality.pause_at:
         later = layers[tops[layers] > z + 1e-6]
@@ -306,8 +307,8 @@ def _layer_heights(program: Program) -> Float:
     """(L,) how high the first bead of each layer is: over the air of a raft less than the layer."""
     height = program.plan.height
     beads = np.flatnonzero(program.role != Role.TRAVEL)
-    layer, first = np.unique(program.layer[beads], return_index=True)
-    height[layer] = _told_heights(program, beads[first])
+    first = beads[run_begins(program.layer[beads])]
+    height[program.layer[first]] = _told_heights(program, first)
     return height
 
 

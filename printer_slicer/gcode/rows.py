@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from printer_slicer.geometry.areas import run_begins
 from printer_slicer.model import Bool, Int, Program, Role
 
 __all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "Rows", "rows_of"]
@@ -88,13 +89,10 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Ro
 
 def _runs(program: Program, feed: Int) -> tuple[Int, Int]:
     """First and last move of each row: the chords of an arc are one row, every other move is one by itself."""
-    centre = program.centre
     if not program.has_arcs:
         every = np.arange(program.n_moves)
         return every, every
-    same = (centre[1:] == centre[:-1]).all(axis=1)  # never where there is none
-    same &= (feed[1:] == feed[:-1]) & (program.layer[1:] == program.layer[:-1])
-    head = np.flatnonzero(np.append(True, ~same))
+    head = np.flatnonzero(~program.on_same_arc | run_begins(feed) | run_begins(program.layer))
     return head, np.append(head[1:], program.n_moves) - 1
 
 

@@ -343,6 +343,14 @@ class Program:
         return not _is_usual(self.centre) and bool(np.isfinite(self.centre[:, 0]).any())
 
     @property
+    def on_same_arc(self) -> Bool:
+        """(K,) moves that are chords of the same arc as the move before."""
+        same = np.zeros(self.n_moves, np.bool_)
+        if self.has_arcs:  # no centre is equal to none
+            same[1:] = (self.centre[1:] == self.centre[:-1]).all(axis=1)
+        return same
+
+    @property
     def n_moves(self) -> int:
         """Number of moves."""
         return len(self.xyz)
