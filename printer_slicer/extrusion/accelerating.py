@@ -25,17 +25,17 @@ def acceleration_events(role: Int, layer: Int, profile: Profile) -> tuple[Accele
     )
 
 
-def accelerations_of(program: Program, printer: Printer) -> Float | None:
-    """(K,) mm/s² that each move asks for; None where none asks for any of its own."""
+def accelerations_of(program: Program, printer: Printer, first: int, last: int) -> Float | None:
+    """(n,) mm/s² that the moves from `first` up to `last` ask for; None where no move asks for any of its own."""
     events = [event for event in program.events if isinstance(event, Acceleration)]
     if not events:
         return None
-    at = np.searchsorted([event.index for event in events], np.arange(program.n_moves), side="right")
+    at = np.searchsorted([event.index for event in events], np.arange(first, last), side="right")
     set_by_then = np.array([printer.acceleration, *(event.value for event in events)])[at]
     if printer.firmware.one_acceleration:
         return set_by_then
-    moves = (program.xyz != program.start).any(axis=1)
-    feeds = program.filament != 0
+    moves = (program.xyz[first:last] != program.start[first:last]).any(axis=1)
+    feeds = program.filament[first:last] != 0
     others = np.where(feeds, printer.retract_acceleration, printer.travel_acceleration)
     return np.where(moves & feeds, set_by_then, others)
 

@@ -18,25 +18,22 @@ _ROUNDS = 12  # of slowing down at most: with acceleration, half the speed is no
 _NEARLY = 0.995  # of the minimum layer time is enough
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 # What is slowed down first is not seen; bridges and what hangs over air are slow enough until nothing else helps.
-_TURNS: Final = (
-    (Role.RAFT, Role.INNER_PERIMETER, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID),
-    (Role.SKIRT, Role.BRIM, Role.OUTER_PERIMETER, Role.TOP_SKIN, Role.IRONING),
-    (Role.OVERHANG_PERIMETER, Role.BRIDGE, Role.INTERNAL_BRIDGE),
-)
+_FIRST: Final = (Role.RAFT, Role.INNER_PERIMETER, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID)
+_SECOND: Final = (Role.SKIRT, Role.BRIM, Role.OUTER_PERIMETER, Role.TOP_SKIN, Role.IRONING)
+_LAST: Final = (Role.OVERHANG_PERIMETER, Role.BRIDGE, Role.INTERNAL_BRIDGE)
+_TURNS: Final = (_FIRST, _FIRST + _SECOND, _FIRST + _SECOND + _LAST)
 
 
 def slowed(program: Program, profile: Profile) -> Program:
     """The program with beads slowed down on layers that are too quick to cool."""
     material = profile.material
-    pace = program.speed, move_seconds(program, profile)
     if not material.min_layer_time:
         return program
+    pace = program.speed, move_seconds(program, profile)
     # What is slower already, a first layer say, is not made faster by the lower bound.
     floor = np.minimum(program.speed, material.min_speed)
-    for last in range(len(_TURNS)):
-        roles = [role for turn in _TURNS[: last + 1] for role in turn]
-        may = np.isin(program.role, roles)
-        pace = _slowed(program, pace, floor, may, profile)
+    for roles in _TURNS:
+        pace = _slowed(program, pace, floor, np.isin(program.role, roles), profile)
     return program if pace[0] is program.speed else replace(program, speed=pace[0])
 
 

@@ -24,8 +24,7 @@ def move_seconds(program: Program, profile: Profile) -> Float:
     limits = limits_of(profile.printer)
     known = _timed.get(program)
     if known is None or known[0] != limits:
-        asked = accelerations_of(program, profile.printer)
-        seconds = durations(_steps(program), program.speed, limits, acceleration=asked)
+        seconds = _seconds(program, program.speed, profile, 0, program.n_moves)
         _timed[program] = known = limits, frozen_array(seconds, np.float64, (-1,))
     return known[1]
 
@@ -43,17 +42,17 @@ def timed_again(program: Program, seconds: Float, speed: Float, around: Int, pro
     """
     # One layer more on both sides: the first and the last of all would begin and end at rest.
     first, begin, end, last = np.searchsorted(program.layer, around[[0, 0, 1, 1]] + [-2, -1, 2, 3])
-    asked = slice(first, last)
-    accelerated = accelerations_of(program, profile.printer)
-    again = durations(
-        _steps(program)[asked],
-        speed[asked],
-        limits_of(profile.printer),
-        acceleration=None if accelerated is None else accelerated[asked],
-    )
+    again = _seconds(program, speed, profile, first, last)
     return np.concatenate([seconds[:begin], again[begin - first : end - first], seconds[end:]])
 
 
-def _steps(program: Program) -> Float:
-    """(K, 4) x, y, z and filament of each move, mm."""
-    return np.column_stack([program.xyz - program.start, program.filament])
+def _seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
+    """(n,) how long the moves from `first` up to `last` take at speeds (K,), as if there were no others."""
+    before = program.xyz[first - 1] if first else program.origin
+    way = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
+    return durations(
+        np.column_stack([way, program.filament[first:last]]),
+        speed[first:last],
+        limits_of(profile.printer),
+        acceleration=accelerations_of(program, profile.printer, first, last),
+    )
