@@ -64,7 +64,8 @@ class Rows:
 def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
     """The moves that print paths in order."""
     wipes = wipes_of(paths, travels, profile)
-    count = _counts(paths, travels, wipes, profile)
+    ways = _ways(paths, travels, profile)
+    count = _counts(paths, travels, wipes, ways)
     path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
     kind = np.repeat(np.tile(np.arange(Kind.BEAD + 1), paths.n_paths), count.ravel())
     begin, end = paths.ends_of_beads
@@ -73,7 +74,9 @@ def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
     kept = np.ones(len(path), np.bool_)
     kept[kind == Kind.BEAD] = far
     path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
-    xyz = _positions(paths, travels, wipes, (path, kind, end), profile)
+    xyz = _positions(paths, travels, wipes, ways, (path, kind, end))
+    if profile.printer.z_hop_ramp:
+        xyz = _ramped(xyz, path, kind, travels)
     pulled = np.zeros(len(path))
     pulled[kind == Kind.RETRACT] = -wipes.standing[path[kind == Kind.RETRACT]]
     pulled[kind == Kind.WIPE] = -wipes.moving
@@ -89,26 +92,23 @@ def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
     )
 
 
-def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, profile: Profile) -> Int:
-    """(M, 7) how many moves of each kind lead to or make each path."""
-    leave, begin = leaves(paths)
-    first = np.arange(paths.n_paths) == 0
-    count = np.zeros((paths.n_paths, Kind.BEAD + 1), np.int64)
-    count[:, Kind.RETRACT] = travels.retract & (wipes.standing > 0)
-    count[:, Kind.WIPE] = np.diff(wipes.start)
-    low, travelled, high = _heights(paths, travels, profile)
-    count[:, Kind.LIFT] = (travelled - low > _LEVEL) & ~first
-    moves = (np.hypot(*(begin - leave).T) > 0) | (count[:, Kind.WIPE] > 0)
-    count[:, Kind.TRAVEL] = moves | first
-    count[:, Kind.TRAVEL] += np.diff(travels.start)
-    count[:, Kind.DROP] = travelled - high > _LEVEL
-    count[:, Kind.DERETRACT] = travels.retract
-    count[:, Kind.BEAD] = paths.beads_of_each
-    return count
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ways:
+    """How the nozzle comes to each path.
+
+    Attributes:
+        leave, begin: (M, 2) mm, where the way begins and ends.
+        low, travelled, high: (M,) z at which it begins, at which the nozzle travels, and at which the path begins.
+    """
+
+    leave: Float
+    begin: Float
+    low: Float
+    travelled: Float
+    high: Float
 
 
-def _heights(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Float, Float, Float]:
-    """(M,) z at which the nozzle leaves for each path, at which it travels there, and at which the path begins."""
+def _ways(paths: Toolpaths, travels: Travels, profile: Profile) -> _Ways:
     first, last = paths.start[:-1], paths.start[1:] - 1
     top = paths.plan.top[paths.layer]
     begin, end = top + paths.rise[first], top + paths.rise[np.where(paths.closed, first, last)]
@@ -116,26 +116,40 @@ def _heights(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Floa
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
     hop[:1] = APPROACH
     # What begins lower than the bead before ends is reached from above: nothing is dragged through that bead.
-    return leave, np.maximum(leave, begin) + hop, begin
+    return _Ways(*leaves(paths), leave, np.maximum(leave, begin) + hop, begin)
+
+
+def _counts(paths: Toolpaths, travels: Travels, wipes: Wipes, ways: _Ways) -> Int:
+    """(M, 7) how many moves of each kind lead to or make each path."""
+    first = np.arange(paths.n_paths) == 0
+    count = np.zeros((paths.n_paths, Kind.BEAD + 1), np.int64)
+    count[:, Kind.RETRACT] = travels.retract & (wipes.standing > 0)
+    count[:, Kind.WIPE] = np.diff(wipes.start)
+    count[:, Kind.LIFT] = (ways.travelled - ways.low > _LEVEL) & ~first
+    moves = (ways.begin != ways.leave).any(axis=1) | (count[:, Kind.WIPE] > 0)
+    count[:, Kind.TRAVEL] = moves | first
+    count[:, Kind.TRAVEL] += np.diff(travels.start)
+    count[:, Kind.DROP] = ways.travelled - ways.high > _LEVEL
+    count[:, Kind.DERETRACT] = travels.retract
+    count[:, Kind.BEAD] = paths.beads_of_each
+    return count
 
 
 def _positions(
-    paths: Toolpaths, travels: Travels, wipes: Wipes, moves: tuple[Int, Int, Int], profile: Profile
+    paths: Toolpaths, travels: Travels, wipes: Wipes, ways: _Ways, moves: tuple[Int, Int, Int]
 ) -> Float:
     """(K, 3) where moves end: their path, kind, and for beads the point at which they end."""
     path, kind, end = moves
-    leave, begin = leaves(paths)
     top = paths.plan.top[paths.layer]
-    before, travelled, start_z = _heights(paths, travels, profile)
     xyz = np.zeros((len(path), 3))
-    xyz[:, :2], xyz[:, 2] = begin[path], start_z[path]
+    xyz[:, :2], xyz[:, 2] = ways.begin[path], ways.high[path]
     stays = kind <= Kind.LIFT
-    xyz[stays, :2] = leave[path[stays]]
+    xyz[stays, :2] = ways.leave[path[stays]]
     low = kind <= Kind.WIPE  # still at the height of the path before
-    xyz[low, 2] = before[path[low]]
+    xyz[low, 2] = ways.low[path[low]]
     xyz[kind == Kind.WIPE, :2] = wipes.xy
     lifted = (kind == Kind.LIFT) | (kind == Kind.TRAVEL)
-    xyz[lifted, 2] = travelled[path[lifted]]
+    xyz[lifted, 2] = ways.travelled[path[lifted]]
     wiped = np.flatnonzero((kind == Kind.LIFT) & (np.diff(wipes.start) > 0)[path])
     xyz[wiped, :2] = xyz[wiped - 1, :2]
     # All travels of a way but the last one end at the points that it passes.
@@ -145,7 +159,7 @@ def _positions(
     is_bead = kind == Kind.BEAD
     xyz[is_bead, :2] = paths.xy.take(end, axis=0)
     xyz[is_bead, 2] = top[path[is_bead]] + paths.rise[end]
-    return _ramped(xyz, path, kind, travels) if profile.printer.z_hop_ramp else xyz
+    return xyz
 
 
 def _ramped(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
