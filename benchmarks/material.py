@@ -11,31 +11,27 @@ their ratio, in bold where ours is worse by more than what measuring is good for
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from time import process_time
 
 import numpy as np
 
+from benchmarks.parts import options_of, parser_of, parts_of, profile_of
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
-from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
-from benchmarks.sizes import printable
+from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer import bead
 from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.geometry import Float
 from printer_slicer.healing import repair
 from printer_slicer.ledger import Ledger, Rules
-from printer_slicer.mesh_io import FORMATS, load_mesh
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import gcode_of, slice_part
 from printer_slicer.placing import place
-from printer_slicer.profile import Profile, load_profile
+from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
 
 _RESOLUTION = 0.005  # mm, of the sections of layers that a file does not have
@@ -162,16 +158,8 @@ _HEAD = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print one line per part and peer, and in how many parts ours is at most theirs."""
-    options = _options(argv)
-    changes = dict(change.split("=", 1) for change in options.set)
-    profile = load_profile(
-        changes={
-            "planner.kind": "uniform",
-            "layer_height": options.height,
-            "first_layer_height": options.height,
-        }
-        | changes
-    )
+    options = options_of(parser_of("material", __doc__), argv)
+    profile = profile_of(options, {})
     prusa, cura, absent = find_peers()
     peers = [peer for peer in (prusa and PrusaSlicer("arachne"), prusa, cura) if peer]
     print(machine_note())
@@ -179,7 +167,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     WORK.mkdir(exist_ok=True)
     print(f"\n{_HEAD}\n|---|---|{'---:|' * 7}", flush=True)
     rows = []
-    for mesh in _parts(options):
+    for mesh in parts_of(options):
         part = place(repair(mesh)[0], profile.printer)
         ours = _figures("ours", gcode_of(slice_part(part, profile), profile), part, profile)
         for theirs in _of_peers(part, profile, peers):
@@ -253,41 +241,6 @@ def _tally(peer: str, rows: Sequence[Row]) -> str:
         for name in (pairs[0] if pairs else ())
     )
     return f"\nours at most that of {peer}: {', '.join(said)}"
-
-
-def _parts(options: argparse.Namespace) -> Iterator[Mesh]:
-    """The sample parts and those of the models folder, or only the named ones, large enough to print."""
-    folders = [SAMPLES, *([options.models] if options.models else [])]
-    paths = sorted(
-        path
-        for folder in folders
-        for path in folder.iterdir()
-        if path.suffix.lower().removeprefix(".") in FORMATS
-    )
-    for path in paths:
-        if not options.parts or path.stem in options.parts:
-            mesh, told = printable(load_mesh(path))
-            print(told, file=sys.stderr, end="\n" if told else "")
-            yield Mesh(mesh.triangles, path.stem)
-
-
-def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.material", description=__doc__.splitlines()[0]
-    )
-    parser.add_argument(
-        "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
-    )
-    parser.add_argument(
-        "--height", type=float, default=0.2, metavar="MM", help="of all layers (default: 0.2)"
-    )
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting for all")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every figure")
-    parser.add_argument("parts", nargs="*", metavar="part", help="only these, by name")
-    options = parser.parse_args(argv)
-    if options.models is None and os.environ.get("PRINTER_SLICER_MODELS"):
-        options.models = Path(os.environ["PRINTER_SLICER_MODELS"])
-    return options
 
 
 if __name__ == "__main__":

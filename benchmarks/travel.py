@@ -4,29 +4,29 @@
 
 Every part is sliced by us, by PrusaSlicer (as it is by default, and avoiding perimeters) and by CuraEngine (with lines
 of our width, which hold more, and with lines that hold as much as ours) where they are installed, with the settings of
-one profile in uniform layers. All files are read by the same code: a way is
+one profile in uniform layers. CuraEngine knows no shells that stay thick across slopes: beside it stands our file
+without them too. All files are read by the same code: a way is
 everything between two beads; the outlines that it crosses are those of the part's section in the layer of the bead it
 leads to. Minutes are those of the moves on one machine, that of the profile: what files say of accelerations and other
-limits is left out. Peers' G-code is kept in `benchmarks/made/` and used again.
+limits is left out, nobody has start G-code beyond homing, and nobody slows down for layers to cool, which each would
+reckon by an estimate of its own (`--set material.min_layer_time=8` asks all of them to). Peers' G-code is kept in
+`benchmarks/made/` and used again.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from statistics import median
 from time import process_time
 
 import numpy as np
 
+from benchmarks.parts import options_of, parser_of, parts_of, profile_of
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
-from benchmarks.processes import SAMPLES, WORK, RunError, machine_note
-from benchmarks.sizes import printable
+from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer.checking import placed_sections, read_deposit
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode import read_moves
@@ -34,15 +34,15 @@ from printer_slicer.geometry import Areas, Float, Int, crossings
 from printer_slicer.healing import repair
 from printer_slicer.jobs import commands_of
 from printer_slicer.ledger.beads import beads_of_moves
-from printer_slicer.mesh_io import FORMATS, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import gcode_of, slice_part
 from printer_slicer.placing import place
-from printer_slicer.profile import Profile, load_profile
+from printer_slicer.profile import Profile, profile_with
 
 _SAME_Z = 0.02  # mm
-_OURS = "ours"
+_OURS, _UPRIGHT = "ours", "ours, shells as thick as CuraEngine's"
+_NOBODY = {"printer.start_gcode": "G28", "material.min_layer_time": 0, "material.fan_layer_time": 0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +134,13 @@ def _crossings(sections: Areas, top: Float, begin: Float, end: Float, z: Float) 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print one line per part, and how ours compare with each peer's."""
-    options = _options(argv)
-    changes = dict(change.split("=", 1) for change in options.set)
-    height = {"planner.kind": "uniform", "layer_height": options.height, "first_layer_height": options.height}
-    profile = load_profile(changes=height | changes)
+    parser = parser_of("travel", __doc__)
+    parser.add_argument(
+        "--walls", default="arachne", choices=("classic", "arachne"), help="of PrusaSlicer (default: arachne)"
+    )
+    parser.add_argument("--alone", action="store_true", help="only our own files")
+    options = options_of(parser, argv)
+    profile = profile_of(options, _NOBODY)
     prusa, cura, absent = find_peers()
     peers: list[PrusaSlicer | CuraEngine] = []
     if prusa and not options.alone:
@@ -147,28 +150,30 @@ def main(argv: Sequence[str] | None = None) -> int:
         peers += [cura, CuraEngine(cura.definitions, same_beads=True)]
     print(machine_note())
     print(*absent, sep="\n", end="\n" if absent else "")
-    print("each figure:", " / ".join([_OURS, *(peer.name for peer in peers)]))
+    print("each figure:", " / ".join([_OURS, _UPRIGHT, *(peer.name for peer in peers)]))
     WORK.mkdir(exist_ok=True)
     print(f"\n| part | {' | '.join(_COLUMNS)} | CPU s |\n|---|{'---:|' * (len(_COLUMNS) + 1)}", flush=True)
     rows: dict[str, list[Figures]] = {}
-    for mesh in _parts(options):
+    upright = profile_with(profile, {"quality.slope_shell_ratio": 0})
+    for mesh in parts_of(options):
         part = place(repair(mesh)[0], profile.printer)
-        rows[part.name] = [_own(part, profile), *_of_peers(part, profile, peers)]
+        own = [_own(_OURS, part, profile), _own(_UPRIGHT, part, upright)]
+        rows[part.name] = [*own, *_of_peers(part, profile, peers)]
         cells = [" / ".join(form(one) for one in rows[part.name]) for form in _COLUMNS.values()]
         print(f"| {part.name} | {' | '.join(cells)} | {rows[part.name][0].cpu:.2f} |", flush=True)
     for peer in peers:
-        print(_compared(peer.name, list(rows.values())))
+        print(_compared(peer.name, list(rows.values()), 1 if isinstance(peer, CuraEngine) else 0))
     if options.json:
         found = {name: [asdict(one) for one in row] for name, row in rows.items()}
         options.json.write_text(json.dumps(found, indent=1), "utf-8")
     return 0
 
 
-def _own(part: Mesh, profile: Profile) -> Figures:
+def _own(name: str, part: Mesh, profile: Profile) -> Figures:
     begun = process_time()
     text = gcode_of(slice_part(part, profile), profile)
     cpu = process_time() - begun
-    return replace(figures(_OURS, text, part, profile), cpu=cpu)
+    return replace(figures(name, text, part, profile), cpu=cpu)
 
 
 def _of_peers(part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEngine]) -> Iterator[Figures]:
@@ -180,9 +185,12 @@ def _of_peers(part: Mesh, profile: Profile, peers: Sequence[PrusaSlicer | CuraEn
             print(f"{part.name}: {peer.name}: {str(error).splitlines()[0]}")
 
 
-def _compared(peer: str, rows: Sequence[Sequence[Figures]]) -> str:
-    """Ours by theirs: the median over the parts, the greatest, and in how many parts ours is at most theirs."""
-    pairs = [(row[0], one) for row in rows for one in row if one.slicer == peer]
+def _compared(peer: str, rows: Sequence[Sequence[Figures]], which: int) -> str:
+    """Ours by theirs: the median over the parts, the greatest, and in how many parts ours is at most theirs.
+
+    `which` of the first figures of each row are ours.
+    """
+    pairs = [(row[which], one) for row in rows for one in row if one.slicer == peer]
     said = []
     for name in ("seconds", "travel", "retractions", "crossings", "oozing"):
         both = [(getattr(own, name), getattr(other, name)) for own, other in pairs]
@@ -190,44 +198,7 @@ def _compared(peer: str, rows: Sequence[Sequence[Figures]]) -> str:
         most = sum(own <= other for own, other in both)
         spread = f"{median(ratios):.2f}, at most {max(ratios):.2f}, " if ratios else ""
         said.append(f"{name} {spread}no more in {most} of {len(both)}")
-    return f"\nours by {peer}: {'; '.join(said)}"
-
-
-def _parts(options: argparse.Namespace) -> Iterator[Mesh]:
-    """The sample parts and those of the models folder, or only the named ones, large enough to print."""
-    folders = [SAMPLES, *([options.models] if options.models else [])]
-    paths = sorted(
-        path
-        for folder in folders
-        for path in folder.iterdir()
-        if path.suffix.lower().removeprefix(".") in FORMATS
-    )
-    for path in paths:
-        if not options.parts or path.stem in options.parts:
-            mesh, told = printable(load_mesh(path))
-            print(told, file=sys.stderr, end="\n" if told else "")
-            yield Mesh(mesh.triangles, path.stem)
-
-
-def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.travel", description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
-    )
-    parser.add_argument(
-        "--height", type=float, default=0.2, metavar="MM", help="of all layers (default: 0.2)"
-    )
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting for all")
-    parser.add_argument(
-        "--walls", default="arachne", choices=("classic", "arachne"), help="of PrusaSlicer (default: arachne)"
-    )
-    parser.add_argument("--alone", action="store_true", help="only our own files")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every figure")
-    parser.add_argument("parts", nargs="*", metavar="part", help="only these, by name")
-    options = parser.parse_args(argv)
-    if options.models is None and os.environ.get("PRINTER_SLICER_MODELS"):
-        options.models = Path(os.environ["PRINTER_SLICER_MODELS"])
-    return options
+    return f"\n{(_OURS, _UPRIGHT)[which]} by {peer}: {'; '.join(said)}"
 
 
 if __name__ == "__main__":

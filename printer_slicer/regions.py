@@ -7,8 +7,9 @@ Where a slope moves the walls inward by more than they are deep, the step betwee
 only what is inside the walls both here and where the skin ends, over and under here. So the shell keeps its thickness
 measured across a slope of any angle t to the bed: a point that is `skin` below (above) one that is `depth` inside the
 face is depth sin t + skin cos t away from it. On steep slopes that leaves strips of skin / tan t beside the walls,
-which alone are depth sin t thick there. Strips are left out where that is 0.97 of what is promised, the lesser of skin
-and depth, and where they are narrower than half a bead.
+which alone are depth sin t thick there. Strips are left out where that is enough, a share of the lesser of skin and
+depth that the quality asks for (`slope_shell_ratio`), and where they are narrower than half a bead. With a share of 0
+skins keep their thickness only as measured up and down: across a slope of 45° the shell is depth sin t thick.
 """
 
 from __future__ import annotations
@@ -33,7 +34,6 @@ from printer_slicer.profile import Profile, Quality
 __all__ = ["classify"]
 
 _SMALLEST = 1e-6  # mm: heights that differ by less are the same
-_PROMISED = 0.97  # of the lesser of skin and depth of the walls
 _DOT = 5.0  # square beads
 _NARROW = 3.0  # beads: strips of sparse infill that are narrower hold only dots of it
 
@@ -112,10 +112,18 @@ def _exposed(
 
 def _shell(walls: Walls, near: tuple[Areas, Areas], quality: Quality) -> Areas:
     """What of the inside has to be solid to keep surfaces and slopes closed."""
+    shell = offset_open(union(*near), walls.width / 4)
+    if quality.slope_shell_ratio > 0:
+        shell = union(shell, union(*_across_slopes(walls, quality)))
+    chosen = quality.infill_density > 0 and quality.min_sparse_area > 0
+    return _without_dots(shell, walls.width) if chosen else shell
+
+
+def _across_slopes(walls: Walls, quality: Quality) -> tuple[Areas, Areas]:
+    """What is over and under the walls of the layer where the skin ends, where a slope makes the walls too thin."""
     plan, inside = walls.plan, walls.inside
     above = _window_above(plan, quality.top_thickness)
     below = _window_below(plan, quality.bottom_thickness)
-    near_air = union(*near)
     own = np.arange(plan.n_layers)
     highest = np.maximum(np.minimum(above[1], plan.n_layers) - 1, own)
     lowest = np.minimum(np.maximum(below[0], 0), own)
@@ -126,9 +134,7 @@ def _shell(walls: Walls, near: tuple[Areas, Areas], quality: Quality) -> Areas:
         )
         for at, skin in ((highest, quality.top_thickness), (lowest, quality.bottom_thickness))
     )
-    shell = union(offset_open(near_air, walls.width / 4), union(over, under))
-    chosen = quality.infill_density > 0 and quality.min_sparse_area > 0
-    return _without_dots(shell, walls.width) if chosen else shell
+    return over, under
 
 
 def _without_dots(shell: Areas, width: Float) -> Areas:
@@ -158,7 +164,7 @@ def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Floa
     half = walls.width / 2
     gap = bead.spacing(walls.width, walls.plan.height)
     depth = half + (quality.perimeters - 0.5) * gap if quality.perimeters else np.zeros_like(half)
-    promised = np.maximum(_PROMISED * np.minimum(skin, depth), 1e-9)
+    promised = np.maximum(quality.slope_shell_ratio * np.minimum(skin, depth), 1e-9)
     steep = apart * np.sqrt(np.maximum((depth / promised) ** 2 - 1, 0))
     return np.clip(steep, half, np.maximum(depth, half))
 

@@ -345,15 +345,20 @@ def depth_of_walls(plan: LayerPlan, perimeters: int) -> np.ndarray[Any, np.dtype
 @pytest.mark.parametrize("perimeters", [1, 2, 3])
 @pytest.mark.parametrize("thickness", [0.4, 0.8, 1.2])
 @pytest.mark.parametrize("degrees", [8, 15, 25, 35, 45, 55, 62, 68, 74, 80, 86])
+@pytest.mark.parametrize("share", [0.0, 0.6, 0.9, 1.0])
 def test_slopes_of_every_angle_keep_walls_or_skins_across_them(
-    degrees: float, thickness: float, perimeters: int
+    share: float, degrees: float, thickness: float, perimeters: int
 ) -> None:
-    """On a pyramid and upside down: how near sparse infill comes to a face, measured square to it."""
+    """On a pyramid and upside down: how near sparse infill comes to a face, measured square to it, and upright."""
     slope = np.tan(np.deg2rad(degrees))
     base, height = 30.0, min(14 * slope, 6.0)
     top = base - 2 * height / slope
     wanted = plain(
-        top_thickness=thickness, bottom_thickness=thickness, perimeters=perimeters, min_sparse_area=0
+        top_thickness=thickness,
+        bottom_thickness=thickness,
+        perimeters=perimeters,
+        min_sparse_area=0,
+        slope_shell_ratio=share,
     )
     plan = uneven(height, int(degrees))
     for mesh, half in ((frustum(base, top, height), base / 2), (frustum(top, base, height), top / 2)):
@@ -361,12 +366,17 @@ def test_slopes_of_every_angle_keep_walls_or_skins_across_them(
         sparse = offset_open(regions.sparse, WIDTH / 4)  # what a bead might be laid in
         layer = np.repeat(sparse.ring_layer, np.diff(sparse.ring_start))
         depth = float(depth_of_walls(plan, perimeters).min())
-        promised = min(thickness, depth) * np.cos(np.arctan(WIDTH / 2 / thickness))
+        promised = share * min(thickness, depth) * np.cos(np.arctan(WIDTH / 2 / thickness))
+        upright = min(thickness, (depth - WIDTH / 4) * slope)
         stairs = plan.height.max() / 2 * np.cos(np.deg2rad(degrees))  # by which they lie within the face
         for z in (plan.bottom, plan.top):
             reach = half - (z if mesh.name == "narrows" else -z) / slope
             distance = (reach[layer] - np.abs(sparse.xy).max(axis=1)) * np.sin(np.deg2rad(degrees))
             assert (distance >= promised - stairs - 0.02).all()
+            assert (
+                distance / np.cos(np.deg2rad(degrees))
+                >= upright - plan.height.max() / 2 - WIDTH / 4 * slope - 0.02
+            ).all()
 
 
 def frustum(bottom: float, top: float, height: float) -> Mesh:
@@ -420,7 +430,7 @@ def test_small_and_narrow_areas_are_solid() -> None:
 def test_faceted_slopes_leave_no_solid_dots_beside_the_walls() -> None:
     """Where a slope gets too steep for a solid strip beside its walls, corners of facets would leave bits of it."""
     vase = load_mesh(Path(__file__).parents[1] / "sample_parts" / "vase.stl")
-    _, _, regions = classified(vase, layers(300, 0.2), plain())
+    _, _, regions = classified(vase, layers(300, 0.2), plain(slope_shell_ratio=1))
 
     pieces = pieces_of(regions.solid)
     below = regions.sparse.raised(1).for_each(pieces.layer)

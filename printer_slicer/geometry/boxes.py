@@ -84,6 +84,7 @@ _Spans = tuple[Float, Float]
 def _on_one_axis(*many: Boxes) -> list[_Spans]:
     """From where to where boxes reach along the first axis, on which the layers stand apart from each other."""
     ends = np.concatenate([end[:, 0] for one in many for end in (one.low, one.high)])
+    ends = ends[np.isfinite(ends)]  # those around nothing are inside out, infinite, and meet nothing
     pitch = float(np.ptp(ends)) + 1.0 if len(ends) else 1.0
     return [(one.low[:, 0] + one.layer * pitch, one.high[:, 0] + one.layer * pitch) for one in many]
 

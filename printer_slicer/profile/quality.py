@@ -216,6 +216,15 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         0.6
     )
     top_thickness: Annotated[float, meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
+    slope_shell_ratio: Annotated[
+        float,
+        meta(
+            "shell across slopes, as a share of the lesser of skins and walls; 0: skins are only measured upright",
+            "ratio",
+            ge=0,
+            le=1,
+        ),
+    ] = 0.9
     min_sparse_area: Annotated[
         float,
         meta(
@@ -261,7 +270,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_anchor_max: Annotated[
         float,
         meta("lines are joined along the wall where the way is no longer; 0: never", "mm", ge=0, le=1000),
-    ] = 12
+    ] = 24
     sparse_every: Annotated[
         float,
         meta(

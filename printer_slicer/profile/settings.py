@@ -98,7 +98,9 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     retract_length: Annotated[float, meta("filament pulled back before a travel", "mm", ge=0, le=20)] = 0.8
     retract_speed: Annotated[float, meta("speed of pulling back", "mm/s", gt=0, le=200)] = 35
     deretract_speed: Annotated[float, meta("speed of pushing forward", "mm/s", gt=0, le=200)] = 25
-    retract_before_travel: Annotated[float, meta("shorter travels do not retract", "mm", ge=0, le=100)] = 1.5
+    retract_before_travel: Annotated[
+        float, meta("shorter travels that stay inside do not retract", "mm", ge=0, le=100)
+    ] = 1.5
     deretract_extra: Annotated[
         float, meta("pushed forward beyond what was pulled back; may be negative", "mm", ge=-2, le=2)
     ] = 0

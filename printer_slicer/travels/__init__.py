@@ -20,8 +20,8 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
 
     Ways whose ends lie in one piece of the part go around its holes and corners, if they are not much longer than
     straight ones; others cross as few outlines as they can at little cost. The filament is pulled back where a way
-    leaves the part or passes over top skin that is printed already, if it is longer than
-    `printer.retract_before_travel`; what oozes anywhere else inside is not seen.
+    leaves the part, and where one longer than `printer.retract_before_travel` passes over top skin that is printed
+    already; what oozes anywhere else inside is not seen.
     """
     begin, end = leaves(paths)
     if paths.n_paths < 2:
@@ -46,10 +46,10 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
 def _retracted(paths: Toolpaths, ways: Routes, crossings: Int, profile: Profile) -> Bool:
     """(W,) on which ways the filament is pulled back."""
     printer, length = profile.printer, ways.length()
-    long = (length > printer.retract_before_travel) & (printer.retract_length > 0)
-    result = long & (crossings > 0)
+    long = length > printer.retract_before_travel
+    result = crossings > 0
     if printer.retract_inside:
         result |= long & (length > printer.retract_inside)
     some = np.flatnonzero(long & ~result)
     result[some] = over_top_skin(paths, ways.take(some), some + 1)
-    return result
+    return result & (printer.retract_length > 0)

@@ -49,3 +49,19 @@ def test_neighbours_are_pairs_of_different_ones_each_once(
 
     found = zip(*(part.tolist() for part in boxes.neighbours()), strict=True)
     assert sorted((min(pair), max(pair)) for pair in found) == sorted(pairs)
+
+
+@given(rectangles, rectangles, st.data())
+def test_boxes_around_nothing_meet_nothing(
+    first: list[tuple[tuple[int, int], tuple[int, int], int]],
+    second: list[tuple[tuple[int, int], tuple[int, int], int]],
+    data: st.DataObject,
+) -> None:
+    one, other = boxes_of(first), boxes_of(second)
+    empty = np.array([data.draw(st.booleans()) for _ in first], bool)
+    low, high = np.where(empty[:, None], np.inf, one.low), np.where(empty[:, None], -np.inf, one.high)
+
+    with_empty = Boxes(low, high, one.layer)
+    found = sorted(zip(*(part.tolist() for part in with_empty.overlapping(other)), strict=True))
+    pairs = zip(*(part.tolist() for part in one.overlapping(other)), strict=True)
+    assert found == sorted((i, j) for i, j in pairs if not empty[i])

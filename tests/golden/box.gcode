@@ -569,6 +569,7 @@ M104 S0
 ; quality.max_detour = 50
 ; quality.bottom_thickness = 0.2
 ; quality.top_thickness = 0.3
+; quality.slope_shell_ratio = 0.9
 ; quality.min_sparse_area = 15
 ; quality.ironing = False
 ; quality.ironing_spacing = 0.1
@@ -583,7 +584,7 @@ M104 S0
 ; quality.infill_overlap = 0.09
 ; quality.sparse_overlap = 0.15
 ; quality.infill_anchor = 2.5
-; quality.infill_anchor_max = 12
+; quality.infill_anchor_max = 24
 ; quality.sparse_every = 0
 ; quality.inner_perimeters_every = 0
 ; quality.lightning_angle_deg = 40

@@ -1,0 +1,63 @@
+"""The parts of benchmarks that hold our files beside those of others, and the options that these have in common."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks.processes import SAMPLES
+from benchmarks.sizes import printable
+from printer_slicer.mesh_io import FORMATS, load_mesh
+from printer_slicer.model import Mesh
+from printer_slicer.profile import Profile, load_profile
+
+__all__ = ["options_of", "parser_of", "parts_of", "profile_of"]
+
+
+def parser_of(name: str, about: str) -> argparse.ArgumentParser:
+    """The parser of one benchmark, with what all of them take."""
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=about.splitlines()[0])
+    parser.add_argument(
+        "--models", type=Path, help="folder with more parts (default: $PRINTER_SLICER_MODELS)"
+    )
+    parser.add_argument(
+        "--height", type=float, default=0.2, metavar="MM", help="of all layers (default: 0.2)"
+    )
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting for all")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every figure")
+    parser.add_argument("parts", nargs="*", metavar="part", help="only these, by name")
+    return parser
+
+
+def options_of(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> argparse.Namespace:
+    """What was typed."""
+    options = parser.parse_args(argv)
+    if options.models is None and os.environ.get("PRINTER_SLICER_MODELS"):
+        options.models = Path(os.environ["PRINTER_SLICER_MODELS"])
+    return options
+
+
+def profile_of(options: argparse.Namespace, changes: dict[str, str | float]) -> Profile:
+    """The profile that everybody gets: uniform layers, and these changes."""
+    typed = dict(change.split("=", 1) for change in options.set)
+    height = {"planner.kind": "uniform", "layer_height": options.height, "first_layer_height": options.height}
+    return load_profile(changes=height | changes | typed)
+
+
+def parts_of(options: argparse.Namespace) -> Iterator[Mesh]:
+    """The sample parts and those of the models folder, or only the named ones, large enough to print."""
+    folders = [SAMPLES, *([options.models] if options.models else [])]
+    paths = sorted(
+        path
+        for folder in folders
+        for path in folder.iterdir()
+        if path.suffix.lower().removeprefix(".") in FORMATS
+    )
+    for path in paths:
+        if not options.parts or path.stem in options.parts:
+            mesh, told = printable(load_mesh(path))
+            print(told, file=sys.stderr, end="\n" if told else "")
+            yield Mesh(mesh.triangles, path.stem)
