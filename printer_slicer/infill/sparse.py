@@ -22,7 +22,7 @@ __all__ = ["Layout", "bare_lines", "laid_out", "sparse_paths"]
 
 _TRIED = 24  # entries from which the spacing is found
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
-_REACHES = (1.0, 0.5, 0.25, 0.0)  # of the longest anchors, until they leave room for lines
+_REACHES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the longest anchors, until they leave room for lines
 _SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its ends
 _BEAD_CHANGE = 0.2  # share by which the bead may make up for the rest
 
