@@ -2,7 +2,8 @@
 
     PrinterSlicerError                1
     ├── UsageError                    2   a flag, a name, a setting
-    │   └── ProfileError              2   a profile: file, key, bound
+    │   ├── ProfileError              2   a profile: file, key, bound
+    │   └── PolicyError               2   the job holds what was not allowed
     ├── PartError                     3   the part cannot be sliced
     │   ├── MeshError                 3   the file is not a usable mesh
     │   └── PlanError                 3   no layer plan exists within the machine's limits
@@ -23,6 +24,7 @@ __all__ = [
     "OutputError",
     "PartError",
     "PlanError",
+    "PolicyError",
     "PortError",
     "PrintError",
     "PrinterSlicerError",
@@ -54,6 +56,14 @@ class UsageError(PrinterSlicerError):
 
 class ProfileError(UsageError):
     """A profile that cannot be used: names file, key and bound."""
+
+
+class PolicyError(UsageError):
+    """A job that is not printed, for it holds what was not allowed; `names` are what would allow it."""
+
+    def __init__(self, message: str, *, remedy: str = "", names: tuple[str, ...] = ()) -> None:
+        super().__init__(message, remedy=remedy)
+        self.names = names
 
 
 class OutputError(PrinterSlicerError):

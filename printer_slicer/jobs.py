@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +17,11 @@ from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import Report, gcode_of, quiet, slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
+from printer_slicer.policy import Finding, scan
 from printer_slicer.profile import Profile
 from printer_slicer.stream.framing import check_commands, strip
 
-__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of", "read_text"]
+__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of", "lines_of", "read_text"]
 
 _MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
@@ -44,6 +44,7 @@ class Job:
         program: the moves, if the job was sliced here.
         marks: command index -> layer (counted from 1), where the text has layer comments.
         repairs: what was put right in the part, if the job was sliced here.
+        findings: what a person should know, or must allow, before a printer gets it.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Job:
     program: Program | None = None
     marks: Mapping[int, int] = field(default_factory=dict)
     repairs: Repairs = field(default_factory=Repairs)
+    findings: tuple[Finding, ...] = ()
 
     @property
     def plan(self) -> LayerPlan | None:
@@ -63,7 +65,7 @@ class Job:
 
     def line_of(self, command: int) -> int:
         """The line of the text, counted from 1, that holds the command with this index; 0 if there is none."""
-        return _line_of(self.text, command)
+        return lines_of(self.text, [command])[0]
 
     def layer_of(self, command: int) -> int:
         """The layer, counted from 1, that the command with this index belongs to; 0 before the first."""
@@ -135,6 +137,8 @@ def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> J
     _refuse_unsendable(name, text, commands)
     moves = read_moves(commands, profile.printer.corners[0], FLAVOURS[profile.printer.flavour])
     end = moves.end[-1] if len(moves.end) else np.zeros(3)
+    findings = scan(commands, profile, moves=moves, marks=marks)
+    lines = lines_of(text, [one.index for one in findings])
     return Job(
         name,
         text,
@@ -144,6 +148,7 @@ def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> J
         (float(end[0]), float(end[1]), float(end[2])),
         program,
         marks,
+        findings=tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True)),
     )
 
 
@@ -156,13 +161,24 @@ def _refuse_unsendable(name: str, text: bytes, commands: list[bytes]) -> None:
             check_commands([command])
         except UsageError as error:
             what = str(error).splitlines()[0].removeprefix("line 1 ")
-            raise UsageError(f"{name}: line {_line_of(text, index)} {what}", remedy=error.remedy) from None
+            raise UsageError(
+                f"{name}: line {lines_of(text, [index])[0]} {what}", remedy=error.remedy
+            ) from None
 
 
-def _line_of(text: bytes, command: int) -> int:
-    """The line of a text, counted from 1, that holds its command with this index."""
-    held = (number for number, line in enumerate(text.split(b"\n"), 1) if strip(line))
-    return next(islice(held, command, None), 0) if command >= 0 else 0
+def lines_of(text: bytes, commands: Sequence[int]) -> list[int]:
+    """The lines of a text, counted from 1, that hold its commands with these indices; 0 where there is none."""
+    if not commands:
+        return []
+    wanted, last, index, found = set(commands), max(commands), 0, dict.fromkeys(commands, 0)
+    for number, line in enumerate(text.split(b"\n"), 1):
+        if strip(line):
+            if index in wanted:
+                found[index] = number
+            index += 1
+            if index > last:
+                break
+    return [found[one] for one in commands]
 
 
 def read_text(path: Path) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from printer_slicer.planning import PLANNERS
+from printer_slicer.policy import NAMES
 from printer_slicer.stream.states import TRANSITIONS
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -27,3 +28,11 @@ def test_every_planner_has_a_row_in_the_table_of_planners() -> None:
     text = DOCS.joinpath("layer-planning.md").read_text()
 
     assert [name for name in PLANNERS if f"| `{name}` |" not in text] == []
+
+
+def test_the_table_of_names_that_allow_is_the_one_in_the_code() -> None:
+    written = (
+        DOCS.joinpath("policy.md").read_text().partition("<!-- names -->\n")[2].partition("<!-- end -->")[0]
+    )
+
+    assert written.splitlines()[2:] == [f"| `{name}` | {meaning} |" for name, meaning in NAMES.items()]

@@ -354,8 +354,26 @@ def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "  printer-slicer dry-run part.stl\n  printer-slicer dry-run part.gcode --printer marlin_220 --json",
     )
     add_models(parser, gcode=True)
+    _allow(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "dry_run_command"))
+
+
+_ALLOWED: Final = (
+    "temperature, box, feed, flow, cold, eeprom, limits, calibration, autotune, protection, endstops, offsets, halt, "
+    "wait, firmware, files, pins, macros, link, debug, shell, unreadable"
+)
+
+
+def _allow(parser: argparse.ArgumentParser) -> None:
+    """What may be in a job although it is usually refused."""
+    parser.add_argument(
+        "--allow",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help=f"take G-code although this is in it; may be repeated: {_ALLOWED}",
+    )
 
 
 def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -372,6 +390,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
     parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
+    _allow(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
 

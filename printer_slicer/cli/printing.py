@@ -24,6 +24,7 @@ from printer_slicer.cli.common import (
     write_file,
 )
 from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
+from printer_slicer.cli.policy import finding_facts, finding_lines, insist_on_policy, insist_verified, refused
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from, job_of
@@ -48,10 +49,14 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
         job, known = _job(arguments, profile, report)
     verdict = _simulate(arguments, job, profile, events=False)
     if arguments.json:
-        print(json.dumps(_as_json(verdict, job) | known))
+        ok = verdict.ok and not refused(arguments, job)
+        findings = {"ok": ok, "findings": finding_facts(arguments, job)}
+        print(json.dumps(_as_json(verdict, job) | findings | known))
     else:
-        say(arguments, "\n".join([_as_text(verdict, profile), *_repaired(job)]))
+        found = [*finding_lines(arguments, job), *(f"refused     {one}" for one in refused(arguments, job))]
+        say(arguments, "\n".join([_as_text(verdict, profile), *found, *_repaired(job)]))
     _insist(verdict)
+    insist_verified(arguments, job)
     return 0
 
 
@@ -67,6 +72,7 @@ def print_command(arguments: argparse.Namespace) -> int:
     say(arguments, "\n  ".join([first, *_repaired(job)]))
     if arguments.json and job.repairs.count:
         print(json.dumps({"event": "repaired", "repairs": _repair_facts(job)}), flush=True)
+    insist_on_policy(arguments, job)
     if arguments.port == _SIMULATED:
         verdict = _simulate(arguments, job, profile, events=True)
         if arguments.json:
@@ -103,7 +109,9 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
 
     checkpoint = Path(f"{arguments.models[0].stem}.checkpoint.json")
     with _progress(arguments, job, events=True) as tell:
-        done = print_job(job, profile, arguments.port, on_event=tell, checkpoint=checkpoint)
+        done = print_job(
+            job, profile, arguments.port, on_event=tell, checkpoint=checkpoint, allow=arguments.allow
+        )
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
     if arguments.json:
         print(json.dumps({"event": "finished", **asdict(done)}))

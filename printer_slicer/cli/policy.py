@@ -1,0 +1,70 @@
+"""What was found in a job before it is sent: told, listed for programs, or refused."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from typing import Any
+
+from printer_slicer.cli.common import visible
+from printer_slicer.errors import VerificationError
+from printer_slicer.jobs import Job
+from printer_slicer.policy import check_names, insist, sentence
+
+__all__ = ["finding_facts", "finding_lines", "insist_on_policy", "insist_verified", "refused"]
+
+_TOLD = 5  # without --verbose
+
+
+def insist_on_policy(arguments: argparse.Namespace, job: Job) -> None:
+    """Say what is in the job, before its first byte.
+
+    Raises:
+        PolicyError: it holds what was not allowed.
+        UsageError: a name that was allowed does not exist.
+    """
+    allowed = check_names(arguments.allow)
+    if arguments.json and job.findings:
+        print(json.dumps({"event": "findings", "findings": finding_facts(arguments, job)}), flush=True)
+    if not (arguments.json or arguments.quiet):
+        for line in finding_lines(arguments, job):
+            print(visible(line), file=sys.stderr)
+    insist(job.findings, allowed, name=job.name)
+
+
+def refused(arguments: argparse.Namespace, job: Job) -> list[str]:
+    """What was found and is not allowed, one sentence each.
+
+    Raises:
+        UsageError: a name that was allowed does not exist.
+    """
+    allowed = check_names(arguments.allow)
+    return [sentence(one) for one in job.findings if one.refused and one.name not in allowed]
+
+
+def finding_facts(arguments: argparse.Namespace, job: Job) -> list[dict[str, Any]]:
+    """All findings, ready for JSON."""
+    return [asdict(one) | {"allowed": one.name in arguments.allow} for one in job.findings]
+
+
+def finding_lines(arguments: argparse.Namespace, job: Job) -> list[str]:
+    """What was found and does not keep the job from being printed, for people."""
+    told = [one for one in job.findings if not one.refused or one.name in arguments.allow]
+    most = len(told) if arguments.verbose else _TOLD
+    lines = [f"note        {sentence(one)}" for one in told[:most]]
+    return (
+        [*lines, f"note        ... and {len(told) - most} more (-v tells all)"] if len(told) > most else lines
+    )
+
+
+def insist_verified(arguments: argparse.Namespace, job: Job) -> None:
+    """The same for a job that is only looked at.
+
+    Raises:
+        VerificationError: it holds what was not allowed.
+    """
+    if wrong := refused(arguments, job):
+        more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+        raise VerificationError(f"{job.name}: {wrong[0]}{more}", remedy="if it is meant: --allow NAME")

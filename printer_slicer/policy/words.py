@@ -1,0 +1,111 @@
+"""Commands taken apart as any firmware may read them: more suspicious than the reader of moves.
+
+Case does not matter, blanks are free, and some firmwares execute a second command that stands in the same line. A
+letter may come twice: then all its values count, for firmwares differ in which one they take.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+__all__ = ["Command", "read_commands", "unusual"]
+
+_NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_CODE: Final = re.compile(r"([GMTD]) *(-?[0-9]+)(?:\.[0-9]+)?")
+_FURTHER: Final = re.compile(r"[GM] *[0-9]+")
+_WORD: Final = re.compile(rf"([A-Z]) *({_NUMBER})?")
+_SETTING: Final = re.compile(rf"\b([A-Z_][A-Z_0-9]*) *= *['\"]?({_NUMBER})?")
+_NAME: Final = re.compile(r"@?[A-Z_][A-Z_0-9]+")
+_QUOTED: Final = re.compile(r'"[^"]*"?')
+_ASIDE: Final = re.compile(r"\([^)]*\)?")
+_NUMBERED: Final = re.compile(r"N[0-9]+ *")
+_EXPONENT: Final = re.compile(r"[0-9]E[-+]?[0-9]|0X[0-9A-F]")
+
+_TEXTS: Final = frozenset(
+    {"M16", "M23", "M28", "M30", "M32", "M33", "M36", "M37", "M38", "M98", "M117", "M118", "M291"}
+    | {"M486", "M550", "M551", "M862", "M928", *(f"M{n}" for n in range(810, 820))}
+)
+"""Commands with free text behind them."""
+
+_ORDINARY: Final = re.compile(rb"(?m)^(?!G[0-3] [-+.0-9XYZEFIJR ]*$).+$")
+"""A line that is no plain move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command of a line.
+
+    Attributes:
+        code: letter and number, `M104`; of a command of words its name, `SET_PIN`; "" for anything else.
+        text: the line it stands in, capitals.
+        words: letter -> all its numbers, none for a letter alone.
+        settings: NAME -> number, of NAME=number.
+        further: whether it is not the first of its line.
+    """
+
+    code: str
+    text: str
+    words: dict[str, list[float]] = field(default_factory=dict)
+    settings: dict[str, float] = field(default_factory=dict)
+    further: bool = False
+
+    def most(self, letters: str) -> float | None:
+        """The largest number behind any of the letters, None without one."""
+        values = [value for letter in letters for value in self.words.get(letter, ())]
+        return max(values, default=None)
+
+    @property
+    def vague(self) -> bool:
+        """Whether its numbers may be read in more ways than one: expressions, exponents, hexadecimals."""
+        return "{" in self.text or _EXPONENT.search(self.text) is not None
+
+
+def unusual(commands: list[bytes] | tuple[bytes, ...]) -> Iterator[tuple[int, bytes]]:
+    """The commands that are no plain moves, and their places: looked for in all of them at once."""
+    text = b"\n".join(commands)
+    index = at = 0
+    for found in _ORDINARY.finditer(text):
+        index += text.count(b"\n", at, found.start())
+        at = found.start()
+        yield index, found.group()
+
+
+def read_commands(line: bytes) -> Iterator[Command]:
+    """The commands that firmware may find in a line."""
+    text = line.decode("latin-1").strip().upper()
+    text = _NUMBERED.sub("", text, count=1) if text.startswith("N") else text
+    match = _CODE.match(text)
+    if match is None:
+        yield _of_words(text)
+        return
+    code = f"{match[1]}{int(match[2])}"
+    rest = _ASIDE.sub(" ", _QUOTED.sub(" ", text[match.end() :]))
+    if code in _TEXTS:
+        yield Command(code, text, _words(rest))
+        return
+    found = list(_FURTHER.finditer(rest))
+    yield Command(code, text, _words(rest[: found[0].start()] if found else rest))
+    ends = [*(one.start() for one in found), len(rest)][1:]
+    for one, end in zip(found, ends, strict=True):
+        name = one.group().replace(" ", "")
+        own = rest[one.end() : end]
+        yield Command(f"{name[0]}{int(name[1:])}", text, _words(own), further=True)
+
+
+def _words(text: str) -> dict[str, list[float]]:
+    words: dict[str, list[float]] = {}
+    for letter, number in _WORD.findall(text):
+        values = words.setdefault(letter, [])
+        if number:
+            values.append(float(number))
+    return words
+
+
+def _of_words(text: str) -> Command:
+    """A command of words, or something that is none."""
+    match = _NAME.match(text)
+    settings = {name: float(number) for name, number in _SETTING.findall(text) if number}
+    return Command(match[0] if match else "", text, settings=settings)
