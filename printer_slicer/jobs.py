@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import Report, gcode_of, quiet, slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
-from printer_slicer.policy import Finding, scan
+from printer_slicer.policy import Finding, check_names, scan
 from printer_slicer.profile import Profile
 from printer_slicer.stream.framing import check_commands, strip
 
@@ -45,6 +45,7 @@ class Job:
         marks: command index -> layer (counted from 1), where the text has layer comments.
         repairs: what was put right in the part, if the job was sliced here.
         findings: what a person should know, or must allow, before a printer gets it.
+        allowed: names of findings with which it is printed all the same, see `policy.NAMES`.
     """
 
     name: str
@@ -57,11 +58,20 @@ class Job:
     marks: Mapping[int, int] = field(default_factory=dict)
     repairs: Repairs = field(default_factory=Repairs)
     findings: tuple[Finding, ...] = ()
+    allowed: frozenset[str] = frozenset()
 
     @property
     def plan(self) -> LayerPlan | None:
         """The layer plan, if the job was sliced here."""
         return self.program.plan if self.program else None
+
+    def allowing(self, names: Iterable[str]) -> Job:
+        """The same job with these findings allowed.
+
+        Raises:
+            UsageError: nothing is allowed by one of the names.
+        """
+        return replace(self, allowed=self.allowed | check_names(names))
 
     def line_of(self, command: int) -> int:
         """The line of the text, counted from 1, that holds the command with this index; 0 if there is none."""

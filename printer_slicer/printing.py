@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -57,7 +57,6 @@ def print_job(
     baud: int | None = None,
     on_event: Callable[[Event], None] = lambda _: None,
     checkpoint: Path | None = None,
-    allow: Collection[str] = (),
 ) -> Done:
     """Send a job to a printer, line by line, and wait until it has executed all of it.
 
@@ -68,15 +67,14 @@ def print_job(
         baud: None takes the profile's.
         on_event: is told what happens.
         checkpoint: where to write how far the print came, if it does not come to its end.
-        allow: names of what may be in the job although it is usually refused, see `policy.NAMES`.
 
     Raises:
-        PolicyError: the job holds what was not allowed; nothing was sent.
+        PolicyError: the job holds what was not allowed, see `Job.allowing`; nothing was sent.
         PortError: the port cannot be opened.
         PrintError: the printer stopped, or the port went away; the checkpoint is written.
         Cancelled: Ctrl-C, SIGTERM, SIGHUP or the printer's own wish; heaters are off. A second one halts the printer.
     """
-    insist(job.findings, allow, name=job.name)
+    insist(job.findings, job.allowed, name=job.name)
     printer = profile.printer
     streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
     begun = monotonic()

@@ -18,20 +18,21 @@ __all__ = ["finding_facts", "finding_lines", "insist_on_policy", "insist_verifie
 _TOLD = 5  # without --verbose
 
 
-def insist_on_policy(arguments: argparse.Namespace, job: Job) -> None:
-    """Say what is in the job, before its first byte.
+def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
+    """Say what is in the job, before its first byte; the job with what is allowed.
 
     Raises:
         PolicyError: it holds what was not allowed.
         UsageError: a name that was allowed does not exist.
     """
-    allowed = check_names(arguments.allow)
+    job = job.allowing(arguments.allow)
     if arguments.json and job.findings:
         print(json.dumps({"event": "findings", "findings": finding_facts(arguments, job)}), flush=True)
     if not (arguments.json or arguments.quiet):
         for line in finding_lines(arguments, job):
             print(visible(line), file=sys.stderr)
-    insist(job.findings, allowed, name=job.name)
+    insist(job.findings, job.allowed, name=job.name)
+    return job
 
 
 def refused(arguments: argparse.Namespace, job: Job) -> list[str]:

@@ -72,7 +72,7 @@ def print_command(arguments: argparse.Namespace) -> int:
     say(arguments, "\n  ".join([first, *_repaired(job)]))
     if arguments.json and job.repairs.count:
         print(json.dumps({"event": "repaired", "repairs": _repair_facts(job)}), flush=True)
-    insist_on_policy(arguments, job)
+    job = insist_on_policy(arguments, job)
     if arguments.port == _SIMULATED:
         verdict = _simulate(arguments, job, profile, events=True)
         if arguments.json:
@@ -109,9 +109,7 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
 
     checkpoint = Path(f"{arguments.models[0].stem}.checkpoint.json")
     with _progress(arguments, job, events=True) as tell:
-        done = print_job(
-            job, profile, arguments.port, on_event=tell, checkpoint=checkpoint, allow=arguments.allow
-        )
+        done = print_job(job, profile, arguments.port, on_event=tell, checkpoint=checkpoint)
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
     if arguments.json:
         print(json.dumps({"event": "finished", **asdict(done)}))

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from benchmarks.peers import Part, find_peers
 from printer_slicer.cli import main
-from printer_slicer.errors import PolicyError, UsageError
+from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.jobs import job_from
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.policy import NAMES, Finding, check_names, insist, scan
+from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_with
 from printer_slicer.profile.files import profile_paths
 from printer_slicer.stream.framing import strip
@@ -375,6 +376,15 @@ def test_a_dry_run_tells_everything_and_fails(tmp_path: Path, capsys: pytest.Cap
     assert facts["ok"] is False
     assert [one["name"] for one in facts["findings"]] == ["cold"]
     assert main(["dry-run", file, "--allow", "cold"]) == 0
+
+
+def test_the_function_that_prints_refuses_too(tmp_path: Path) -> None:
+    job = job_from(job_file(tmp_path, "M302 S0"), PROFILE)
+
+    with pytest.raises(PolicyError, match="M302"):
+        print_job(job, PROFILE, "/dev/there-is-none")
+    with pytest.raises(PortError):
+        print_job(job.allowing(["cold"]), PROFILE, "/dev/there-is-none")
 
 
 def test_the_help_names_everything_that_can_be_allowed(capsys: pytest.CaptureFixture[str]) -> None:
