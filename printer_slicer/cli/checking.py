@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.checking import Asked, Check, check_gcode
+from printer_slicer.cli.beforehand import Looked, look
 from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write_file
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.errors import UsageError, VerificationError
@@ -28,8 +29,11 @@ _DRAWN = 4  # layers in a picture
 
 
 def check_command(arguments: argparse.Namespace) -> int:
-    """Hold G-code against its model, and say what is wrong."""
+    """Look at G-code before it is printed, hold it against its model, and say what is wrong."""
     refuse_mixing(arguments)
+    looked = _looked(arguments)
+    if not arguments.models:
+        return _tell_looked(arguments, looked)
     limits = _limits(arguments.limit)
     with stages(arguments) as report:
         text = read_text(arguments.gcode)
@@ -42,10 +46,31 @@ def check_command(arguments: argparse.Namespace) -> int:
             report("drawing")
             _draw(check, plate_name(arguments.models), arguments.picture)
     if arguments.json:
-        print(json.dumps(_facts(check, limits) | plate.facts()))
+        facts = _facts(check, limits) | plate.facts() | looked.facts
+        print(json.dumps(facts | {"ok": check.ok and not looked.wrong}))
     else:
-        say(arguments, "\n".join(_lines(check, plate_name(arguments.models))))
-    _insist(check)
+        say(arguments, "\n".join([*_lines(check, plate_name(arguments.models)), *looked.lines]))
+    _insist(check, looked.wrong)
+    return 0
+
+
+def _looked(arguments: argparse.Namespace) -> Looked:
+    """What is in the job: where there is no model, and where printer, material or link are named."""
+    named = arguments.printer or arguments.material or arguments.set or arguments.allow or arguments.link
+    if named or not arguments.models:
+        return look(arguments)
+    return Looked({}, [], [])
+
+
+def _tell_looked(arguments: argparse.Namespace, looked: Looked) -> int:
+    """The answer where there is no model."""
+    if arguments.picture or arguments.limit:
+        raise UsageError("--picture and --limit are about the part", remedy="name it with --model part.stl")
+    if arguments.json:
+        print(json.dumps({"file": arguments.gcode.name, "ok": not looked.wrong, **looked.facts}))
+    else:
+        say(arguments, "\n".join(looked.lines))
+    _refuse(arguments.gcode.name, looked.wrong)
     return 0
 
 
@@ -72,11 +97,14 @@ def _limits(changes: list[str]) -> Limits:
     return limits
 
 
-def _insist(check: Check) -> None:
-    wrong = [*check.problems, *(_sentence(finding) for finding in check.findings)]
+def _insist(check: Check, more: Sequence[str] = ()) -> None:
+    _refuse(check.name, [*check.problems, *(_sentence(finding) for finding in check.findings), *more])
+
+
+def _refuse(name: str, wrong: Sequence[str]) -> None:
     if wrong:
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-        raise VerificationError(f"{check.name}: {wrong[0]}{more}")
+        raise VerificationError(f"{name}: {wrong[0]}{more}")
 
 
 def _sentence(finding: Finding) -> str:

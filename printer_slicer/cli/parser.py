@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Final
 
+from printer_slicer.cli.door_parsers import add_allow, add_beforehand, add_doctor, add_send
 from printer_slicer.cli.model_flags import add_models, attached, box_of
+from printer_slicer.cli.parsing import command as _command
+from printer_slicer.cli.parsing import later as _later
+from printer_slicer.cli.parsing import output as _output
 from printer_slicer.cli.values import factor, height, length, pixels, positive, seconds
 from printer_slicer.version import VERSION
 
@@ -50,7 +53,9 @@ def build_parser() -> argparse.ArgumentParser:
     _dry_run(commands)
     _print(commands)
     _sim(commands)
+    add_send(commands)
     _ports(commands)
+    add_doctor(commands)
     _profiles(commands)
     return parser
 
@@ -72,29 +77,6 @@ class _Version(argparse.Action):
 
 
 _READERS: Final[dict[str, Callable[[str], object]]] = {"--time-budget": seconds}
-
-
-def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
-    """A function that imports its module when it is called."""
-
-    def run(arguments: argparse.Namespace) -> int:
-        """Import it, and call it."""
-        return int(getattr(import_module(f"printer_slicer.cli.{module}"), function)(arguments))
-
-    return run
-
-
-def _command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, meaning: str, examples: str
-) -> argparse.ArgumentParser:
-    return commands.add_parser(
-        name,
-        help=meaning,
-        description=meaning[0].upper() + meaning[1:] + ".",
-        epilog=f"examples:\n{examples}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
 
 
 def _common(parser: argparse.ArgumentParser) -> None:
@@ -169,13 +151,6 @@ def _heights(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="tolerance=MM or layer_height=MM between two heights; may be repeated; likewise",
     )
-
-
-def _output(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("output")
-    group.add_argument("--json", action="store_true", help="machine-readable result on stdout")
-    group.add_argument("-q", "--quiet", action="store_true", help="only errors")
-    group.add_argument("-v", "--verbose", action="store_true", help="more about what happens")
 
 
 def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -266,15 +241,18 @@ def _check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser = _command(
         commands,
         "check",
-        "hold the material that any slicer's G-code lays against the part it shall print",
-        "  printer-slicer check part.gcode --model part.stl\n"
+        "look at G-code of any slicer before it is printed: what it holds, its material, the link",
+        "  printer-slicer check part.gcode                    commands, temperatures, ways, speeds\n"
+        "  printer-slicer check part.gcode --link 115200      where the machine would wait for lines\n"
+        "  printer-slicer check part.gcode --model part.stl   the material it lays against the part\n"
         "  printer-slicer check part.gcode --model part.stl --picture faults.png --json\n"
         "  printer-slicer check part.gcode --model part.stl --limit under=0.95 --limit air=5\n"
         "  printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85",
     )
     parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
     meaning = "what it shall print; several lie to each other as their files place them"
-    add_models(parser, flag="--model", meaning=meaning, required=True)
+    add_models(parser, flag="--model", meaning=meaning)
+    add_beforehand(parser)
     group = parser.add_argument_group("measuring")
     group.add_argument(
         "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
@@ -354,26 +332,9 @@ def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "  printer-slicer dry-run part.stl\n  printer-slicer dry-run part.gcode --printer marlin_220 --json",
     )
     add_models(parser, gcode=True)
-    _allow(parser)
+    add_allow(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "dry_run_command"))
-
-
-_ALLOWED: Final = (
-    "temperature, box, feed, flow, cold, eeprom, limits, calibration, autotune, protection, endstops, offsets, halt, "
-    "wait, firmware, files, pins, macros, link, debug, shell, unreadable"
-)
-
-
-def _allow(parser: argparse.ArgumentParser) -> None:
-    """What may be in a job although it is usually refused."""
-    parser.add_argument(
-        "--allow",
-        metavar="NAME",
-        action="append",
-        default=[],
-        help=f"take G-code although this is in it; may be repeated: {_ALLOWED}",
-    )
 
 
 def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -390,7 +351,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
     parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
-    _allow(parser)
+    add_allow(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
 

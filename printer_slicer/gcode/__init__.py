@@ -10,7 +10,7 @@ from printer_slicer.gcode.klipper import KLIPPER
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.marlin_legacy import MARLIN_LEGACY
 from printer_slicer.gcode.prusa import PRUSA
-from printer_slicer.gcode.reader import Moves, read_moves
+from printer_slicer.gcode.reader import Moves, changed_limits, read_moves
 from printer_slicer.gcode.repetier import REPETIER
 from printer_slicer.gcode.reprapfirmware import REPRAPFIRMWARE
 from printer_slicer.gcode.smoothie import SMOOTHIE
@@ -19,7 +19,7 @@ from printer_slicer.gcode.writer import Told, write_program
 from printer_slicer.model import Float, Labels, Program
 from printer_slicer.profile import Profile
 
-__all__ = ["FLAVOURS", "Dialect", "Moves", "read_moves", "spoken", "write_gcode"]
+__all__ = ["FLAVOURS", "Dialect", "Moves", "changed_limits", "read_moves", "spoken", "write_gcode"]
 
 FLAVOURS: Final[Mapping[str, Dialect]] = {
     "marlin": MARLIN,

@@ -20,7 +20,7 @@ from printer_slicer.model import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, Limits
 from printer_slicer.motion.whole import durations
 
-__all__ = ["Moves", "read_moves"]
+__all__ = ["Moves", "changed_limits", "read_moves"]
 
 _STOPS: Final = frozenset(
     {"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M226", "M400", "M600", "M601", "PAUSE"}
@@ -63,7 +63,7 @@ class Moves:
         total, begin = self.dwell_seconds, 0
         for first, kind, values in (*self.changes, (len(self.speed), "", {})):
             total += self._between(begin, first, limits)
-            begin, limits = first, _changed(limits, kind, values)
+            begin, limits = first, changed_limits(limits, kind, values)
         return total
 
     def _between(self, first: int, last: int, limits: Limits) -> float:
@@ -87,8 +87,8 @@ class Moves:
         return list(dict.fromkeys(np.round(self.end[lays, 2], 4).tolist()))
 
 
-def _changed(limits: Limits, kind: str, values: Mapping[str, float]) -> Limits:
-    """The limits after M201, M203 or M205."""
+def changed_limits(limits: Limits, kind: str, values: Mapping[str, float]) -> Limits:
+    """The limits after M201, M203 or M205, a change of `Moves.changes`."""
 
     def merged(axes: Axes) -> Axes:
         """The limits of all axes, new ones for those that are named."""

@@ -1,0 +1,111 @@
+"""What can be typed about a job before it is printed, about other people's printers, and about what is plugged in."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from printer_slicer.cli.parsing import command, later, output
+from printer_slicer.cli.values import factor, positive
+
+__all__ = ["add_allow", "add_beforehand", "add_doctor", "add_send"]
+
+_Commands = argparse._SubParsersAction  # noqa: SLF001 - the type of what add_subparsers gives has no other name
+_Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
+
+# The keys of policy.NAMES, which is not imported: --help answers at once.
+_ALLOWED: Final = (
+    "temperature, box, feed, flow, cold, eeprom, limits, calibration, autotune, protection, endstops, offsets, halt, "
+    "wait, firmware, files, pins, macros, link, debug, shell, unreadable"
+)
+
+
+def add_allow(parser: _Flags) -> None:
+    """What may be in a job although it is usually refused."""
+    parser.add_argument(
+        "--allow",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help=f"take G-code although this is in it; may be repeated: {_ALLOWED}",
+    )
+
+
+def add_beforehand(parser: argparse.ArgumentParser) -> None:
+    """What `check` needs to know of the printer and the way to it."""
+    group = parser.add_argument_group("printing")
+    group.add_argument(
+        "--link", metavar="BAUD", type=positive, help="say where a port of this speed would be too slow"
+    )
+    group.add_argument(
+        "--latency",
+        metavar="MS",
+        type=factor,
+        default=1.0,
+        help="until an answer is there; 16 is usual for USB to serial chips without low latency; default: 1",
+    )
+    group.add_argument(
+        "--window", metavar="LINES", type=positive, default=2, help="most lines in flight; default: 2"
+    )
+    add_allow(group)
+    group.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
+    group.add_argument("--material", metavar="NAME", help="material profile, likewise")
+    group.add_argument(
+        "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
+    )
+
+
+def add_send(commands: _Commands[argparse.ArgumentParser]) -> None:
+    """`send`."""
+    parser = command(
+        commands,
+        "send",
+        "upload G-code to a printer on the network",
+        "  printer-slicer send part.gcode --to octoprint http://octopi.local --print\n"
+        "  printer-slicer send part.gcode --to moonraker http://voron.local:7125\n"
+        "  printer-slicer send part.gcode --to prusalink http://mk4.local --key-file ~/.mk4.key\n"
+        "  printer-slicer send part.gcode --to duet http://duet.local --folder /gcodes/parts\n"
+        "keys: --key-file, else the variable PRINTER_SLICER_KEY; what --key has others on this computer may see",
+    )
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="what to send")
+    parser.add_argument(
+        "--to",
+        nargs=2,
+        required=True,
+        metavar=("KIND", "URL"),
+        help="octoprint, moonraker, prusalink or duet, and the address of its page",
+    )
+    parser.add_argument("--print", dest="start", action="store_true", help="and print it")
+    parser.add_argument("--name", metavar="NAME", help="what to call it there; default: its own name")
+    parser.add_argument(
+        "--folder", metavar="PATH", default="", help="in which folder there; default: the usual one"
+    )
+    parser.add_argument("--key-file", metavar="FILE", type=Path, help="file that holds the key or password")
+    parser.add_argument("--key", metavar="KEY", help="API key or password")
+    parser.add_argument(
+        "--user", metavar="NAME", default="", help="whose password it is; default for prusalink: maker"
+    )
+    parser.add_argument(
+        "--timeout", metavar="S", type=positive, default=30, help="s without an answer; default: 30"
+    )
+    output(parser)
+    parser.set_defaults(run=later("sending", "send_command"))
+
+
+def add_doctor(commands: _Commands[argparse.ArgumentParser]) -> None:
+    """`doctor`."""
+    parser = command(
+        commands,
+        "doctor",
+        "look for what keeps a printer from being printed to",
+        "  printer-slicer doctor                   the ports of this computer\n"
+        "  printer-slicer doctor /dev/ttyUSB0      one of them, and the printer behind it\n"
+        "  printer-slicer doctor /dev/ttyACM0 --baud 250000 --json",
+    )
+    parser.add_argument(
+        "port", nargs="?", metavar="PORT", help="device or URL; default: look at all ports, ask none"
+    )
+    parser.add_argument("--baud", type=positive, metavar="N", default=115_200, help="default: 115200")
+    output(parser)
+    parser.set_defaults(run=later("doctoring", "doctor_command"))
