@@ -18,6 +18,7 @@ from printer_slicer.motion.machine import limits_of
 from printer_slicer.policy import insist
 from printer_slicer.profile import Profile
 from printer_slicer.stream.events import Action, Event, Finished, Halted, Stopping
+from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
@@ -42,11 +43,13 @@ class Done:
         commands: of the job, all acknowledged.
         seconds: from the first byte to the last answer.
         verified: the printer says that it is where the job ends; None where it cannot be compared.
+        link: what the cable was like.
     """
 
     commands: int
     seconds: float
     verified: bool | None
+    link: LinkSeen
 
 
 def print_job(
@@ -78,7 +81,9 @@ def print_job(
     printer = profile.printer
     streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
     begun = monotonic()
-    transport = _Interruptible(open_port(port, baud or printer.baud), streamer, on_event)
+    meter = LinkMeter(limits_of(printer))
+    cable = Metered(open_port(port, baud or printer.baud), meter, monotonic)
+    transport = _Interruptible(cable, streamer, _both(meter.heard, on_event))
     stopped = partial(_stopped, job, streamer, checkpoint)
     try:
         with transport.signals():
@@ -92,7 +97,18 @@ def print_job(
         transport.close()
     end = _finished(transport, stopped)
     _forget(checkpoint, job)
-    return Done(len(job.commands), monotonic() - begun, end.verified)
+    return Done(len(job.commands), monotonic() - begun, end.verified, meter.seen())
+
+
+def _both(first: Callable[[Event], None], second: Callable[[Event], None]) -> Callable[[Event], None]:
+    """A listener that tells two others."""
+
+    def hear(event: Event) -> None:
+        """Tell both."""
+        first(event)
+        second(event)
+
+    return hear
 
 
 def _forget(checkpoint: Path | None, job: Job) -> None:

@@ -126,7 +126,7 @@ def polite(line: str, place: str = "X:0.00 Y:0.00 Z:0.00 E:0.00") -> str:
 def job_of(folder: Path, text: str) -> Job:
     path = folder / "job.gcode"
     path.write_text(text, encoding="utf-8")
-    return job_from(path, PROFILE)
+    return job_from(path, PROFILE).allowing(["halt"])
 
 
 def wishes(lines: list[str]) -> list[str]:

@@ -30,7 +30,7 @@ def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
         print(json.dumps({"event": "findings", "findings": finding_facts(arguments, job)}), flush=True)
     if not (arguments.json or arguments.quiet):
         for line in finding_lines(arguments, job):
-            print(visible(line), file=sys.stderr)
+            print(visible(line.replace("note        ", "printer-slicer: warning: ", 1)), file=sys.stderr)
     insist(job.findings, job.allowed, name=job.name)
     return job
 

@@ -115,7 +115,9 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
         print(json.dumps({"event": "finished", **asdict(done)}))
     else:
         known = f"; {position[done.verified]}" if done.verified is not None else ""
-        say(arguments, f"done: {done.commands} commands in {spoken(done.seconds)}{known}")
+        say(
+            arguments, f"done: {done.commands} commands in {spoken(done.seconds)}{known}\n  link: {done.link}"
+        )
     if done.verified is False:
         raise VerificationError(
             f"{job.name}: the printer took every command, but it is not where the job ends",

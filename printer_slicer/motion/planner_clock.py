@@ -57,6 +57,11 @@ class PlannerClock:
         self._meant = True  # the machine stands because it was told to
         self._dry_since = -inf
 
+    def full(self, now: float) -> bool:
+        """Whether a move that comes at `now`, s, has to wait for its place."""
+        self._advance(now)
+        return len(self._labels) >= self._places
+
     def set_limits(self, limits: Limits) -> None:
         """Use other corner rules for the moves pushed from now on."""
         self._lookahead.limits = limits

@@ -18,7 +18,9 @@ def dense(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A layer of long moves, one of 0.2 mm chords at 60 mm/s, one of long moves."""
     path = tmp_path_factory.mktemp("dense") / "dense.gcode"
     square = ["G1 X70 Y70 F3600", "G1 X150 Y70 E3", "G1 X150 Y150 E3", "G1 X70 Y150 E3", "G1 X70 Y70 E3"]
-    circle = [f"G1 X{100 + 20 * cos(i / 100):.3f} Y{100 + 20 * sin(i / 100):.3f} E.0066" for i in range(1, 3001)]
+    circle = [
+        f"G1 X{100 + 20 * cos(i / 100):.3f} Y{100 + 20 * sin(i / 100):.3f} E.0066" for i in range(1, 3001)
+    ]
     lines = ["G21", "M104 S200", "G28", "M83", "M109 S200", "G1 Z.3 F300"]
     for layer in (square, ["G1 X120 Y100", *circle], square):
         lines += [";LAYER_CHANGE", *layer]

@@ -110,7 +110,7 @@ def test_printing_on_the_simulated_port_tells_events_as_json_lines(tmp_path: Pat
 
 
 def test_a_file_that_must_not_be_printed_ends_with_7_on_the_simulated_port(tmp_path: Path) -> None:
-    (tmp_path / "cold.gcode").write_text("G28\nG1 X5 E5 F3000\n", encoding="utf-8")
+    (tmp_path / "cold.gcode").write_text("G28\nG1 X50 E5 F3000\n", encoding="utf-8")
     outcome = typed("print", "cold.gcode", "--port", "sim:", "--json", *QUICK, cwd=tmp_path)
 
     assert outcome.code == 7
@@ -221,7 +221,7 @@ def test_what_a_printer_says_never_controls_the_terminal(tmp_path: Path) -> None
 def test_a_printer_that_halts_ends_the_print_with_5_and_a_checkpoint(tmp_path: Path) -> None:
     (tmp_path / "job.gcode").write_text("G28\n" + DANCE[:4000] + "\nM112\n" + DANCE, encoding="utf-8")
     with printer(tmp_path / "port"):
-        outcome = typed("print", "job.gcode", "--port", "port", *QUICK, cwd=tmp_path)
+        outcome = typed("print", "job.gcode", "--port", "port", "--allow", "halt", *QUICK, cwd=tmp_path)
     checkpoint = checkpoint_in(tmp_path)
 
     assert outcome.code == 5

@@ -1,0 +1,246 @@
+"""What a link was like: rate, latency, repeats, and how often the machine had to wait for a line.
+
+Fed with the bytes of both directions and their moments; it decides nothing and keeps little, however long the print is.
+An answer that is held back because the planner is full says nothing about the link, so the planner is followed, too,
+and such answers are left out of the latency. The same account of the planner tells where it ran dry.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, deque
+from dataclasses import dataclass
+from math import exp2, floor, inf, log2
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.motion.planner_clock import PlannerClock
+from printer_slicer.motion.rules import make_block
+from printer_slicer.stream.events import Asked
+from printer_slicer.stream.tracker import Tracker, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from printer_slicer.motion.rules import Limits
+    from printer_slicer.stream.events import Event
+    from printer_slicer.stream.transport import Transport
+
+__all__ = ["LinkMeter", "LinkSeen", "Metered"]
+
+_LINE: Final = re.compile(rb"N(\d+) *([^*]*)(?:\*\d+)?$")
+_OK: Final = re.compile(rb"ok\b(?: N(\d+))?")
+_RESEND: Final = re.compile(rb"(?:Resend:|rs )\s*N?:?\s*(\d+)")
+
+_STEPS: Final = 16
+"""Steps of the histogram of latencies per doubling: 4 %."""
+
+_QUICK: Final = frozenset(
+    {b"G0", b"G1", b"G2", b"G3", b"G90", b"G91", b"G92", b"M82", b"M83", b"M104", b"M106", b"M107", b"M140"}
+)
+"""Commands that are answered at once if there is room for them."""
+
+_STANDS: Final = frozenset(
+    {b"G4", b"G28", b"G29", b"M0", b"M1", b"M109", b"M190", b"M400", b"M600", b"M601", b"M226", b"M116"}
+)
+"""Commands that wait until the machine stands still; the time until their answer is theirs."""
+
+_PARTIAL: Final = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSeen:
+    """What a link was like. Times in s.
+
+    Attributes:
+        lines: that were answered, each once.
+        seconds: from the first line to the last answer, without what heating, homing and people took.
+        lines_per_second: of these two.
+        most_lines_per_second: answered in one second, the most there were.
+        bytes_sent: to the printer.
+        latency, latency_95: until an answer was there: half of them, and 95 % of them, took no longer; None without
+            any answer that nothing but the link held back.
+        resends: lines that the printer asked for again.
+        repeated: lines that were sent again for it.
+        questions: asked because an answer was missing or could not be read.
+        stalls, stalled_seconds: how often and how long the machine stood still because no line had come, by the model
+            of its planner.
+    """
+
+    lines: int
+    seconds: float
+    lines_per_second: float
+    most_lines_per_second: int
+    bytes_sent: int
+    latency: float | None
+    latency_95: float | None
+    resends: int
+    repeated: int
+    questions: int
+    stalls: int
+    stalled_seconds: float
+
+    def __str__(self) -> str:
+        times = (
+            f"answers after {self.latency * 1000:.3g} ms, 95 % within {self.latency_95 * 1000:.3g} ms"
+            if self.latency is not None and self.latency_95 is not None
+            else "no answer that only the link held back"
+        )
+        waits = (
+            f"the machine waited for lines {self.stalls} times, {self.stalled_seconds:.2f} s"
+            if self.stalls
+            else "the machine never waited for lines"
+        )
+        return (
+            f"{self.lines_per_second:.0f} lines/s, at most {self.most_lines_per_second} in a second; {times}; "
+            f"{self.resends} resends, {self.questions} questions; {waits}"
+        )
+
+
+class LinkMeter:
+    """Listens to both directions of a link.
+
+    Args:
+        limits: of the machine; without them nothing is said about waiting.
+    """
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        self._limits = limits
+        self._clock = PlannerClock(limits) if limits is not None else None
+        self._tracker = Tracker()
+        self._pending: deque[tuple[int, bytes, float]] = deque()
+        self._partial = b""
+        self._swallow = False
+        self._highest = 0
+        self._latencies: Counter[int] = Counter()
+        self._second: tuple[int, int] = (0, 0)
+        self._most = 0
+        self._lines = self._bytes = self._resends = self._repeated = self._questions = 0
+        self._first = self._last = inf
+        self._own = 0.0  # s that commands took for themselves
+        self._stood = False  # the last line did, and what was behind it had to wait
+
+    def sent(self, data: bytes, now: float) -> None:
+        """Bytes handed to the link at `now`, s."""
+        self._bytes += len(data)
+        for line in data.split(b"\n"):
+            found = _LINE.match(line)
+            if found is None:
+                continue
+            number, command = int(found[1]), found[2].strip()
+            if command.startswith(b"M110"):
+                self._pending.clear()
+                self._highest = 0
+                continue
+            if number <= self._highest:
+                self._repeated += 1
+            self._highest = max(self._highest, number)
+            self._first = min(self._first, now)
+            self._pending.append((number, command, now))
+
+    def heard(self, event: Event) -> None:
+        """What the streamer made of it: only it knows which lines are questions."""
+        self._questions += isinstance(event, Asked)
+
+    def received(self, data: bytes, now: float) -> None:
+        """Bytes that came from the link at `now`, s."""
+        if not data:
+            return
+        *lines, self._partial = (self._partial + data).split(b"\n")
+        self._partial = self._partial[-_PARTIAL:]
+        for line in lines:
+            if found := _OK.match(line):
+                self._acknowledge(int(found[1]) if found[1] else None, now)
+            elif found := _RESEND.match(line):
+                self._go_back(int(found[1]))
+
+    def seen(self) -> LinkSeen:
+        """All of it, until now."""
+        seconds = max(self._last - self._first - self._own, 0.0) if self._lines else 0.0
+        return LinkSeen(
+            lines=self._lines,
+            seconds=seconds,
+            lines_per_second=self._lines / seconds if seconds > 0 else 0.0,
+            most_lines_per_second=self._most,
+            bytes_sent=self._bytes,
+            latency=self._quantile(0.5),
+            latency_95=self._quantile(0.95),
+            resends=self._resends,
+            repeated=self._repeated,
+            questions=self._questions,
+            stalls=self._clock.stalls if self._clock else 0,
+            stalled_seconds=self._clock.stalled_seconds if self._clock else 0.0,
+        )
+
+    def _go_back(self, number: int) -> None:
+        """What was sent from here on will be sent again."""
+        self._resends += 1
+        self._swallow = True
+        while self._pending and self._pending[-1][0] >= number:
+            self._pending.pop()
+
+    def _acknowledge(self, number: int | None, now: float) -> None:
+        """An ok: of one line, or of all up to a number."""
+        if self._swallow:
+            self._swallow = False
+            if number is None:
+                return
+        last = number if number is not None else (self._pending[0][0] if self._pending else 0)
+        while self._pending and self._pending[0][0] <= last:
+            _, command, sent = self._pending.popleft()
+            self._done(command, sent, now)
+
+    def _done(self, command: bytes, sent: float, now: float) -> None:
+        """A line was answered."""
+        since = max(sent, self._last) if self._lines else sent
+        word, values = parse(command)
+        move = self._tracker.follow(word, values)
+        held = self._stood or (self._clock is not None and self._clock.full(since))
+        self._stood = word in _STANDS
+        if self._stood:
+            self._own += now - since
+            if self._clock:
+                self._clock.stand_still(now)
+        elif word in _QUICK and not held:
+            self._latencies[floor(log2(max(now - sent, 1e-6)) * _STEPS)] += 1
+        if move is not None and self._clock is not None and self._limits is not None:
+            block = make_block(self._limits, move.delta, move.speed)
+            if block is not None:
+                self._clock.push(block, now)
+        self._lines += 1
+        self._last = now
+        second, count = self._second
+        self._second = (floor(now), count + 1 if floor(now) == second else 1)
+        self._most = max(self._most, self._second[1])
+
+    def _quantile(self, share: float) -> float | None:
+        """Latency that this share of answers did not exceed; the middle of its step."""
+        wanted = share * self._latencies.total()
+        for step in sorted(self._latencies):
+            wanted -= self._latencies[step]
+            if wanted <= 0:
+                return exp2((step + 0.5) / _STEPS)
+        return None
+
+
+class Metered:
+    """A transport that lets a meter listen."""
+
+    def __init__(self, inner: Transport, meter: LinkMeter, clock: Callable[[], float]) -> None:
+        self._inner = inner
+        self._meter = meter
+        self._clock = clock
+
+    def write(self, data: bytes) -> None:
+        """Hand over all bytes."""
+        self._meter.sent(data, self._clock())
+        self._inner.write(data)
+
+    def read(self, timeout: float) -> bytes:
+        """What has come."""
+        data = self._inner.read(timeout)
+        self._meter.received(data, self._clock())
+        return data
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._inner.close()

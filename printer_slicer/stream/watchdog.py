@@ -1,0 +1,150 @@
+"""Heaters that are on while nobody hears the printer: when to raise the alarm, and what the host says when it goes.
+
+The firmware guards its heaters (thermal protection); the host can only say that it hears nothing any more, and switch
+off what it switched on. Both ends of the cable may fail, so both are thought of: a printer that falls silent, and a
+host that ends, by its own will or by a signal. After a crash or a cut cable nothing can be said any more: then the
+firmware is alone, which is why a firmware without thermal protection is worth a warning before the print.
+
+No clock, no port: moments come in, events and bytes come out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from math import inf
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.stream.events import Identified, Temperature
+from printer_slicer.stream.tracker import parse
+
+if TYPE_CHECKING:
+    from printer_slicer.stream.events import Event
+
+__all__ = ["Alarm", "OnExit", "Unprotected", "Watchdog"]
+
+_SILENCE: Final = 10.0
+"""s without an answer or a report while heaters are on; firmware that is busy says so every 2 s."""
+
+_HEATS: Final = {b"M104": "T", b"M109": "T", b"M140": "B", b"M190": "B", b"M141": "C", b"M191": "C"}
+_OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
+
+
+class OnExit(Enum):
+    """What the host does about heaters when it ends before the print does."""
+
+    OFF = "off"
+    """Switch off what it knows to be on, and the fans."""
+    LEAVE = "leave"
+    """Say nothing: another host, or a resumed print, goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """The printer was silent for `seconds` while these heaters were on: name and °C as they were wanted."""
+
+    seconds: float
+    heaters: tuple[tuple[str, float], ...]
+
+    def __str__(self) -> str:
+        warm = ", ".join(f"{name} {target:g} °C" for name, target in self.heaters)
+        return f"no answer and no report for {self.seconds:.0f} s while heaters are on ({warm}): look at the printer"
+
+
+@dataclass(frozen=True, slots=True)
+class Unprotected:
+    """The firmware says that it does not guard its heaters."""
+
+    firmware: str
+
+    def __str__(self) -> str:
+        name = self.firmware or "the firmware"
+        return f"{name} has no thermal protection: a heater that runs away is stopped by nobody; stay with the printer"
+
+
+@dataclass(slots=True)
+class Watchdog:
+    """Watches over one connection.
+
+    Call `sent` with each command that goes out, `heard` with each event (or `alive` for an answer that makes none), and
+    `check` when `due` has come. `farewell` is what to write when the host ends early.
+
+    Attributes:
+        silence: s after which the alarm is raised, once for each silence.
+        on_exit: what to do about heaters at the end.
+        targets: heater as commands and reports name it -> °C wanted, of those that are on.
+    """
+
+    silence: float = _SILENCE
+    on_exit: OnExit = OnExit.OFF
+    targets: dict[str, float] = field(default_factory=dict)
+    _heard: float = -inf
+    _raised: bool = False
+    _tool: str = ""
+
+    def sent(self, command: bytes, now: float) -> None:
+        """A command goes to the printer, without number and checksum."""
+        word, values = parse(command)
+        if word.startswith(b"T") and word[1:].isdigit():
+            self._tool = word[1:].decode()
+            return
+        heater = _HEATS.get(word)
+        wanted = values.get(b"S", values.get(b"R"))
+        if heater is None or wanted is None:
+            return
+        if heater == "T":
+            heater += f"{values[b'T']:.0f}" if b"T" in values else self._tool
+        if not self.targets:
+            self._heard = max(self._heard, now)  # a printer that was cold may have been silent for long
+        self._want(heater, wanted)
+
+    def heard(self, event: Event, now: float) -> Unprotected | None:
+        """The printer said something; a warning if that gives reason for one."""
+        self.alive(now)
+        if isinstance(event, Temperature):
+            for reading in event.readings:
+                if reading.target is not None:
+                    self._want(self._known(reading.name), reading.target)
+        if isinstance(event, Identified) and ("THERMAL_PROTECTION", False) in event.capabilities:
+            return Unprotected(event.firmware)
+        return None
+
+    def alive(self, now: float) -> None:
+        """The printer answered."""
+        self._heard = now
+        self._raised = False
+
+    @property
+    def due(self) -> float:
+        """When to call `check`, s; infinite while nothing is on, and after the alarm."""
+        return self._heard + self.silence if self.targets and not self._raised else inf
+
+    def check(self, now: float) -> Alarm | None:
+        """The alarm, if it is time for it."""
+        if now < self.due:
+            return None
+        self._raised = True
+        return Alarm(now - self._heard, tuple(sorted(self.targets.items())))
+
+    def farewell(self) -> bytes:
+        """What to write when the host ends before the print: lines without numbers, which firmware takes at any time.
+
+        A wait for heat is broken off first (M108), or the printer would not read the rest before it is warm.
+        """
+        if self.on_exit is OnExit.LEAVE or not self.targets:
+            return b""
+        lines = [b"M108"]
+        for name in sorted(self.targets):
+            tool = b" T" + name[1:].encode() if name[1:] else b""
+            lines.append(_OFF[name[0]] % tool if name[0] == "T" else _OFF.get(name[0], b"M104 S0"))
+        return b"\n" + b"\n".join([*lines, b"M107"]) + b"\n"
+
+    def _known(self, name: str) -> str:
+        """A report says T for the tool in use; where tools were named, T is one of them."""
+        return "T" + self._tool if name == "T" else name
+
+    def _want(self, heater: str, target: float) -> None:
+        if target > 0:
+            self.targets[heater] = target
+        else:
+            self.targets.pop(heater, None)

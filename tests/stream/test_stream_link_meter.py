@@ -1,0 +1,150 @@
+"""The account of a link: rate, latency, repeats and waits, against a simulated cable whose truth is known."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from random import Random  # noqa: TID251 - seeded
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from printer_slicer.motion.rules import Limits
+from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED, FrontEnd
+from printer_slicer.sim.link import Damage, VirtualPort
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.tally import Report
+from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.session import run
+
+LIMITS = Limits(
+    max_speed=(500.0, 500.0, 50.0, 500.0),
+    max_acceleration=(1e5, 1e5, 1e4, 1e5),
+    acceleration=1e5,
+    travel_acceleration=1e5,
+    retract_acceleration=1e5,
+    corner="junction_deviation",
+    junction_deviation=0.1,
+    jerk=(10.0, 10.0, 0.4, 5.0),
+    square_corner_velocity=5.0,
+)
+
+
+def circle(lines: int, chord: float = 0.2, speed: float = 60.0) -> list[bytes]:
+    commands = [b"G28", b"M83", b"G1 X120 Y100 F6000", b"G1 F%d" % (speed * 60)]
+    for i in range(1, lines + 1):
+        angle = i * chord / 20 % (2 * pi)
+        commands.append(b"G1 X%.3f Y%.3f E.0066" % (100 + 20 * cos(angle), 100 + 20 * sin(angle)))
+    return commands
+
+
+def seen(
+    commands: list[bytes],
+    *,
+    baud: int = 115_200,
+    latency: float = 0.001,
+    front_end: FrontEnd = MARLIN_2_1,
+    window: int = 2,
+    flip: float = 0.0,
+) -> tuple[LinkSeen, Report]:
+    """What a meter makes of a print over a cable of this kind, and what the printer counted."""
+    printer = SimulatedPrinter(Machine(limits=LIMITS, coldest_extrusion=0.0), front_end, boots=False)
+    damage = Damage(Random(7), flip=flip) if flip else None
+    port = VirtualPort(printer, baud=baud, latency=latency, damage=damage)
+    meter = LinkMeter(LIMITS)
+    streamer = Streamer(commands, limits=LIMITS, window_lines=window)
+    run(streamer, Metered(port, meter, port.now), port.now, on_event=meter.heard)
+    return meter.seen(), printer.report()
+
+
+@pytest.mark.parametrize("front_end", [MARLIN_2_1, MARLIN_2_1_ADVANCED], ids=["plain", "advanced"])
+@pytest.mark.parametrize("baud", [57_600, 115_200])
+def test_what_it_counts_is_what_the_printer_counts(front_end: FrontEnd, baud: int) -> None:
+    told, counted = seen(circle(1500), baud=baud, front_end=front_end)
+
+    assert told.lines == counted.lines - 1  # one has no number: the greeting
+    assert (told.resends, told.repeated, told.questions) == (0, 0, 0)
+    assert told.stalls == pytest.approx(counted.starvations, rel=0.1, abs=3)
+    assert told.stalled_seconds == pytest.approx(counted.starved_seconds, rel=0.1, abs=0.05)
+
+
+def test_a_link_that_is_quick_enough_is_not_waited_for() -> None:
+    told, counted = seen(circle(1500), baud=500_000)
+
+    assert (told.stalls, counted.starvations) == (0, 0)
+    assert 220 < told.lines_per_second < 300  # the way to the circle takes its time, too
+
+
+@pytest.mark.parametrize("latency", [0.001, 0.004, 0.016])
+def test_latency_is_the_way_there_and_back_and_the_line_on_the_wire(latency: float) -> None:
+    """One line in flight, moves so short that the planner is never full."""
+    told, _ = seen(circle(500, chord=0.05, speed=400.0), latency=latency, window=1)
+    line = len("N1000 G1 X100.000 Y100.000 E.0066*99\n") * 10 / 115_200
+
+    assert told.latency == pytest.approx(2 * latency + line + 3 * 10 / 115_200, rel=0.1)
+    assert told.latency_95 == pytest.approx(told.latency, rel=0.1)
+
+
+def test_answers_that_a_full_planner_holds_back_are_no_latency() -> None:
+    """Moves of 10 mm at 20 mm/s: half a second each."""
+    long = [b"G28", b"G1 F1200", *[b"G1 X%d Y50" % (50 + 10 * (i % 2)) for i in range(60)]]
+    told, _ = seen(long)
+
+    assert told.latency_95 is not None
+    assert told.latency_95 < 0.02
+    assert told.stalls == 0
+
+
+def test_time_that_commands_take_for_themselves_does_not_make_the_link_slow() -> None:
+    waits = [*circle(600), b"G4 S100", *circle(600)[1:]]
+    told, _ = seen(waits, baud=57_600)
+    plain, _ = seen(circle(1200), baud=57_600)
+
+    assert told.seconds < 30
+    assert told.lines_per_second == pytest.approx(plain.lines_per_second, rel=0.1)
+
+
+def test_resends_and_questions_are_counted() -> None:
+    told, counted = seen(circle(2000), flip=2e-4)
+
+    assert counted.line_errors > 5
+    assert told.resends == pytest.approx(counted.resends, abs=3)  # some requests are damaged on their way
+    assert told.repeated >= told.resends
+    assert told.lines >= 2000
+    assert told.questions > 0
+
+
+@given(st.lists(st.binary(max_size=40)), st.lists(st.binary(max_size=40)))
+def test_any_bytes_are_taken(there: list[bytes], back: list[bytes]) -> None:
+    meter = LinkMeter(LIMITS)
+    for i, data in enumerate([*there, b"N3 G1 X5 F300*9\n", b"N4 G1 X1*9\n"]):
+        meter.sent(data, i)
+    for i, data in enumerate([*back, b"\nok\nok N9\nResend: 2\nok\nok\nok\n"]):
+        meter.received(data, 1000.0 + i)
+    told = meter.seen()
+
+    assert told.lines >= 0
+    assert str(told)
+
+
+def test_nothing_seen_is_said_as_such() -> None:
+    told = LinkMeter().seen()
+
+    assert (told.lines, told.lines_per_second, told.latency) == (0, 0.0, None)
+    assert "no answer" in str(told)
+
+
+def test_it_does_not_matter_how_bytes_are_cut() -> None:
+    meters = LinkMeter(LIMITS), LinkMeter(LIMITS)
+    for meter in meters:
+        for number in range(1, 6):
+            meter.sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
+    answers = b"ok\nok N2\n T:20 /0\nResend: 4\nok\nok\n"
+    meters[0].received(answers, 10.0)
+    for byte in answers:
+        meters[1].received(bytes([byte]), 10.0)
+
+    assert meters[0].seen() == meters[1].seen()
+    assert meters[0].seen().lines == 3

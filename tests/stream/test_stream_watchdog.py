@@ -1,0 +1,133 @@
+"""Heaters that are on while nobody hears the printer: alarms, warnings, last words. All on a clock that is told."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.stream.events import Identified, Message, Reading, Temperature
+from printer_slicer.stream.watchdog import Alarm, OnExit, Unprotected, Watchdog
+
+
+def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
+    dog = Watchdog()
+    assert dog.due == inf
+    assert dog.check(1e6) is None
+
+    dog.sent(b"M104 S200", 5.0)
+    assert dog.due == 15.0
+    assert dog.check(14.9) is None
+    assert dog.check(15.0) == Alarm(10.0, (("T", 200.0),))
+
+
+def test_an_alarm_is_raised_once_for_each_silence() -> None:
+    dog = Watchdog()
+    dog.sent(b"M140 S60", 0.0)
+    assert dog.check(11.0) is not None
+    assert (dog.due, dog.check(500.0)) == (inf, None)
+
+    dog.alive(501.0)
+    assert dog.check(505.0) is None
+    assert dog.check(511.0) == Alarm(10.0, (("B", 60.0),))
+
+
+def test_answers_and_reports_put_it_off() -> None:
+    dog = Watchdog()
+    dog.sent(b"M190 S60", 0.0)
+    for now in range(1, 100, 9):
+        assert dog.heard(Message("echo:busy: processing"), float(now)) is None
+        assert dog.check(now + 9.0) is None
+
+
+def test_what_is_switched_off_is_not_watched_any_more() -> None:
+    dog = Watchdog()
+    dog.sent(b"M109 R210", 0.0)
+    dog.sent(b"M140 S60", 0.0)
+    dog.sent(b"M104 S0", 1.0)
+    assert dog.targets == {"B": 60.0}
+    dog.sent(b"M140 S0", 2.0)
+    assert (dog.targets, dog.due) == ({}, inf)
+
+
+def test_targets_are_learnt_from_reports_too() -> None:
+    """A host that joins a running print, or a person at the display."""
+    dog = Watchdog()
+    dog.heard(Temperature((Reading("T", 180.0, 210.0), Reading("B", 50.0, 60.0))), 3.0)
+    assert dog.due == 13.0
+    dog.heard(Temperature((Reading("T", 180.0, 0.0), Reading("B", 50.0, 0.0))), 5.0)
+    assert dog.due == inf
+
+
+def test_tools_are_told_apart() -> None:
+    dog = Watchdog()
+    dog.sent(b"M104 T1 S200", 0.0)
+    dog.sent(b"T0", 0.0)
+    dog.sent(b"M104 S210", 0.0)
+    assert dog.targets == {"T1": 200.0, "T0": 210.0}
+    dog.heard(
+        Temperature((Reading("T", 20.0, 0.0), Reading("T0", 20.0, 0.0), Reading("T1", 20.0, 200.0))), 1.0
+    )
+    assert dog.targets == {"T1": 200.0}
+
+
+def test_firmware_without_thermal_protection_is_worth_a_warning() -> None:
+    dog = Watchdog()
+
+    assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", False),)), 0.0) == Unprotected("Marlin")
+    assert dog.heard(Identified("Marlin", (("THERMAL_PROTECTION", True),)), 0.0) is None
+    assert dog.heard(Identified("Marlin", ()), 0.0) is None
+    assert "stay with the printer" in str(Unprotected(""))
+
+
+@pytest.mark.parametrize("boots", [True, False])
+def test_its_last_words_make_a_printer_cold_that_waits_for_heat(boots: bool) -> None:
+    printer = SimulatedPrinter(Machine(), boots=boots)
+    dog = Watchdog()
+    for command in (b"M140 S60", b"M104 S200", b"M109 S200"):
+        dog.sent(command, 1.0)
+        printer.receive(command + b"\n", 1.0)
+    printer.send(5.0)
+    printer.receive(dog.farewell(), 5.0)
+    printer.receive(b"M105\n", 6.0)
+    said = printer.send(7.0).decode()
+
+    assert "/0.00 B:" in said.splitlines()[-1]
+    assert said.count("/0.00") >= 2
+
+
+def test_nothing_is_said_where_nothing_is_on_or_another_host_goes_on() -> None:
+    dog = Watchdog()
+    assert dog.farewell() == b""
+    dog.sent(b"M104 S200", 0.0)
+    assert b"M104 S0" in dog.farewell()
+    dog.on_exit = OnExit.LEAVE
+    assert dog.farewell() == b""
+
+
+COMMANDS = st.sampled_from(
+    [b"M104 S200", b"M104 S0", b"M140 S60", b"M140 S0", b"M109 T1 S210", b"G1 X5", b"T1"]
+)
+
+
+@given(st.lists(st.tuples(COMMANDS, st.floats(0, 20)), max_size=30))
+def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tuple[bytes, float]]) -> None:
+    dog, now = Watchdog(), 0.0
+    for command, pause in steps:
+        dog.sent(command, now)
+        due = dog.due
+        assert (due == inf) or dog.targets
+        if due < inf:
+            assert dog.check(max(due - 1e-3, 0.0)) is None or due <= now
+        now += pause
+        alarm = dog.check(now)
+        assert (alarm is not None) == (due <= now)
+        if alarm is None and pause < 5:
+            dog.alive(now)
+    for name in dog.targets:
+        assert name[0].encode() in (b"T", b"B")
+    assert dog.farewell().count(b" S0") == len(dog.targets)
