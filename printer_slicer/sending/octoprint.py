@@ -1,0 +1,35 @@
+"""OctoPrint. Source: its documentation, "REST API: File operations", "Version information"."""
+
+from __future__ import annotations
+
+from printer_slicer.errors import PortError
+from printer_slicer.sending.connection import Connection, Upload, refused
+
+__all__ = ["send_to_octoprint"]
+
+
+def send_to_octoprint(connection: Connection, upload: Upload) -> str:
+    """Upload to the folder of uploads; the path there.
+
+    Raises:
+        PortError: it cannot be done.
+    """
+    if connection.key:
+        connection.head({"X-Api-Key": connection.key})
+    version = connection.ask("GET", "/api/version")
+    if version.status_code != 200:
+        raise refused(connection, version, "asked who it is")
+    if "api" not in connection.said(version):
+        raise PortError(f"{connection.url}: what answers there is no OctoPrint", remedy="check --to")
+    fields = {"path": upload.folder.strip("/"), "print": "true" if upload.start else "false"}
+    answer = connection.form("/api/files/local", upload, fields)
+    if answer.status_code != 201:
+        raise refused(connection, answer, f"{upload.name} was not taken")
+    told = connection.said(answer)
+    place = str(told.get("files", {}).get("local", {}).get("path", upload.place))
+    if upload.start and not told.get("effectivePrint", True):
+        raise PortError(
+            f"{connection.url}: {place} is there, but is not printed",
+            remedy="connect OctoPrint to its printer, and start it on its page",
+        )
+    return place

@@ -1,0 +1,271 @@
+"""Files sent to print servers: OctoPrint and Moonraker as they are, PrusaLink and Duet as they are documented."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from printer_slicer.errors import PortError, UsageError
+from printer_slicer.sending import SERVERS, Upload, send
+from tests.cli.command_line import is_message, typed
+from tests.hosts.others import KEY, moonraker, octoprint
+from tests.hosts.small_servers import duet, prusalink
+
+
+@pytest.fixture(autouse=True)
+def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PRINTER_SLICER_KEY", raising=False)
+
+
+@pytest.fixture
+def gcode(tmp_path: Path) -> Path:
+    """A file that is sent in many pieces."""
+    path = tmp_path / "a part.gcode"
+    path.write_bytes(b"".join(b"G1 X%d Y%d E%d F1800\n" % (i % 200, i % 180, i) for i in range(100_000)))
+    return path
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> Path:
+    path = tmp_path / "key"
+    path.write_text(f"{KEY}\n")
+    return path
+
+
+# OctoPrint
+
+
+@pytest.fixture(scope="module")
+def octo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
+    folder = tmp_path_factory.mktemp("octoprint")
+    with octoprint(folder) as url:
+        yield url, folder / "uploads"
+
+
+def test_octoprint_gets_the_file_as_it_is(octo: tuple[str, Path], gcode: Path, key_file: Path) -> None:
+    url, uploads = octo
+    done = typed("send", gcode, "--to", "octoprint", url, "--key-file", key_file, "--json")
+    facts = json.loads(done.out)
+
+    assert (done.code, done.err) == (0, "")
+    assert facts["bytes"] == gcode.stat().st_size
+    assert (uploads / facts["place"]).read_bytes() == gcode.read_bytes()
+
+
+def test_octoprint_puts_it_into_a_folder(octo: tuple[str, Path], gcode: Path, key_file: Path) -> None:
+    url, uploads = octo
+    done = typed(
+        *("send", gcode, "--to", "octoprint", url, "--key-file", key_file),
+        *("--folder", "parts/small", "--name", "b.gcode"),
+    )
+
+    assert done.code == 0, done.err
+    assert (uploads / "parts" / "small" / "b.gcode").read_bytes() == gcode.read_bytes()
+
+
+def test_octoprint_without_a_printer_does_not_print(
+    octo: tuple[str, Path], gcode: Path, key_file: Path
+) -> None:
+    done = typed("send", gcode, "--to", "octoprint", octo[0], "--key-file", key_file, "--print")
+
+    assert done.code == 4
+    assert is_message(done, "is there, but is not printed")
+
+
+def test_octoprint_refuses_a_wrong_key(
+    octo: tuple[str, Path], gcode: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    missing = typed("send", gcode, "--to", "octoprint", octo[0])
+    monkeypatch.setenv("PRINTER_SLICER_KEY", "wrong")
+    wrong = typed("send", gcode, "--to", "octoprint", octo[0])
+    monkeypatch.setenv("PRINTER_SLICER_KEY", KEY)
+    right = typed("send", gcode, "--to", "octoprint", octo[0])
+
+    assert (missing.code, wrong.code, right.code) == (4, 4, 0)
+    assert is_message(missing, "a key is wanted", "--key-file")
+    assert is_message(wrong, "this key is not taken", "PRINTER_SLICER_KEY")
+
+
+def test_octoprint_is_not_taken_for_another_server(octo: tuple[str, Path], gcode: Path) -> None:
+    for kind in ("moonraker", "prusalink", "duet"):
+        done = typed("send", gcode, "--to", kind, octo[0])
+        assert done.code == 4
+        assert is_message(done, kind)
+
+
+# Moonraker
+
+
+def test_moonraker_gets_the_file_as_it_is(tmp_path: Path, gcode: Path) -> None:
+    with moonraker(tmp_path / "data") as url:
+        done = typed("send", gcode, "--to", "moonraker", url, "--folder", "parts/small", "--json")
+        printed = typed("send", gcode, "--to", "moonraker", url, "--print")
+
+    assert (done.code, done.err) == (0, "")
+    place = json.loads(done.out)["place"]
+    assert place == "parts/small/a part.gcode"
+    assert (tmp_path / "data" / "gcodes" / place).read_bytes() == gcode.read_bytes()
+    assert printed.code == 4
+    assert is_message(printed, "Klipper is not ready")
+    assert not (tmp_path / "data" / "gcodes" / gcode.name).exists()
+
+
+def test_moonraker_refuses_whom_it_does_not_know(tmp_path: Path, gcode: Path) -> None:
+    with moonraker(tmp_path / "data", trusts=False) as url:
+        done = typed("send", gcode, "--to", "moonraker", url)
+
+    assert done.code == 4
+    assert is_message(done, "401", "a key is wanted")
+    assert "Traceback" not in done.err
+
+
+# PrusaLink
+
+
+def test_prusalink_by_key(gcode: Path, key_file: Path) -> None:
+    with prusalink(key=KEY) as seen:
+        done = typed("send", gcode, "--to", "prusalink", seen.url, "--key-file", key_file)
+        assert (done.code, done.err) == (0, "")
+        assert seen.files == {"/usb/a part.gcode": gcode.read_bytes()}
+        assert seen.started == []
+
+        again = typed("send", gcode, "--to", "prusalink", seen.url, "--key-file", key_file, "--print")
+        assert again.code == 0
+        assert seen.started == ["/usb/a part.gcode"]
+
+
+def test_prusalink_by_password(gcode: Path, key_file: Path) -> None:
+    with prusalink(key=KEY, user="maker") as seen:
+        who = ("--key-file", key_file, "--user", "maker")
+        done = typed("send", gcode, "--to", "prusalink", seen.url, *who, "--print")
+
+        assert (done.code, done.err) == (0, "")
+        assert seen.files == {"/usb/a part.gcode": gcode.read_bytes()}
+        assert seen.started == ["/usb/a part.gcode"]
+        wrong = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "no", "--user", "maker")
+        assert wrong.code == 4
+        assert is_message(wrong, "401", "this key is not taken")
+
+
+def test_prusalink_says_what_it_does_not_take(gcode: Path) -> None:
+    with prusalink() as seen:
+        done = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "secret", "--name", "a.g")
+        assert done.code == 4
+        assert is_message(done, "415", "end in .gcode")
+    with prusalink(full=True) as seen:
+        done = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "secret")
+        assert is_message(done, "no storage")
+
+
+# Duet
+
+
+@pytest.mark.parametrize("by_computer", [False, True])
+def test_duet(gcode: Path, by_computer: bool) -> None:
+    with duet(by_computer=by_computer) as seen:
+        done = typed("send", gcode, "--to", "duet", seen.url, "--key", "secret", "--print")
+
+        assert (done.code, done.err) == (0, "")
+        assert seen.files == {"0:/gcodes/a part.gcode": gcode.read_bytes()}
+        assert seen.started == ["0:/gcodes/a part.gcode"]
+        wrong = typed("send", gcode, "--to", "duet", seen.url, "--key", "wrong")
+        assert wrong.code == 4
+        assert "--key-file" in wrong.err
+
+
+def test_duet_without_room(gcode: Path) -> None:
+    with duet(full=True) as seen:
+        done = typed("send", gcode, "--to", "duet", seen.url, "--key", "secret", "--print")
+
+        assert done.code == 4
+        assert is_message(done, "was not taken", "room")
+        assert seen.started == []
+        assert seen.requests[-1] == "GET /rr_disconnect"
+
+
+# All of them
+
+
+def test_progress_goes_from_nothing_to_all_of_it(gcode: Path) -> None:
+    told: list[tuple[int, int]] = []
+    size = gcode.stat().st_size
+    with prusalink() as seen:
+        upload = Upload(gcode, "a.gcode", on_progress=lambda done, whole: told.append((done, whole)))
+        send(upload, "prusalink", seen.url, key="secret")
+
+    assert len(told) > 20
+    assert sorted(told) == told
+    assert told[-1] == (size, size)
+
+
+@pytest.mark.parametrize("kind", sorted(SERVERS))
+def test_nobody_there(kind: str, gcode: Path) -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))  # bound, but nobody listens
+        done = typed("send", gcode, "--to", kind, f"127.0.0.1:{unused.getsockname()[1]}")
+
+    assert done.code == 4
+    assert is_message(done, "nobody answers there", "is the server on")
+
+
+@pytest.mark.parametrize("kind", sorted(SERVERS))
+def test_a_server_that_says_nothing(kind: str, gcode: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(PortError, match="no answer in time"):
+            send(Upload(gcode, "a.gcode"), kind, url, timeout=0.3)
+
+
+@pytest.mark.parametrize("kind", sorted(SERVERS))
+@pytest.mark.parametrize(
+    "answer", [b"", b"nonsense\r\n\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 4\r\n\r\n[42]"]
+)
+def test_a_server_that_is_none(kind: str, answer: bytes, gcode: Path) -> None:
+    def one(server: socket.socket) -> None:
+        while True:
+            try:
+                other, _ = server.accept()
+            except OSError:
+                return
+            with other:
+                other.recv(4096)
+                other.sendall(answer)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = Thread(target=one, args=(server,))
+        thread.start()
+        with pytest.raises(PortError):
+            send(Upload(gcode, "a.gcode"), kind, f"127.0.0.1:{server.getsockname()[1]}", timeout=5)
+        server.shutdown(socket.SHUT_RDWR)
+    thread.join()
+
+
+@pytest.mark.parametrize("url", ["ftp://there", "http://", "://x"])
+def test_addresses_that_are_none(url: str, gcode: Path) -> None:
+    with pytest.raises(UsageError, match="no address"):
+        send(Upload(gcode, "a.gcode"), "octoprint", url)
+
+
+@pytest.mark.parametrize("name", ["", "../a.gcode", "a/b.gcode", "a\n.gcode"])
+def test_names_that_are_none(name: str, gcode: Path) -> None:
+    with pytest.raises(UsageError, match="no name"):
+        Upload(gcode, name)
+
+
+def test_what_cannot_be_sent_is_named(tmp_path: Path, gcode: Path) -> None:
+    model = tmp_path / "a.stl"
+    model.write_bytes(b"solid")
+
+    assert is_message(typed("send", model, "--to", "duet", "there"), "no G-code", "slice")
+    assert is_message(typed("send", tmp_path / "b.gcode", "--to", "duet", "there"), "no such file")
+    assert is_message(typed("send", gcode, "--to", "prusa", "there"), "no such kind", "prusalink")
+    assert is_message(typed("send", gcode, "--to", "duet", "there", "--folder", "../.."), "no folder")
+    missing = typed("send", gcode, "--to", "duet", "there", "--key-file", tmp_path / "none")
+    assert is_message(missing, "cannot be read")
+    assert os.environ.get("PRINTER_SLICER_KEY") is None
