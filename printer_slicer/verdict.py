@@ -30,6 +30,7 @@ _LONGEST = 30 * 86400.0  # s; no print takes that long, but a slip in a file may
 _PERSON = 60.0  # s until somebody answers a file that waits for a person
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
 _OURS = (b"M105", b"M110", b"M114", b"M115", b"M400")  # what the host asks on its own account
+_OTHERS = (b"M20", b"M21", b"M27", b"M113", b"M155")  # what other hosts ask on theirs
 _SHOWN = 20  # problems told in full
 
 
@@ -88,13 +89,18 @@ class Comparison:
         if due or not (self._commands or command.startswith(_OURS)):
             self.executed += 1
             self._hash.update(command + b"\n")
-        elif command.startswith(_OURS):
+        elif command.startswith(_OURS + _OTHERS):
             self._own.append(self._begun)
         else:
             self._own.append(self._begun)
             self.n_strays += 1
             if len(self.strays) < _SHOWN:
                 self.strays.append((self.executed, text))
+
+    def of_job(self, executed: int) -> bool:
+        """Whether the command that was executed as number `executed`, counted from 1, is one of the job."""
+        at = bisect_right(self._own, executed)
+        return not at or self._own[at - 1] != executed
 
     def command_of(self, executed: int) -> int:
         """Index in the job of the command that was executed as number `executed`, counted from 1."""
@@ -250,9 +256,10 @@ def _problems(
     problems = [f"the host gave up: {end.reason}" for end in ends if isinstance(end, Halted)]
     if report.killed:
         problems.append(f"the printer halted: {report.killed}")
-    problems += [_located(job, comparison, *violation) for violation in report.violations[:_SHOWN]]
-    if report.n_violations > _SHOWN:
-        problems.append(f"... and {report.n_violations - _SHOWN} more")
+    violations = [one for one in report.violations if comparison.of_job(one.line)]
+    problems += [_located(job, comparison, *violation) for violation in violations[:_SHOWN]]
+    if (more := report.n_violations - len(report.violations) + len(violations) - _SHOWN) > 0:
+        problems.append(f"... and {more} more")
     if comparison.executed != len(job.commands):
         problems.append(f"{comparison.executed} of {len(job.commands)} commands were executed")
     problems += [f"executed out of turn after command {after}: {text}" for after, text in comparison.strays]

@@ -44,7 +44,7 @@ def serve(
     link_path: Path,
     *,
     speed: float = 1.0,
-    baud: int | None = None,
+    connect: Callable[[SimulatedPrinter], Cable] = Cable,
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
@@ -58,8 +58,8 @@ def serve(
             end.
         speed: simulated seconds per real second. 0 or infinity: the printer's time runs like the real one,
             but whenever the host waits for an answer, the time until that answer is skipped.
-        baud: pace of the bytes in simulated time; None = they take none. A front end with a small receive
-            buffer wants it: without, everything written at once arrives at once.
+        connect: makes the cable, with the pace and latency of the bytes in simulated time. A front end with a small
+            receive buffer wants a pace: without, everything written at once arrives at once.
         stop: asked about twenty times a second.
         ready: called with the name of the device when it can be opened.
 
@@ -76,7 +76,7 @@ def serve(
         printer = printer_factory()
         # Ctrl-C is how a person ends it.
         with contextlib.suppress(KeyboardInterrupt):
-            _carry(printer, Cable(printer, baud=baud), master, _Clock(speed), stop)
+            _carry(printer, connect(printer), master, _Clock(speed), stop)
         return printer.report()
 
 

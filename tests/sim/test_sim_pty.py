@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from math import inf
 from pathlib import Path
 from threading import Event, Thread
@@ -14,6 +15,7 @@ import pytest
 import serial
 
 from printer_slicer.errors import PortError
+from printer_slicer.sim.link import Cable
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -34,7 +36,7 @@ def served(link: Path, *, speed: float = 1.0, baud: int | None = None) -> Iterat
             lambda: SimulatedPrinter(machine, boots=False),
             link,
             speed=speed,
-            baud=baud,
+            connect=partial(Cable, baud=baud),
             stop=stop.is_set,
             ready=lambda _: ready.set(),
         )

@@ -1,0 +1,307 @@
+"""Our host beside OctoPrint and Printrun, each as it is in the package index, on the same simulated printer over a pty.
+
+    PRINTER_SLICER_HOSTS=hosts python -m benchmarks.hosts [--lines N] [--faults] [--rates] [--starving] [--only NAME]
+
+docs/hosts.md says how to make the environments. Three tables: lines a second where only the cable limits; standstills
+of a machine that prints 0.2 mm chords at 60 mm/s; and what becomes of a print when something goes wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import select
+import subprocess
+import sys
+import tempfile
+import urllib.request
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from math import cos, pi, sin
+from pathlib import Path
+from time import monotonic
+from typing import Any, Final
+
+from benchmarks.faulty_printer import FAULTS, PREPARED
+from benchmarks.processes import machine_note
+
+ROOT: Final = Path(__file__).parents[1]
+BAUDS: Final = (115_200, 250_000)
+LATENCIES: Final = (1.0, 16.0)  # ms, there and back
+FAULT_SECONDS: Final = 90.0
+_KEY: Final = "0123456789ABCDEF0123456789ABCDEF"
+_CONFIG: Final = """\
+server: {firstRun: false, onlineCheck: {enabled: false}, pluginBlacklist: {enabled: false}}
+serial: {additionalPorts: [%s], autoconnect: false}
+plugins:
+  _disabled: [announcements, softwareupdate, discovery, pluginmanager, tracking, errortracking, virtual_printer, backup]
+"""
+
+Host = Callable[[Path, Path, float], str]
+"""Prints a file to a port within some seconds; how it ended, in words."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the tables that are asked for; all of them by default."""
+    options = _options(argv)
+    print(machine_note())
+    every = not (options.rates or options.starving or options.faults)
+    with tempfile.TemporaryDirectory() as name, _hosts(Path(name), options.only) as hosts:
+        folder = Path(name)
+        if options.rates or every:
+            _rates(hosts, folder, options.lines)
+        if options.starving or every:
+            _starving(hosts, folder, options.lines)
+        if options.faults or every:
+            _faults(hosts, folder)
+    return 0
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Hosts side by side on the same simulated printer.")
+    parser.add_argument("--lines", type=int, default=2000, help="of the job (default 2000)")
+    parser.add_argument("--rates", action="store_true")
+    parser.add_argument("--starving", action="store_true")
+    parser.add_argument("--faults", action="store_true")
+    parser.add_argument("--only", help="one host: ours, octoprint or printrun")
+    return parser.parse_args(argv)
+
+
+def circle(lines: int) -> str:
+    """Chords of 0.2 mm at 60 mm/s, 300 a second, as a slicer writes them."""
+    commands = ["G28", "M83", "G1 X120 Y100 F6000", "G4 P0", "G1 F3600"]
+    for i in range(1, lines + 1):
+        angle = i * 0.2 / 20 % (2 * pi)
+        commands.append(f"G1 X{100 + 20 * cos(angle):.3f} Y{100 + 20 * sin(angle):.3f} E0.00665")
+    return "\n".join(commands) + "\n"
+
+
+def _quick(lines: int) -> str:
+    """The same at a speed at which only the cable limits."""
+    return circle(lines).replace("F3600", "F60000")
+
+
+# Hosts
+
+
+@contextmanager
+def _hosts(folder: Path, only: str | None) -> Iterator[dict[str, Host]]:
+    """Those that are installed, by name."""
+    where = Path(os.environ.get("PRINTER_SLICER_HOSTS", "hosts"))
+    link = folder / "printer"
+    hosts: dict[str, Host] = {"ours": _ours}
+    if (where / "printrun" / "bin" / "python").exists():
+        hosts["printrun"] = lambda port, job, limit: _printrun(where, port, job, limit)
+    octoprint = where / "octoprint" / "bin" / "octoprint"
+    wanted = only in {None, "octoprint"} and octoprint.exists()
+    if wanted:
+        with _octoprint(octoprint, folder / "octoprint", link) as url:
+            hosts["octoprint"] = lambda port, job, limit: _by_octoprint(url, port, job, limit)
+            yield {name: host for name, host in hosts.items() if only in {None, name}}
+    else:
+        yield {name: host for name, host in hosts.items() if only in {None, name}}
+
+
+def _ours(port: Path, job: Path, limit: float) -> str:
+    """Ours, by its command."""
+    command = [sys.executable, "-m", "printer_slicer", "print", str(job), "--port", str(port), "--json"]
+    limits = [
+        f"--set=printer.{name}=3000" for name in ("acceleration", "max_acceleration_x", "max_acceleration_y")
+    ]
+    with tempfile.TemporaryDirectory() as work:
+        return _ended(
+            [*command, "--allow", "feed", *limits],
+            limit,
+            env={"PYTHONPATH": str(ROOT), "HOME": work},
+            cwd=Path(work),
+        )
+
+
+def _printrun(where: Path, port: Path, job: Path, limit: float) -> str:
+    """Printrun's printcore, by its Python."""
+    script = ROOT / "benchmarks" / "drive_printcore.py"
+    command = [where / "printrun" / "bin" / "python", script, port, job, limit - 5]
+    return _ended(list(map(str, command)), limit)
+
+
+def _ended(
+    command: list[str], limit: float, env: dict[str, str] | None = None, cwd: Path | None = None
+) -> str:
+    """How a process ended: its code, and the last lines it said."""
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            timeout=limit,
+            check=False,
+            env={**os.environ, **(env or {})},
+            cwd=cwd,
+        )
+    except subprocess.TimeoutExpired:
+        return "hangs"
+    said = (done.stderr.decode(errors="replace") or done.stdout.decode(errors="replace")).strip()
+    if done.returncode == 0:
+        return "ended" if '"done": false' not in done.stdout.decode(errors="replace") else "hangs"
+    return f"stopped ({done.returncode}): {said.splitlines()[0] if said else ''}"
+
+
+@contextmanager
+def _octoprint(binary: Path, folder: Path, link: Path) -> Iterator[str]:
+    """The address of an OctoPrint that knows our port."""
+    folder.mkdir()
+    (folder / "config.yaml").write_text(_CONFIG % link)
+    base = [str(binary), "--basedir", str(folder)]
+    subprocess.run(
+        [*base, "user", "add", "bench", "--password", "secret", "--admin"], check=True, capture_output=True
+    )
+    users = folder / "users.yaml"
+    users.write_text(re.sub("apikey: .*", f"apikey: {_KEY}", users.read_text()))
+    serve = [*base, "serve", "--host", "127.0.0.1", "--port", "5091", "--iknowwhatimdoing"]
+    with (folder / "log").open("wb") as log:
+        process = subprocess.Popen(serve, stdout=log, stderr=subprocess.STDOUT)
+        try:
+            url = "http://127.0.0.1:5091"
+            _until(lambda: "api" in _asked(url, "/api/version"), 120)
+            yield url
+        finally:
+            process.terminate()
+            process.wait(30)
+
+
+def _asked(url: str, path: str, body: dict[str, Any] | None = None) -> dict[str, Any]:
+    """One request to OctoPrint; {} while it does not answer."""
+    data = None if body is None else json.dumps(body).encode()
+    headers = {"X-Api-Key": _KEY, "Content-Type": "application/json"}
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url + path, data, headers), timeout=20) as answer:
+            text = answer.read()
+    except (OSError, ValueError):
+        return {}
+    except Exception:  # noqa: BLE001 - it says nonsense while it starts
+        return {}
+    return dict(json.loads(text)) if text.strip().startswith(b"{") else {"said": True}
+
+
+def _until(true: Callable[[], bool], seconds: float, pause: float = 0.2) -> bool:
+    """Wait for something; whether it came."""
+    end = monotonic() + seconds
+    while monotonic() < end:
+        if true():
+            return True
+        select.select([], [], [], pause)
+    return False
+
+
+def _by_octoprint(url: str, port: Path, job: Path, limit: float) -> str:
+    """OctoPrint, by its requests."""
+    from printer_slicer.sending import Upload, send
+
+    send(Upload(job, job.name), "octoprint", url, key=_KEY)
+
+    def state() -> str:
+        """What it says that it is doing."""
+        return str(_asked(url, "/api/job").get("state", ""))
+
+    connect = {"command": "connect", "port": str(port), "baudrate": 115200, "save": False}
+    if not _asked(url, "/api/connection", connect) or not _until(lambda: state() == "Operational", 60):
+        said = state()
+        _asked(url, "/api/connection", {"command": "disconnect"})
+        return f"stopped: does not connect ({said})"
+    _asked(url, f"/api/files/local/{job.name}", {"command": "select", "print": True})
+    _until(lambda: state().startswith("Printing"), 15, 0.05)
+    over = _until(lambda: not state().startswith(("Printing", "Finishing", "Starting")), limit)
+    told = _asked(url, "/api/job")
+    done = (told.get("progress") or {}).get("completion") == 100
+    _asked(url, "/api/connection", {"command": "disconnect"})
+    if not over:
+        return "hangs"
+    return "ended" if done and told.get("state") == "Operational" else f"stopped: {told.get('state')}"
+
+
+# Runs
+
+
+def _run(host: Host, folder: Path, text: str, limit: float, *flags: str) -> tuple[dict[str, Any], str]:
+    """One job by one host: what the printer saw, and how the host says it ended."""
+    job, report, link = folder / "job.gcode", folder / "report.json", folder / "printer"
+    job.write_text(text)
+    report.unlink(missing_ok=True)
+    serve = [sys.executable, "-m", "benchmarks.faulty_printer", str(link), str(job), str(report), *flags]
+    with subprocess.Popen(serve, stdout=subprocess.PIPE, cwd=ROOT) as printer:
+        assert printer.stdout is not None
+        printer.stdout.readline()  # it is ready
+        try:
+            ended = host(link, job, limit)
+        finally:
+            printer.terminate()
+            printer.wait(20)
+    return json.loads(report.read_text()), ended
+
+
+def _flags(baud: int, latency: float, *more: str) -> list[str]:
+    return ["--baud", str(baud), "--latency", str(latency), *more]
+
+
+def _wire(text: str, baud: int) -> float:
+    """Lines a second that the wire itself brings: numbers, checksums and newlines counted."""
+    from printer_slicer.stream.framing import frame
+
+    lines = text.encode().splitlines()
+    sizes = [len(frame(number, line)) + 1 for number, line in enumerate(lines, 3)]
+    return baud / 10 / (sum(sizes) / len(sizes))
+
+
+def _rates(hosts: dict[str, Host], folder: Path, lines: int) -> None:
+    text = _quick(lines)
+    print("\nlines/s (share of the wire's)")
+    for baud in BAUDS:
+        wire = _wire(text, baud)
+        for latency in LATENCIES:
+            row = []
+            for name, host in hosts.items():
+                seen, ended = _run(host, folder, text, 400.0, *_flags(baud, latency))
+                rate = (seen["in_order"] - PREPARED - 1) / max(seen["seconds"], 1e-9)
+                well = "" if seen["in_order"] == seen["commands"] else f" {seen['in_order']} lines, {ended}"
+                row.append(f"{name} {rate:.0f} ({rate / wire:.0%}){well}")
+            print(f"{baud} Bd, {latency:g} ms, wire {wire:.0f}: {'; '.join(row)}", flush=True)
+
+
+def _starving(hosts: dict[str, Host], folder: Path, lines: int) -> None:
+    text = circle(lines)
+    print(
+        f"\nchords of 0.2 mm at 60 mm/s, {lines} lines: standstills, seconds from the first to the last line"
+    )
+    for baud in BAUDS:
+        for latency in LATENCIES:
+            row = []
+            for name, host in hosts.items():
+                flags = _flags(baud, latency, "--machine", "part")
+                seen, _ = _run(host, folder, text, 400.0, *flags)
+                stands = f"{seen['starvations']} ({seen['starved_seconds']:.1f} s)"
+                row.append(f"{name} {stands}, {seen['seconds']:.1f} s")
+            print(f"{baud} Bd, {latency:g} ms: {'; '.join(row)}", flush=True)
+
+
+def _faults(hosts: dict[str, Host], folder: Path) -> None:
+    text = circle(1500)
+    print("\nfaults, 115200 Bd, 1 ms, 1505 lines")
+    for fault in FAULTS:
+        for name, host in hosts.items():
+            flags = _flags(BAUDS[0], LATENCIES[0], "--machine", "part", "--fault", fault)
+            begun = monotonic()
+            seen, ended = _run(host, folder, text, FAULT_SECONDS, *flags)
+            took = monotonic() - begun
+            whole = (
+                "all lines, once, in order"
+                if seen["in_order"] == seen["commands"]
+                else f"{seen['in_order']} lines"
+            )
+            more = f", {seen['strays']} out of order" if seen["strays"] else ""
+            more += f", {seen['after_reset']} after the reset" if fault == "reset" else ""
+            print(f"{fault}: {name}: {whole}{more}; {took:.0f} s; {ended[:150]}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
