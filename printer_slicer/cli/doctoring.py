@@ -1,0 +1,85 @@
+"""`doctor`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from time import monotonic
+from typing import Any, Final
+
+from printer_slicer.cli.common import say, visible
+from printer_slicer.doctor import Check, Examination, examine, state_of
+from printer_slicer.errors import PortError
+from printer_slicer.stream.serial_port import list_ports, open_port
+
+__all__ = ["doctor_command"]
+
+_MARKS: Final = {"good": "ok  ", "warn": "warn", "bad": "BAD "}
+
+
+def doctor_command(arguments: argparse.Namespace) -> int:
+    """Look at one port and the printer behind it, or at all ports without asking anybody."""
+    return _one(arguments) if arguments.port else _all(arguments)
+
+
+def _all(arguments: argparse.Namespace) -> int:
+    """What the system says of every port."""
+    looked: list[tuple[str, list[Check]]] = []
+    for port in list_ports():
+        name = f"{port.address} ({port.description})" if port.description else port.address
+        looked.append((name, list(state_of(port.device).checks())))
+    if arguments.json:
+        print(json.dumps({"ports": [{"port": name, "checks": _facts(checks)} for name, checks in looked]}))
+    elif not looked:
+        say(arguments, "no serial ports found; is the printer switched on and its USB cable plugged in?")
+    for name, checks in looked:
+        say(arguments, "\n".join([name, *_lines(checks)]))
+    if looked and not arguments.json:
+        say(arguments, "name one to ask the printer behind it: printer-slicer doctor PORT")
+    return 0
+
+
+def _one(arguments: argparse.Namespace) -> int:
+    """A port, and the printer behind it."""
+    checks, found = _look(arguments)
+    bad = [check for check in checks if check.state == "bad"]
+    if arguments.json:
+        facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _facts(checks)}
+        print(json.dumps(facts | {"printer": asdict(found) if found else None}))
+    else:
+        say(arguments, "\n".join(_lines(checks)))
+    if bad:
+        raise PortError(f"{arguments.port}: {bad[0].what}", remedy=bad[0].remedy)
+    return 0
+
+
+def _look(arguments: argparse.Namespace) -> tuple[list[Check], Examination | None]:
+    """The port first; only where nothing is in the way, the printer."""
+    checks = [] if "://" in arguments.port else list(state_of(arguments.port).checks())
+    if any(check.state == "bad" for check in checks):
+        return checks, None
+    try:
+        port = open_port(arguments.port, arguments.baud)
+    except PortError as error:
+        return [*checks, Check("open", "bad", str(error).splitlines()[0], error.remedy)], None
+    try:
+        found = examine(port, monotonic, baud=arguments.baud)
+    except PortError as error:
+        return [*checks, Check("open", "bad", str(error).splitlines()[0], error.remedy)], None
+    finally:
+        port.close()
+    return [*checks, *found.checks()], found
+
+
+def _facts(checks: Iterable[Check]) -> list[dict[str, Any]]:
+    return [asdict(check) for check in checks]
+
+
+def _lines(checks: Sequence[Check]) -> list[str]:
+    lines = []
+    for check in checks:
+        lines.append(f"  {_MARKS[check.state]}  {check.name:<20}{check.what}")
+        lines += [f"        {'':<20}{check.remedy}"] if check.remedy else []
+    return [visible(line) for line in lines]

@@ -1,0 +1,208 @@
+"""The printer behind a port: who it is, what it can do, how fast lines go, by commands that change nothing.
+
+The lines are dwells of no time (`G4 P0.000...`), as long as the lines of a print; they are numbered and checked as
+those are. Nothing heats, nothing moves. On boards that reset when their port is opened, opening it does so, as printing
+would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median, quantiles
+from typing import Final
+
+from printer_slicer.doctor.checks import Check
+from printer_slicer.stream.events import Accepted, Event, Halted, Identified, Temperature
+from printer_slicer.stream.framing import frame
+from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.session import run
+from printer_slicer.stream.transport import Transport
+
+__all__ = ["Examination", "examine"]
+
+_LINE: Final = b"G4 P0.000000000000000000000"  # 38 bytes with number, checksum and line break
+_ALONE: Final = 60
+_ABREAST: Final = 240
+_PATIENCE: Final = 15.0  # s for a printer to answer at all
+_LATE: Final = 0.008  # s of an answer over what its bytes take: a latency timer, or a hub
+_SLOW: Final = 0.7  # of the lines that the wire could bring
+_WORTH: Final = (
+    "EMERGENCY_PARSER",
+    "AUTOREPORT_TEMP",
+    "HOST_ACTION_COMMANDS",
+    "PROMPT_SUPPORT",
+    "ARCS",
+    "SDCARD",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What a printer said, and how fast. Times in s.
+
+    Attributes:
+        firmware: as it names itself; "" if it does not.
+        capabilities: as it says them.
+        temperatures: heater, °C.
+        baud: of the port.
+        answer, answer_95: from a line to its ok with one line in flight: half of them, and 95 %, took no longer; None
+            where too few were answered.
+        lines_per_second: with two in flight; None likewise.
+        wire: lines/s that the wire could bring.
+        link: of all of it.
+        halted: why it ended early; "" if it did not.
+    """
+
+    firmware: str
+    capabilities: tuple[tuple[str, bool], ...]
+    temperatures: tuple[tuple[str, float], ...]
+    baud: int
+    answer: float | None
+    answer_95: float | None
+    lines_per_second: float | None
+    wire: float
+    link: LinkSeen
+    halted: str
+
+    def checks(self) -> Iterator[Check]:
+        """What is made of it."""
+        if self.halted:
+            remedy = "is it the right port, speed (--baud), and cable? is the printer on?"
+            yield Check("printer", "bad", self.halted, remedy)
+            return
+        yield Check("printer", "good", self.firmware or "answers, and does not say who it is")
+        yield from self._capabilities()
+        if self.temperatures:
+            told = ", ".join(f"{name} {value:g} °C" for name, value in self.temperatures)
+            yield Check("temperatures", "good", told)
+        yield from self._speed()
+
+    def _capabilities(self) -> Iterator[Check]:
+        known = dict(self.capabilities)
+        if not known:
+            yield Check("capabilities", "good", "it tells none")
+            return
+        has = [name for name in _WORTH if known.get(name)]
+        lacks = [name for name in _WORTH if known.get(name) is False]
+        yield Check(
+            "capabilities", "good", f"{', '.join(has) or 'none of note'}; not {', '.join(lacks) or 'lacking'}"
+        )
+        protected = known.get("THERMAL_PROTECTION")
+        if protected is False:
+            yield Check(
+                "thermal protection",
+                "bad",
+                "the firmware says that it has none: a heater that runs away is stopped by nobody",
+                "build it with THERMAL_PROTECTION_HOTENDS and THERMAL_PROTECTION_BED, and stay with it until then",
+            )
+        elif protected:
+            yield Check("thermal protection", "good", "yes")
+
+    def _speed(self) -> Iterator[Check]:
+        if self.answer is None or self.answer_95 is None or self.lines_per_second is None:
+            yield Check("line rate", "warn", "too few lines were answered to tell", "try again")
+            return
+        over = self.answer - (1 / self.wire)
+        said = f"{self.answer * 1000:.1f} ms, 95 % within {self.answer_95 * 1000:.1f} ms"
+        if over > _LATE:
+            yield Check(
+                "answers",
+                "warn",
+                f"{said}: late",
+                "look at the chip's latency timer, a hub, or a busy computer",
+            )
+        else:
+            yield Check("answers", "good", said)
+        rate = f"{self.lines_per_second:.0f} lines/s with two in flight, the wire could bring {self.wire:.0f}"
+        slow = self.lines_per_second < _SLOW * self.wire
+        advice = (
+            f"check files with `printer-slicer check FILE --link {self.baud} --latency {over * 1000:.0f}`; "
+            f"slice for it: --set printer.link_lines_per_second={int(0.95 * self.lines_per_second)}"
+        )
+        yield Check("line rate", "warn" if slow else "good", rate, advice if slow else "")
+        if self.link.resends or self.link.questions:
+            yield Check(
+                "errors",
+                "warn",
+                f"{self.link.resends} lines were asked for again, {self.link.questions} answers were missing",
+                "a better or shorter cable, another port, no hub",
+            )
+        else:
+            yield Check("errors", "good", f"none in {self.link.lines} lines")
+
+
+def examine(
+    transport: Transport,
+    clock: Callable[[], float],
+    *,
+    baud: int,
+    on_event: Callable[[Event], None] = lambda _: None,
+) -> Examination:
+    """Talk to the printer at the other end of an open port.
+
+    Args:
+        transport: to it.
+        clock: s.
+        baud: of the port, for what the wire could bring.
+        on_event: is told what happens.
+
+    Raises:
+        PortError: the port went away.
+    """
+    meter = LinkMeter()
+    listener = _Listener(clock, on_event, meter)
+    metered = Metered(transport, meter, clock)
+    alone = _times(metered, clock, listener, lines=_ALONE, window=1)
+    abreast = [] if listener.halted else _times(metered, clock, listener, lines=_ABREAST, window=2)
+    waits = sorted(after - before for before, after in pairwise(alone))
+    rate = (len(abreast) - 1) / (abreast[-1] - abreast[0]) if len(abreast) > 10 else None
+    return Examination(
+        firmware=listener.firmware,
+        capabilities=listener.capabilities,
+        temperatures=listener.temperatures,
+        baud=baud,
+        answer=median(waits) if len(waits) > 10 else None,
+        answer_95=quantiles(waits, n=20)[-1] if len(waits) > 10 else None,
+        lines_per_second=rate,
+        wire=baud / 10 / (len(frame(100, _LINE)) + 1),
+        link=meter.seen(),
+        halted=listener.halted,
+    )
+
+
+def _times(
+    transport: Transport, clock: Callable[[], float], listener: _Listener, *, lines: int, window: int
+) -> list[float]:
+    """When each line of one conversation was answered."""
+    listener.times = []
+    streamer = Streamer([_LINE] * lines, window_lines=window, connect_timeout=_PATIENCE)
+    run(streamer, transport, clock, on_event=listener)
+    return listener.times
+
+
+class _Listener:
+    """Keeps what is worth telling."""
+
+    def __init__(
+        self, clock: Callable[[], float], on_event: Callable[[Event], None], meter: LinkMeter
+    ) -> None:
+        self._clock, self._tell, self._meter = clock, on_event, meter
+        self.times: list[float] = []
+        self.firmware, self.halted = "", ""
+        self.capabilities: tuple[tuple[str, bool], ...] = ()
+        self.temperatures: tuple[tuple[str, float], ...] = ()
+
+    def __call__(self, event: Event) -> None:
+        self._meter.heard(event)
+        if isinstance(event, Accepted):
+            self.times.append(self._clock())
+        elif isinstance(event, Identified):
+            self.firmware, self.capabilities = event.firmware, event.capabilities
+        elif isinstance(event, Temperature):
+            self.temperatures = tuple((one.name, one.actual) for one in event.readings)
+        elif isinstance(event, Halted):
+            self.halted = event.reason
+        self._tell(event)
