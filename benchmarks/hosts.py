@@ -24,8 +24,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
-from benchmarks.faulty_printer import FAULTS, PREPARED
+from benchmarks.faulty_printer import FAULTS, MACHINES, PREPARED
 from benchmarks.processes import machine_note
+from printer_slicer.sim.link import VirtualPort
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.session import run
 
 ROOT: Final = Path(__file__).parents[1]
 BAUDS: Final = (115_200, 250_000)
@@ -51,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as name, _hosts(Path(name), options.only) as hosts:
         folder = Path(name)
         if options.rates or every:
+            _protocol(options.lines)
             _rates(hosts, folder, options.lines)
         if options.starving or every:
             _starving(hosts, folder, options.lines)
@@ -266,6 +272,22 @@ def _rates(hosts: dict[str, Host], folder: Path, lines: int) -> None:
                 well = "" if seen["in_order"] == seen["commands"] else f" {seen['in_order']} lines, {ended}"
                 row.append(f"{name} {rate:.0f} ({rate / wire:.0%}){well}")
             print(f"{baud} Bd, {latency:g} ms, wire {wire:.0f}: {'; '.join(row)}", flush=True)
+
+
+def _protocol(lines: int) -> None:
+    """Ours once more, in one process under an invented clock: what the protocol allows where nobody wants the CPU."""
+    commands = _quick(lines).encode().splitlines()
+    print("\nours by the protocol alone, invented clock: lines/s (share of the wire's)")
+    for baud in BAUDS:
+        for latency in LATENCIES:
+            times: list[float] = []
+            machine = Machine(limits=MACHINES["quick"], coldest_extrusion=0.0)
+            printer = SimulatedPrinter(machine, on_executed=lambda _: times.append(port.now()), boots=False)  # noqa: B023
+            port = VirtualPort(printer, baud=baud, latency=latency / 2000)
+            run(Streamer(commands, limits=MACHINES["quick"]), port, port.now)
+            first, last = 10, len(commands) - 1  # well inside the job
+            rate = (last - first) / (times[last] - times[first])
+            print(f"{baud} Bd, {latency:g} ms: {rate:.0f} ({rate / _wire(_quick(lines), baud):.1%})")
 
 
 def _starving(hosts: dict[str, Host], folder: Path, lines: int) -> None:

@@ -27,6 +27,7 @@ _MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
 _CONTROL = re.compile(rb"[\x00-\x1f]")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_ASKED_FOR = frozenset({"wait"})  # of a job that is sliced here: its pauses are the settings'
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
@@ -159,6 +160,7 @@ def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> J
         program,
         marks,
         findings=tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True)),
+        allowed=_ASKED_FOR if program is not None else frozenset(),
     )
 
 

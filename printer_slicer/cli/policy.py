@@ -11,7 +11,7 @@ from typing import Any
 from printer_slicer.cli.common import visible
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
-from printer_slicer.policy import check_names, insist, sentence
+from printer_slicer.policy import insist, sentence
 
 __all__ = ["finding_facts", "finding_lines", "insist_on_policy", "insist_verified", "refused"]
 
@@ -41,18 +41,20 @@ def refused(arguments: argparse.Namespace, job: Job) -> list[str]:
     Raises:
         UsageError: a name that was allowed does not exist.
     """
-    allowed = check_names(arguments.allow)
+    allowed = job.allowing(arguments.allow).allowed
     return [sentence(one) for one in job.findings if one.refused and one.name not in allowed]
 
 
 def finding_facts(arguments: argparse.Namespace, job: Job) -> list[dict[str, Any]]:
     """All findings, ready for JSON."""
-    return [asdict(one) | {"allowed": one.name in arguments.allow} for one in job.findings]
+    allowed = job.allowing(arguments.allow).allowed
+    return [asdict(one) | {"allowed": one.name in allowed} for one in job.findings]
 
 
 def finding_lines(arguments: argparse.Namespace, job: Job) -> list[str]:
     """What was found and does not keep the job from being printed, for people."""
-    told = [one for one in job.findings if not one.refused or one.name in arguments.allow]
+    allowed = job.allowing(arguments.allow).allowed
+    told = [one for one in job.findings if not one.refused or one.name in allowed]
     most = len(told) if arguments.verbose else _TOLD
     lines = [f"note        {sentence(one)}" for one in told[:most]]
     return (

@@ -248,6 +248,19 @@ def test_our_own_files_hold_nothing(printer: str, material: str, tmp_path: Path)
     assert job_from(file, profile).findings == ()
 
 
+def test_pauses_that_the_settings_ask_for_need_no_leave(tmp_path: Path) -> None:
+    """In a file they do: whoever prints it may not know of them."""
+    profile = load_profile(None, None, None, {"quality.pause_at": "2"})
+    job = job_from(PARTS / "bridge.stl", profile)
+    file = tmp_path / "bridge.gcode"
+    file.write_bytes(job.text)
+
+    assert [(one.name, one.command) for one in job.findings] == [("wait", "M0")]
+    insist(job.findings, job.allowed)
+    with pytest.raises(PolicyError, match="M0"):
+        insist(job_from(file, profile).findings)
+
+
 @pytest.mark.parametrize("flavour", ["marlin", "marlin2", "reprap", "reprapfirmware", "smoothie"])
 def test_prusaslicers_files_are_not_refused(flavour: str, tmp_path: Path) -> None:
     if not shutil.which("prusa-slicer"):
