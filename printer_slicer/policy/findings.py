@@ -24,17 +24,17 @@ NAMES: Final[Mapping[str, str]] = {
     "autotune": "heating by itself to tune a heater (M303)",
     "protection": "what guards the heaters (M143, M562, M570)",
     "endstops": "moves beyond the endstops (M211 S0, M564)",
-    "offsets": "another origin, which makes the box unknown (M206, M428, M851, G10 L2, G54 to G59)",
-    "halt": "halting the machine (M112, M410)",
+    "offsets": "another origin, which makes the box unknown (M206, M290, M428, M851, G10 L2, G54 to G59)",
+    "halt": "halting the machine (M112, M410); power off (M81) is only told",
     "wait": "waiting for a person without end (M0, M1)",
     "firmware": "updating or restarting the firmware (M997, M999, FIRMWARE_RESTART)",
     "files": "reading, writing or deleting files of the printer (M23, M24, M28, M30, M32, M928)",
     "pins": "switching pins of the board directly (M42, M43)",
     "macros": "storing commands that run later (M810 to M819)",
-    "link": "the speed of the serial port, or the printer's network (M575, M552, M586 to M589)",
+    "link": "the serial port, line numbers, answers, the printer's network (M575, M110, M118 ok, M552, M586 to M589)",
     "debug": "commands for developers (D0 and others, M111)",
     "shell": "programs of the printer's computer (RUN_SHELL_COMMAND)",
-    "unreadable": "expressions, and several commands in one line, whose meaning depends on the firmware",
+    "unreadable": "what is not followed: expressions, several commands in one line, curves (G5), other planes (G18)",
 }
 """Name -> what it allows."""
 

@@ -7,6 +7,7 @@ dictionary; Prusa-Firmware's list of D codes; what PrusaSlicer's and Cura's defi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -26,6 +27,11 @@ _FAR: Final = 20.0
 """Times the profile's limit from which on a limit is no matter of taste: mm/min for mm/s is 60, what slicers write for
 machines of which they know nothing is up to 18."""
 
+_STEP: Final = 0.5  # mm; a babystep is smaller
+_OPTION: Final = re.compile(r"(?:[AEP]\d *)*")
+_ANSWER: Final = re.compile(
+    r"OK\b|RESEND|RS |ERROR|START\b|WAIT\b|!!|FATAL|ECHO: *BUSY|BUSY|FIRMWARE_NAME|CAP:|T\d*:|B:|X:"
+)
 _COLDEST: Final = 170.0  # °C; Marlin's own EXTRUDE_MINTEMP
 
 
@@ -133,6 +139,21 @@ def _kept(command: Command, _printer: Printer) -> Said | None:
     return (True, "sets another origin") if "L" in command.words else None
 
 
+def _nudge(command: Command, _printer: Printer) -> Said | None:
+    """M290: a babystep is small; without letters, or with zeros, it asks or forgets."""
+    steps = [abs(value) for letter in "XYZS" for value in command.words.get(letter, ())]
+    most = max(steps, default=0.0)
+    return (most > _STEP, f"shifts everything by {most:g} mm") if most else None
+
+
+def _says(command: Command, _printer: Printer) -> Said | None:
+    """M118: the firmware says what the file wants it to say, and hosts may take it for an answer."""
+    text = _OPTION.sub("", command.text.partition("M118")[2].lstrip())
+    if _ANSWER.match(text):
+        return True, "makes the printer say what only its firmware should"
+    return (False, "has a wish for the host") if "ACTION:" in text.replace(" ", "") else None
+
+
 def _codes(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
@@ -175,6 +196,7 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule("cold", _codes("M302"), _cold, "an extruder that turns cold grinds its filament"),
     Rule("protection", _codes("M143 M562 M570"), _always("changes what guards heaters"), _GUARDS),
     Rule("endstops", _codes("M211 M564"), _off, _GUARDS),
+    Rule("endstops", _codes("FORCE_MOVE"), _always("moves past all limits"), _GUARDS),
     Rule(
         "offsets",
         _codes("M206 M428 M851 SET_GCODE_OFFSET SET_KINEMATIC_POSITION G54 G55 G56 G57 G58 G59"),
@@ -185,9 +207,16 @@ RULES: Final[tuple[Rule, ...]] = (
         ),
         "where the moves lead is not known",
     ),
+    Rule("offsets", _codes("M290"), _nudge, "the first layer may miss the bed, or the nozzle hit it"),
     Rule("offsets", _codes("G10"), _kept, "where the moves lead is not known"),
     Rule("halt", _codes("M112 EMERGENCY_STOP"), _always("halts the machine"), "the print ends there"),
     Rule("halt", _codes("M410"), _always("drops all moves"), "the position is lost"),
+    Rule(
+        "halt",
+        _codes("M81"),
+        _always("switches the power off", told=True),
+        "fans stop, too",
+    ),
     Rule("wait", _codes("M0 M1"), _wait, "the print stands still, heated, until then"),
     Rule(
         "wait",
@@ -200,7 +229,7 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     Rule(
         "firmware",
-        _codes("M999 FIRMWARE_RESTART RESTART"),
+        _codes("M999 FIRMWARE_RESTART RESTART DFU UPGRADE BREAK"),
         _always("restarts the firmware, also after a fault"),
         "position and faults are forgotten",
     ),
@@ -217,10 +246,18 @@ RULES: Final[tuple[Rule, ...]] = (
         _always("stores commands, or runs stored ones"),
         "what they do is not known",
     ),
+    Rule("link", _codes("M110"), _always("sets line numbers behind the host's back"), "lines get lost"),
+    Rule("link", _codes("M118"), _says, "hosts may take it for an answer"),
     Rule("link", _codes("M575"), _always("sets the speed of the serial port"), "the host is cut off"),
     Rule("link", _codes("M552 M586 M587 M588 M589"), _always("sets up the network"), _STORED),
     Rule(
         "debug", _codes("M111"), _if_any("S", "switches to a mode for developers"), "nothing may move or heat"
+    ),
+    Rule(
+        "unreadable",
+        _codes("G5 G6 G18 G19 G38 G42"),
+        _always("moves in a way that is not followed here"),
+        "where it leads is not known",
     ),
     Rule("shell", _codes("RUN_SHELL_COMMAND"), _always("runs a program"), "what it does is not known"),
 )

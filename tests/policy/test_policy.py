@@ -92,18 +92,18 @@ HARM = {
     "calibration": ["M92 E500", "M301 P30", "M304 P30", "M305 P0 B4000"],
     "autotune": ["M303 E0 S200 C8", "PID_CALIBRATE HEATER=extruder TARGET=200"],
     "protection": ["M143 S500", "M562", "M570 H1 P60 T100"],
-    "endstops": ["M211 S0", "M564 S0 H0"],
-    "offsets": ["M206 Z-5", "M428", "M851 Z-9", "G54", "G10 L2 P1 X50", "SET_GCODE_OFFSET Z=-2"],
+    "endstops": ["M211 S0", "M564 S0 H0", "FORCE_MOVE STEPPER=stepper_z DISTANCE=-50 VELOCITY=5"],
+    "offsets": ["M206 Z-5", "M428", "M851 Z-9", "G54", "G10 L2 P1 X50", "M290 Z-2", "SET_GCODE_OFFSET Z=-2"],
     "halt": ["M112", "M410"],
     "wait": ["M0", "M1", "M0 Click to go on"],
     "firmware": ["M997", "M999", "FIRMWARE_RESTART"],
     "files": ["M23 evil.g", "M24", "M28 file.g", "M30 file.g", "M928 log.txt"],
     "pins": ["M42 P4 S255", "M43"],
     "macros": ["M810 G28|M104 S400"],
-    "link": ["M575 P0 B9600", 'M587 S"net" P"key"'],
+    "link": ["M575 P0 B9600", 'M587 S"net" P"key"', "M118 ok", "M118 E1 A1 Resend: 7", "M118 !! no"],
     "debug": ["D3 Ax0000", "D-1", "M111 S8"],
     "shell": ["RUN_SHELL_COMMAND CMD=rm"],
-    "unreadable": ["G1 X{random(400)}", "M107 G1 X500", "while true"],
+    "unreadable": ["G1 X{random(400)}", "M107 G1 X500", "while true", "G5 X500 Y0 I0 J3 P0 Q-3", "G18"],
 }
 
 
@@ -130,7 +130,21 @@ HARMLESS = [
     *("M104 S260", "M109 R200", "M140 S0", "M104", "M109", "M105", "M106 S255", "M107", "M115", "M117 M112"),
     *("M302", "M302 S170", "M503", "M201 X500 Y500 Z100 E5000", "M203 X500 Y500 Z5 E25", "M204 S500"),
     *("M205 X10 Y10 Z0.3 E5", "M92", "M301", "M211", "M211 S1", "M851", "M73 P10 R20", "M220 S100"),
-    *("M118 S500 G1 X999", "M84", "M82", "G28", "G28 X Y", "G29", "G4 P500", "T0", "M486 S1", "M900 K0.05"),
+    *(
+        "M118 S500 G1 X999",
+        "M118 okay then",
+        "M290",
+        "M290 R0 S0",
+        "M84",
+        "M82",
+        "G28",
+        "G28 X Y",
+        "G29",
+        "G4 P500",
+        "T0",
+        "M486 S1",
+        "M900 K0.05",
+    ),
     *('M862.3 P "MK3S"', "EXCLUDE_OBJECT_START NAME=a", "SET_PRESSURE_ADVANCE ADVANCE=0.05", "M420 S1"),
     *("PRINT_START EXTRUDER_TEMP=215 BED_TEMP=60", "M300 S440 P200", "M155 S2", "M10", "M400", "G10", "G11"),
 ]
@@ -156,6 +170,14 @@ def test_limits_in_mm_per_minute_are_right_for_reprapfirmware_alone(tmp_path: Pa
 def test_a_wait_that_ends_by_itself_is_told() -> None:
     assert names("M0 S10") == [("wait", False)]
     assert names("M600") == [("wait", False)]
+    assert names("M290 Z0.05") == [("offsets", False)]
+    assert names("M118 // action:pause") == [("link", False)]
+    assert names("M81") == [("halt", False)]
+
+
+def test_line_numbers_are_the_hosts() -> None:
+    """In capitals the host leaves it out by itself."""
+    assert refused("m110 n5") == ["link"]
 
 
 def test_an_arc_that_bulges_out_is_found_though_it_ends_inside() -> None:
