@@ -13,6 +13,7 @@ import json
 import os
 import re
 import select
+import socket
 import subprocess
 import sys
 import tempfile
@@ -52,6 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Print the tables that are asked for; all of them by default."""
     options = _options(argv)
     print(machine_note())
+    options.faults = options.faults or options.fault is not None
     every = not (options.rates or options.starving or options.faults)
     with tempfile.TemporaryDirectory() as name, _hosts(Path(name), options.only) as hosts:
         folder = Path(name)
@@ -61,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.starving or every:
             _starving(hosts, folder, options.lines)
         if options.faults or every:
-            _faults(hosts, folder)
+            _faults(hosts, folder, options.fault or FAULTS)
     return 0
 
 
@@ -71,6 +73,9 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--rates", action="store_true")
     parser.add_argument("--starving", action="store_true")
     parser.add_argument("--faults", action="store_true")
+    parser.add_argument(
+        "--fault", action="append", choices=FAULTS, help="these faults alone; may be repeated"
+    )
     parser.add_argument("--only", help="one host: ours, octoprint or printrun")
     return parser.parse_args(argv)
 
@@ -159,16 +164,19 @@ def _octoprint(binary: Path, folder: Path, link: Path) -> Iterator[str]:
     folder.mkdir()
     (folder / "config.yaml").write_text(_CONFIG % link)
     base = [str(binary), "--basedir", str(folder)]
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        number = listener.getsockname()[1]
     subprocess.run(
         [*base, "user", "add", "bench", "--password", "secret", "--admin"], check=True, capture_output=True
     )
     users = folder / "users.yaml"
     users.write_text(re.sub("apikey: .*", f"apikey: {_KEY}", users.read_text()))
-    serve = [*base, "serve", "--host", "127.0.0.1", "--port", "5091", "--iknowwhatimdoing"]
+    serve = [*base, "serve", "--host", "127.0.0.1", "--port", str(number), "--iknowwhatimdoing"]
     with (folder / "log").open("wb") as log:
         process = subprocess.Popen(serve, stdout=log, stderr=subprocess.STDOUT)
         try:
-            url = "http://127.0.0.1:5091"
+            url = f"http://127.0.0.1:{number}"
             _until(lambda: "api" in _asked(url, "/api/version"), 120)
             yield url
         finally:
@@ -306,10 +314,10 @@ def _starving(hosts: dict[str, Host], folder: Path, lines: int) -> None:
             print(f"{baud} Bd, {latency:g} ms: {'; '.join(row)}", flush=True)
 
 
-def _faults(hosts: dict[str, Host], folder: Path) -> None:
+def _faults(hosts: dict[str, Host], folder: Path, faults: Sequence[str]) -> None:
     text = circle(1500)
     print("\nfaults, 115200 Bd, 1 ms, 1505 lines")
-    for fault in FAULTS:
+    for fault in faults:
         for name, host in hosts.items():
             flags = _flags(BAUDS[0], LATENCIES[0], "--machine", "part", "--fault", fault)
             begun = monotonic()
