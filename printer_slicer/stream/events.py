@@ -73,10 +73,19 @@ class Busy:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Who answered: name of the firmware ("" if it does not say) and what it can do."""
+    """Who answered, and what it can do.
+
+    Attributes:
+        firmware: its name, "" if it does not say.
+        capabilities: what it says it has or has not.
+        dialect: how it is spoken to, a name of `dialects.DIALECTS`.
+        advice: what to know before streaming to it, "" if nothing.
+    """
 
     firmware: str
     capabilities: tuple[tuple[str, bool], ...]
+    dialect: str = "marlin"
+    advice: str = ""
 
     def can(self, name: str) -> bool:
         """Whether the firmware says that it has this capability."""

@@ -7,7 +7,7 @@ An ok does not say whose it is. The first row that fits decides:
     with temperatures, a question in flight        everything up to the newest question
     with temperatures, right behind such a one     nothing: it answers an older question
     right behind a refusal, or the remains of one  nothing
-    behind the lines in flight at an M108          nothing: it answers that
+    behind the lines in flight at an M108 or M110  nothing: it answers that
     bare, where the answer has temperatures        nothing
     for a line that was refused                    nothing
     any other                                      the oldest line in flight
@@ -20,18 +20,21 @@ from math import inf
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.stream.burst import Burst, Verdict
-from printer_slicer.stream.framing import LONGEST
+from printer_slicer.stream.framing import LONGEST, frame_crc
 from printer_slicer.stream.ledger import ASK, Ledger
 from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.watch import Watch
+from printer_slicer.stream.window import Window
 
 if TYPE_CHECKING:
+    from printer_slicer.stream.dialects import Dialect
+    from printer_slicer.stream.doubt import Doubt
     from printer_slicer.stream.replies import Ok
 
 __all__ = ["Flight"]
 
-_CAREFUL_LINES: Final = 300
-"""Lines sent one at a time after an error."""
+_COUNT: Final = b"\nM110\n"
+"""Asks for the number of the last line; with a number of its own it would set it."""
 
 _BREAK_WAIT: Final = b"\nM108\n"
 _BREAK_AGAIN: Final = 2.0
@@ -54,21 +57,38 @@ class Flight:
         ledger: the lines.
         burst: the error that is being settled.
         watch: the clock over the oldest of them.
+        window: how many of them there may be.
+        doubt: questions about the only one of them, where firmware does not look at numbers; None while all is well.
+        strayed: a line was executed that nobody sent.
         lost_count: line wanted by a printer that had it or can never have it; None while all is well.
     """
 
-    def __init__(self, window_lines: int, window_bytes: int, give_up: float) -> None:
+    def __init__(self, window: Window, give_up: float) -> None:
         self.ledger = Ledger()
         self.burst = Burst()
         self.watch = Watch(give_up)
+        self.window = window
+        self.doubt: Doubt | None = None
+        self.strayed = False
         self.lost_count: int | None = None
-        self._window = (window_lines, window_bytes)
-        self._careful = 0
+        self._counts = False
+        self._sequence = True
+        self._counted: int | None = None  # next line when M110 went out
+        self._longest = LONGEST
         self._requested: int | None = None
         self._echo_until = -inf
         self._heat_with_ok = False
         self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
         self._breaks, self._broken = 0, -inf
+
+    def speak(self, dialect: Dialect, *, emergency_parser: bool) -> None:
+        """The firmware is known now."""
+        self._counts = dialect.counts
+        self._sequence = dialect.sequence
+        self._longest = dialect.longest
+        if dialect.checksum == "crc16":
+            self.ledger.frame = frame_crc
+        self.window.speak(dialect, emergency_parser=emergency_parser)
 
     @property
     def due(self) -> float | None:
@@ -81,11 +101,11 @@ class Flight:
         """Bytes that the next line may have, with its line break, to join those in flight now."""
         ledger = self.ledger
         if not ledger.in_flight or ledger.cursor == self._requested:
-            return LONGEST + 1
-        lines, size = self._window
-        if ledger.in_flight >= (1 if self._careful else lines):
+            return self._longest + 1
+        window = self.window
+        if ledger.in_flight >= window.lines:
             return 0
-        return size - _QUESTION_ROOM - ledger.bytes_in_flight
+        return window.size - _QUESTION_ROOM - ledger.bytes_in_flight
 
     def repeats(self) -> bool:
         """Whether the next line, which has its number already, may go out now."""
@@ -97,10 +117,51 @@ class Flight:
 
     def ask(self, now: float) -> bytes:
         """Send the next line ahead of its turn, so that the printer must say which line it wants."""
-        self._careful = _CAREFUL_LINES
+        self.window.error()
         self.burst.swallow = False
         self.watch.ask(now)
         return self.ledger.take(now, break_first=True)
+
+    @property
+    def can_count(self) -> bool:
+        """Whether to ask for the number of the last line first.
+
+        That question has no checksum, so not on a cable that damages lines: one flipped bit makes M112 of it.
+        """
+        return self._counts and not self.watch.asked and not self.window.careful
+
+    def ask_count(self, now: float) -> bytes:
+        """Ask for the number of the last line that the printer took."""
+        self._counted = self.ledger.cursor
+        self._unnumbered.append(self.ledger.cursor - 1)
+        self.burst.swallow = False
+        self.watch.ask(now)
+        return _COUNT
+
+    def ask_where(self, doubt: Doubt, now: float) -> bytes:
+        """Ask where the printer is, and then what tells that its answer to that is here."""
+        self.window.error()
+        self.watch.ask(now)
+        questions = (b"M114", ASK) if doubt.pair else (ASK,)
+        doubt.pair = False
+        # Their numbers mean nothing, but the checksum behind a number does.
+        return b"\n" + b"".join(self.ledger.frame(self.ledger.cursor, question) + b"\n" for question in questions)
+
+    def count(self, last: int, now: float) -> int | None:
+        """The printer took the lines up to `last`: up to which line to accept, None if to none.
+
+        It read that question behind all lines sent before, so one that it does not count was lost.
+        """
+        counted, self._counted = self._counted, None
+        ledger = self.ledger
+        if counted is None or not ledger.accepted <= last < ledger.cursor:
+            return None
+        self.burst.swallow = True
+        if self._unnumbered:
+            self._unnumbered.pop()
+        if last + 1 < counted:
+            self.request(last + 1, now)
+        return last if last > ledger.accepted else None
 
     @property
     def break_due(self) -> float:
@@ -130,8 +191,9 @@ class Flight:
     def accept(self, number: int, now: float, *, settled: bool = False) -> int:
         """Count the lines up to `number` as accepted; entries of the job done then."""
         ledger = self.ledger
-        self._careful = max(0, self._careful - (number - ledger.accepted))
+        self.window.accepted(number - ledger.accepted)
         job = ledger.accept(number)
+        self.doubt = None
         self._breaks, self._broken = 0, -inf
         self.burst.calm(number)
         self.watch.answered(now, settled=settled or not ledger.in_flight)
@@ -140,16 +202,24 @@ class Flight:
     def belongs_to(self, ok: Ok, now: float) -> int | None:
         """The line up to which an ok acknowledges, None if it acknowledges nothing."""
         ledger, burst = self.ledger, self.burst
+        if ok.planner is not None and ok.places is not None:
+            self.window.heard(ok.planner, ok.places)
         if ok.number is not None:
-            return ok.number if ledger.accepted < ok.number < ledger.cursor else None
+            if not ledger.accepted < ok.number < ledger.cursor:
+                return None
+            self._settle_unnumbered(ok.number)
+            return ok.number
         if ok.heat:
             self._heat_with_ok = True
             asked = ledger.find(ASK)
             if asked is not None:
                 burst.swallow = False
                 self._echo_until = now + _ECHO
+                self._settle_unnumbered(asked)
+                line = ledger.line(asked)
+                self.window.timed(len(line.text), now - line.sent)
                 return asked
-            if now < self._echo_until:
+            if now < self._echo_until or not self._sequence:
                 return None
         if burst.claim is not None:
             # The request between the error and this ok was lost; the error has named the line too.
@@ -160,6 +230,10 @@ class Flight:
         if self._unnumbered and ledger.accepted >= self._unnumbered[0]:
             self._unnumbered.popleft()
             return None
+        if ok.planner is not None and ledger.in_flight:
+            # Such firmware names the line; what has no name had no number, and nobody has sent that.
+            self.strayed = True
+            return None
         oldest = ledger.accepted + 1
         if not ledger.in_flight or (burst.wanted is not None and oldest >= burst.wanted):
             return None
@@ -168,6 +242,11 @@ class Flight:
             self.watch.answered(now)
             return None
         return oldest
+
+    def _settle_unnumbered(self, number: int) -> None:
+        """Answers keep their order: what was asked ahead of a line is answered, or never will be, once that line is."""
+        while self._unnumbered and self._unnumbered[0] < number:
+            self._unnumbered.popleft()
 
     def settles(self, ok: Ok) -> bool:
         """Whether such an ok leaves no doubt which lines arrived."""
@@ -200,6 +279,7 @@ class Flight:
     def go_back(self, wanted: int, now: float) -> int:
         """Make `wanted` the next line; entries of the job that stay accepted."""
         self._requested = wanted
-        self._careful = _CAREFUL_LINES
+        self.doubt = None
+        self.window.error()
         self.watch.answered(now, settled=True)
         return self.ledger.rewind(wanted)

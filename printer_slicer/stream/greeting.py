@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Final
 
+from printer_slicer.stream.dialects import DIALECTS
 from printer_slicer.stream.events import Identified
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.replies import Capability, Identity
@@ -13,6 +14,8 @@ __all__ = ["Greeting"]
 
 _RESTART_COUNT: Final = b"\nN0 M110 N0*125\n"
 _AGAIN: Final = 1.0
+_MOST_INTRODUCTIONS: Final = 4
+"""Line in which the name of the firmware is asked for the last time."""
 
 
 class Greeting:
@@ -63,9 +66,12 @@ class Greeting:
     def question(self, number: int) -> bytes | None:
         """What to ask in line `number`, None after the last question.
 
-        The answer to the second shows how this firmware answers it, and that will settle doubts later.
+        The answer to the second shows how this firmware answers it, and that will settle doubts later. Where the name
+        got lost it is asked for again: how lines must be sent depends on it.
         """
-        return {1: b"M115", 2: ASK}.get(number)
+        if number == 2:
+            return ASK
+        return b"M115" if number == 1 or (self.firmware is None and number <= _MOST_INTRODUCTIONS) else None
 
     def forget(self, now: float) -> None:
         """The printer has just begun, or does not count as it should: ask at once, within the same time."""
@@ -80,6 +86,11 @@ class Greeting:
         else:
             self._capabilities[said.name] = said.enabled
 
-    def identified(self) -> Identified:
-        """What it knows about the printer."""
-        return Identified(self.firmware or "", tuple(self._capabilities.items()))
+    def can(self, name: str) -> bool:
+        """Whether the firmware says that it has this capability."""
+        return self._capabilities.get(name, False)
+
+    def identified(self, dialect: str) -> Identified:
+        """What it knows about the printer, which is spoken to in this dialect."""
+        advice = DIALECTS[dialect].advice
+        return Identified(self.firmware or "", tuple(self._capabilities.items()), dialect, advice)

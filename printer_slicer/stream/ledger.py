@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from printer_slicer.stream.framing import frame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["ASK", "Ledger", "Line"]
 
@@ -51,6 +54,7 @@ class Ledger:
         proven: highest line that certainly was; a printer that wants one of these again has lost count.
         cursor: next line to go out.
         top: next number that no line has yet.
+        frame: makes the text of a line out of its number and command.
     """
 
     def __init__(self) -> None:
@@ -58,6 +62,7 @@ class Ledger:
         self.proven = 0
         self.cursor = 1
         self.top = 1
+        self.frame: Callable[[int, bytes], bytes] = frame
         self._lines: dict[int, Line] = {}
 
     @property
@@ -82,7 +87,7 @@ class Ledger:
 
     def add(self, command: bytes, job: int, patience: float) -> None:
         """Give a command the next number."""
-        self._lines[self.top] = Line(command, frame(self.top, command), job, patience)
+        self._lines[self.top] = Line(command, self.frame(self.top, command), job, patience)
         self.top += 1
 
     def take(self, now: float, *, break_first: bool = False) -> bytes:
@@ -108,6 +113,10 @@ class Ledger:
     def prove(self, number: int) -> None:
         """Count all lines up to `number` as certainly accepted."""
         self.proven = max(self.proven, number)
+
+    def line(self, number: int) -> Line:
+        """A line in flight."""
+        return self._lines[number]
 
     def find(self, command: bytes) -> int | None:
         """Number of the newest line in flight with this command."""

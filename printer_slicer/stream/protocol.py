@@ -10,7 +10,8 @@ printer that lacks a line says which, one that lacks none answers, and both end 
 
 At most two lines are in flight, fewer bytes than the smallest receive buffer holds, and for a while only one
 after each error: Marlin empties its buffer on an error, and the tail of a line that was arriving just then
-would be read as a line without number, which needs no checksum.
+would be read as a line without number, which needs no checksum. `window` says when there may be more, `dialects`
+what firmwares differ in, and `doubt` what is done where the printer does not look at numbers.
 
 Source: Marlin documentation, "M105", "M110", "M114", "M115", "Host keepalive"; what real firmware answered.
 """
@@ -22,12 +23,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
+from printer_slicer.stream.dialects import DIALECTS, UNKNOWN, dialect_named, dialect_of
+from printer_slicer.stream.doubt import Fate
 from printer_slicer.stream.flight import Flight
 from printer_slicer.stream.framing import check_commands, command_room
 from printer_slicer.stream.greeting import Greeting
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.script import Script
 from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
+from printer_slicer.stream.window import Window
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -48,30 +52,37 @@ class Streamer:
     Args:
         commands: the job, one command an entry; comments and blank entries may stand among them.
         limits: of the machine, to know how long an answer may take. Without them questions come much later.
-        window_lines: most lines in flight.
+        window_lines: lines in flight; more only where it cannot do harm, see `window`.
         window_bytes: most bytes in flight; the smallest receive buffer in use holds one more.
+        baud: speed of the serial port, to find out that it is none; None if it means nothing.
+        dialect: name of the firmware's dialect, see `dialects.DIALECTS`; None goes by what it says.
         connect_timeout: s until a printer that never answers is given up.
         give_up: s until a printer that answers no question any more is given up.
 
     Raises:
-        UsageError: an entry can never be sent.
+        UsageError: an entry can never be sent, or there is no such dialect.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - each is a choice of its own, and all have names
         self,
         commands: Sequence[bytes],
         *,
         limits: Limits | None = None,
         window_lines: int = 2,
         window_bytes: int = 127,
+        baud: int | None = None,
+        dialect: str | None = None,
         connect_timeout: float = 30.0,
         give_up: float = 30.0,
     ) -> None:
-        self._script = Script(commands, limits)
+        self._wanted_dialect = dialect
+        self._dialect = dialect_named(dialect or UNKNOWN)
+        self._script = Script(commands, limits, self._dialect.longest)
         self._greeting = Greeting(connect_timeout)
         self._acknowledged = 0
-        self._flight_rules = (window_lines, window_bytes, give_up)
-        self._flight = Flight(*self._flight_rules)
+        self._window_rules = (window_lines, window_bytes, baud)
+        self._give_up = give_up
+        self._flight = Flight(Window(*self._window_rules), give_up)
         self._state = State.CONNECTING
         self._ended = False
         self._events: list[told.Event] = []
@@ -86,6 +97,7 @@ class Streamer:
             replies.Started: self._on_started,
             replies.Stopped: self._on_stopped,
             replies.Unknown: self._on_unknown,
+            replies.LastLine: self._on_last_line,
             replies.Identity: self._on_introduction,
             replies.Capability: self._on_introduction,
             replies.Position: self._on_position,
@@ -222,11 +234,18 @@ class Streamer:
         return True
 
     def _ask(self, now: float) -> bytes:
-        """Ask which line the printer wants."""
+        """Ask which line the printer wants, or what became of the only one in flight."""
         flight, ledger = self._flight, self._flight.ledger
         if flight.watch.given_up(ledger.oldest, now):
             self._halt("the printer has stopped answering")
             return b""
+        if not self._dialect.sequence and self._state is not State.IDENTIFYING:
+            flight.doubt = flight.doubt or self._script.doubt()
+            self._events.append(told.Asked(ledger.cursor))
+            return flight.ask_where(flight.doubt, now)
+        if flight.can_count:
+            self._events.append(told.Asked(ledger.cursor))
+            return flight.ask_count(now)
         if ledger.cursor == ledger.top:
             self._number(ASK)
         self._events.append(told.Asked(ledger.cursor))
@@ -281,21 +300,58 @@ class Streamer:
             self._on_greeting(ok)
             return
         flight = self._flight
+        if flight.doubt is not None:
+            self._on_ok_in_doubt(ok, now)
+            return
         settled = flight.settles(ok)
         # An ok may be left over from the greeting; only the name of the firmware proves that line 1 arrived.
-        if self._state is State.IDENTIFYING and not (
-            settled or self._greeting.firmware is not None or flight.watch.asked
+        if not (
+            self._state is not State.IDENTIFYING
+            or flight.ledger.accepted
+            or settled
+            or self._greeting.firmware is not None
+            or flight.watch.asked
         ):
             return
         number = flight.belongs_to(ok, now)
         self._check_count(now)
+        if flight.strayed and self._state is not State.IDENTIFYING:
+            self._halt("the printer executed something that was not sent: the rest of a line whose beginning got lost")
         if number is None:
             return
         self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=settled))
         if self._state is State.IDENTIFYING and self._greeting.question(number + 1) is None:
             self._apply(Trigger.IDENTIFIED)
             flight.ledger.prove(1)
-            self._events.append(self._greeting.identified())
+            self._identified()
+
+    def _identified(self) -> None:
+        """Speak as this firmware wants it from now on."""
+        name = self._wanted_dialect or dialect_of(self._greeting.firmware or "")
+        self._dialect = DIALECTS[name]
+        self._flight.speak(self._dialect, emergency_parser=self._greeting.can("EMERGENCY_PARSER"))
+        self._events.append(self._greeting.identified(name))
+
+    def _on_ok_in_doubt(self, ok: replies.Ok, now: float) -> None:
+        """An answer while nobody knows whether the line in flight was executed."""
+        flight = self._flight
+        doubt, number = flight.doubt, flight.ledger.accepted + 1
+        assert doubt is not None
+        if not ok.heat:
+            doubt.bare_ok()
+            return
+        fate = doubt.closed()
+        if fate is Fate.EXECUTED:
+            self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=True))
+        elif fate is Fate.LOST:
+            flight.go_back(number, now)
+            self._events.append(told.ResendAsked(number))
+        elif fate is Fate.NEVER_KNOWN:
+            said = flight.ledger.oldest.command.decode(errors="replace")
+            self._halt(f"nobody can know whether line {number} was executed: {said}")
+        elif fate is Fate.OPEN:
+            flight.watch.answered(now)
+            flight.watch.suspect(now)
 
     def _on_greeting(self, ok: replies.Ok) -> None:
         if self._flight.burst.swallow:
@@ -307,7 +363,7 @@ class Streamer:
         if self._state is State.CONNECTING:
             self._flight.burst.swallow = True
             self._greeting.forget(now)
-        else:
+        elif self._flight.doubt is None:
             self._flight.request(resend.number, now)
             self._check_count(now)
 
@@ -320,7 +376,7 @@ class Streamer:
             self._flight.burst.swallow = flight.burst.swallow
 
     def _on_line_error(self, error: replies.LineError, now: float) -> None:
-        if self._state is not State.CONNECTING:
+        if self._state is not State.CONNECTING and self._flight.doubt is None:
             self._flight.burst.error(error.wanted, now)
         self._events.append(told.Message(error.text))
 
@@ -337,7 +393,7 @@ class Streamer:
         if self._ended:
             self._events.append(told.Halted(f"the printer was reset: {evidence}", self._acknowledged))
         else:
-            self._flight = Flight(*self._flight_rules)
+            self._flight = Flight(Window(*self._window_rules), self._give_up)
             self._greeting.forget(now)
 
     def _on_stopped(self, stopped: replies.Stopped, now: float) -> None:
@@ -357,7 +413,14 @@ class Streamer:
 
     def _on_position(self, position: replies.Position, now: float) -> None:
         self._script.position = (position.x, position.y, position.z)
+        if self._flight.doubt is not None:
+            self._flight.doubt.place = (position.x, position.y, position.z, position.e)
         self._on_text(position, now)
+
+    def _on_last_line(self, line: replies.LastLine, now: float) -> None:
+        number = self._flight.count(line.number, now) if self._state is not State.CONNECTING else None
+        if number is not None:
+            self._acknowledged = max(self._acknowledged, self._flight.accept(number, now, settled=True))
 
     def _on_garbled(self, garbled: replies.Garbled, now: float) -> None:
         self._on_text(garbled, now)

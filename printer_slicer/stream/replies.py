@@ -19,6 +19,7 @@ __all__ = [
     "Capability",
     "Garbled",
     "Identity",
+    "LastLine",
     "LineError",
     "Ok",
     "Position",
@@ -35,10 +36,19 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Ok:
-    """One more line is done with; up to line `number` if told. `heat`: it carries temperatures, as M105's."""
+    """One more line is done with.
+
+    Attributes:
+        number: all lines up to this one are, if it is told.
+        heat: it carries temperatures, as M105's.
+        planner: free places of the planner, if told.
+        places: free places of the command queue, if told.
+    """
 
     number: int | None = None
     heat: bool = False
+    planner: int | None = None
+    places: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +92,13 @@ class Unknown:
 
 
 @dataclass(frozen=True, slots=True)
+class LastLine:
+    """Number of the last line that the printer took, as M110 alone tells it."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
 class Identity:
     """Name of the firmware."""
 
@@ -98,12 +115,13 @@ class Capability:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """Where the motion planned so far ends: x, y, z, mm."""
+    """Where the motion planned so far ends: x, y, z, and e if told, mm."""
 
     x: float
     y: float
     z: float
     text: str
+    e: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +140,7 @@ Reply: TypeAlias = (
     | Started
     | Stopped
     | Unknown
+    | LastLine
     | Identity
     | Capability
     | Position
@@ -138,12 +157,12 @@ WithText: TypeAlias = Unknown | Position | Garbled
 _REPORTS: Final = (Temperature, Position, Identity)
 _PLAIN_OK: Final = (Ok(),)  # nearly every line is this one
 _NUMBER: Final = rb"(-?\d+(?:\.\d*)?)"
-_OK: Final = re.compile(rb"ok(?: N(\d{1,9}))?(?: P\d+)?(?: B\d+)?")
+_OK: Final = re.compile(rb"ok(?: N(\d{1,9}))?(?: P(\d{1,4}))?(?: B(\d{1,4}))?")
 _OK_AND: Final = re.compile(rb"ok\s")
 _HEATERS: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
 _HEATER: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
 _POSITION: Final = re.compile(
-    rb"(?<!Count )X:\s*" + _NUMBER + rb"\s+Y:\s*" + _NUMBER + rb"\s+Z:\s*" + _NUMBER
+    rb"(?<!Count )X:\s*" + _NUMBER + rb"\s+Y:\s*" + _NUMBER + rb"\s+Z:\s*" + _NUMBER + rb"(?:\s+E:\s*" + _NUMBER + rb")?"
 )
 _SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
 _RESEND_LETTERS: Final = "Resend:"
@@ -151,8 +170,8 @@ _RESEND_LONGEST: Final = 20  # "Resend: " with a number of nine digits, and some
 
 
 def _position(found: re.Match[bytes]) -> tuple[Reply, ...]:
-    x, y, z = (float(value) for value in found.groups())
-    return (Position(x, y, z, _text(found.string)),)
+    x, y, z = (float(value) for value in found.groups()[:3])
+    return (Position(x, y, z, _text(found.string), float(found[4]) if found[4] else None),)
 
 
 def _resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
@@ -165,12 +184,15 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
     (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _resend),
     (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
     (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
-    (re.compile(rb"^start$"), lambda _: (Started(),)),
+    (re.compile(rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset)$"), lambda _: (Started(),)),
+    (re.compile(rb"^RepRapFirmware .* is up and running"), lambda _: (Started(),)),
     (re.compile(rb"^wait$"), lambda _: (Wait(),)),
+    (re.compile(rb"^(?:echo: ?)?M110 N(-?\d{1,9})$"), lambda m: (LastLine(int(m[1])),)),
+    (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_text(m.string), refusal=True),)),
     (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_text(m[1])),)),
     (
         re.compile(
-            rb"^!!|^fatal:|kill\(\) called|Printer halted|system stopped|EMERGENCY SHUTDOWN"
+            rb"^!!|^fatal:|insufficient axes homed|kill\(\) called|Printer halted|system stopped|EMERGENCY SHUTDOWN"
             rb"|^// Klipper state: (?:Shutdown|Disconnect)"
         ),
         lambda m: (Stopped(_text(m.string)),),
@@ -195,7 +217,8 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
     if not line:
         return ()
     if found := _OK.fullmatch(line):
-        return (Ok(int(found[1]) if found[1] else None),)
+        number, planner, places = (int(value) if value else None for value in found.groups())
+        return (Ok(number, planner=planner, places=places),)
     if _OK_AND.match(line):
         ok = Ok(heat=_HEATER.search(line) is not None)
         told = [reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message)]

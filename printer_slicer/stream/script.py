@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.stream.doubt import Doubt, same_twice
 from printer_slicer.stream.events import Finished, Spot
-from printer_slicer.stream.framing import check_commands, strip
+from printer_slicer.stream.framing import LONGEST, check_commands, strip
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.patience import Patience
 from printer_slicer.stream.tracker import Tracker, parse
@@ -36,8 +37,9 @@ class Script:
         UsageError: an entry of the job can never be sent.
     """
 
-    def __init__(self, commands: Sequence[bytes], limits: Limits | None) -> None:
-        check_commands(commands)
+    def __init__(self, commands: Sequence[bytes], limits: Limits | None, longest: int = LONGEST) -> None:
+        check_commands(commands, longest)
+        self._longest = longest
         self.taken = 0
         self.position: Spot | None = None
         self._commands = commands
@@ -47,6 +49,7 @@ class Script:
         self._looks = 0
         self._patience = Patience(limits)
         self._tracker = Tracker()
+        self._command, self._before = b"", self._tracker.place
 
     def inject(self, command: bytes) -> None:
         """Give this out next.
@@ -54,7 +57,7 @@ class Script:
         Raises:
             UsageError: it can never be sent.
         """
-        check_commands([command])
+        check_commands([command], self._longest)
         self._injected.append(command)
         self.reopen()
 
@@ -106,8 +109,17 @@ class Script:
     def follow(self, command: bytes) -> float:
         """Take note of a command that gets its number now; longest time until its ok, s."""
         word, values = parse(command)
+        self._before = self._tracker.place
+        self._command = command
         move = self._tracker.follow(word, values)
         return self._patience.allow(word, values, move)
+
+    def doubt(self) -> Doubt:
+        """Questions about the last command that got its number."""
+        word, values = parse(self._command)
+        relative = word in {b"G0", b"G1"} and self._tracker.relative(values)
+        repeatable = same_twice(self._command, relative=relative)
+        return Doubt(self._before, self._tracker.place, repeatable=repeatable, asks=self._command == ASK)
 
     def finished(self, acknowledged: int) -> Finished:
         """How the print ended."""

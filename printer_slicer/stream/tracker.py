@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import re
 from math import hypot, pi
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 if TYPE_CHECKING:
     from printer_slicer.stream.events import Spot
 
-__all__ = ["Move", "Tracker", "parse"]
+__all__ = ["Move", "Place", "Tracker", "parse"]
+
+Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
+"""x, y, z, e in mm; None where it is not known."""
+
+_NOWHERE: Final[Place] = (None, None, None, None)
 
 _WORD: Final = re.compile(rb"([GMT])\s*(\d+)")
 _VALUE: Final = re.compile(rb"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
@@ -48,9 +53,20 @@ class Tracker:
 
     def __init__(self) -> None:
         self._position: list[float | None] = [None, None, None, 0.0]
+        self._e_told = False  # 0 is a guess that is good enough for lengths, but no place
         self._relative = [False, False, False, False]
         self._speed = 0.0
         self._comparable = True
+
+    @property
+    def place(self) -> Place:
+        """Where the motion so far ends: x, y, z and e as the program counts it, mm; None where it is not known."""
+        x, y, z, e = self._position if self._comparable else _NOWHERE
+        return (x, y, z, e if self._e_told else None)
+
+    def relative(self, values: dict[bytes, float]) -> bool:
+        """Whether one of the axes in `values` is counted from where it is, so that a move twice is not a move once."""
+        return any(self._relative[axis] for axis, letter in enumerate(_AXES) if letter in values)
 
     @property
     def position(self) -> Spot:
@@ -72,6 +88,7 @@ class Tracker:
             for axis, letter in enumerate(_AXES):
                 if letter in values:
                     self._position[axis] = values[letter]
+            self._e_told = self._e_told or b"E" in values
         elif word in {b"G28", b"G29"}:
             self._position[:3] = [None, None, None]
         elif word in _OTHER_COORDINATES:
@@ -95,6 +112,7 @@ class Tracker:
                 # From an unknown place: the distance from zero is as good a guess of the length as any.
                 delta[axis] = value - (here or 0.0)
                 self._position[axis] = value
+                self._e_told = self._e_told or axis == 3
         if word in {b"G2", b"G3"}:
             radius = values.get(b"R") or hypot(values.get(b"I", 0.0), values.get(b"J", 0.0))
             delta[:2] = [max(hypot(*delta[:2]), 2 * pi * abs(radius)), 0.0]

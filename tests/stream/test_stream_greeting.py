@@ -99,7 +99,9 @@ def test_a_printer_that_does_not_name_itself_is_asked_and_then_believed(bytewise
 
     assert talk.says("ok") == []
     assert talk.waits(3.0) == [again(2, "M105")]
-    assert talk.says("ok T:20.0 /0.0") == [first(3, "G28")]
+    assert talk.says("ok T:20.0 /0.0") == [first(3, "M115")]
+    assert talk.says("ok") == [first(4, "M115")]
+    assert talk.says("ok") == [first(5, "G28")]
     assert talk.happened(Identified) == [Identified("", ())]
 
 

@@ -35,8 +35,8 @@ def readings(*values: tuple[str, float, float | None]) -> tuple[Reading, ...]:
 SAID: dict[str, tuple[Reply, ...]] = {
     "ok": (Ok(),),
     "  ok": (Ok(),),
-    "ok N5 P15 B3": (Ok(5),),
-    "ok P15 B3": (Ok(),),
+    "ok N5 P15 B3": (Ok(5, planner=15, places=3),),
+    "ok P15 B3": (Ok(planner=15, places=3),),
     "ok 12": (Ok(),),
     "ok N1x P15 B3": (Ok(),),
     "Resend: 3": (Resend(3),),
@@ -63,8 +63,8 @@ SAID: dict[str, tuple[Reply, ...]] = {
     "ok FIRMWARE_NAME:Klipper FIRMWARE_VERSION:?": (Identity("Klipper"), Ok()),
     "FIRMWARE_NAME:Virtual Marlin": (Identity("Virtual Marlin"),),
     "Cap:EMERGENCY_PARSER:1": (Capability("EMERGENCY_PARSER", True),),
-    PLACE: (Position(0.0, 50.0, 0.2, PLACE),),
-    "ok X:10.0 Y:-1.5 Z:0.0 E:0.0": (Position(10.0, -1.5, 0.0, "X:10.0 Y:-1.5 Z:0.0 E:0.0"), Ok()),
+    PLACE: (Position(0.0, 50.0, 0.2, PLACE, 0.0),),
+    "ok X:10.0 Y:-1.5 Z:0.0 E:0.0": (Position(10.0, -1.5, 0.0, "X:10.0 Y:-1.5 Z:0.0 E:0.0", 0.0), Ok()),
     "ok T:19.37 /0.00 B:20.50 /60.00 @:0 B@:0": (
         Temperature(readings(("T", 19.37, 0.0), ("B", 20.5, 60.0))),
         Ok(heat=True),
