@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TABLE", "ask_person", "limit_accelerations", "nothing", "positive", "tool"]
 
-UUID: Final = "cede2a2f-41a2-4748-9b12-c55c62f367ff"
-"""Marlin's default, the same for every board whose owner did not make one."""
-
 
 def _temperatures(board: Board, _: Command) -> None:
     """M105: the answer is part of the ok."""
@@ -46,6 +43,8 @@ def _line_number(board: Board, command: Command) -> None:
     number = command.value("N")
     if number is not None:
         board.renumber = int(number)
+    elif board.front_end.counts:
+        board.say(f"echo: M110 N{board.last_line}")
 
 
 def _kill(board: Board, _: Command) -> None:
@@ -61,10 +60,13 @@ def _place(board: Board, _: Command) -> None:
 def _firmware(board: Board, _: Command) -> None:
     """M115."""
     front_end, machine = board.front_end, board.machine
-    board.say(
-        f"FIRMWARE_NAME:Marlin {front_end.name} SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin"
-        f" PROTOCOL_VERSION:1.0 MACHINE_TYPE:Simulated EXTRUDER_COUNT:1 UUID:{UUID}"
-    )
+    told, bare, identity = front_end.identity.format(name=front_end.name).partition("ok ")
+    if bare:
+        board.ok_tail = f" {identity}"
+    else:
+        board.say(told)
+    if not front_end.lists_capabilities:
+        return
     for name, present in front_end.capabilities:
         probes = machine.probe_points > 0 and name in {"AUTOLEVEL", "Z_PROBE"}
         board.say(f"Cap:{name}:{int(present or probes)}")

@@ -28,6 +28,7 @@ class Board:
         now: s, the moment that is being simulated.
         out: what was said and not sent yet.
         ok_tail: what the ok of the command being executed ends with.
+        last_line: number of the last line that was read.
         renumber: line number that M110 asks for.
         position: where the plan ends: x, y, z from the endstops, and e as the program counts it; mm.
         offset: what G92 adds to x, y, z as the program sees them, mm.
@@ -52,6 +53,7 @@ class Board:
         self.now = now
         self.out: list[str] = []
         self.ok_tail = ""
+        self.last_line = 0
         self.renumber: int | None = None
         self.killed = ""
         self.limits: Limits = machine.limits
@@ -96,13 +98,18 @@ class Board:
 
     def unknown(self, text: str) -> None:
         """Answer a command the firmware does not know."""
-        self.say(f'echo:Unknown command: "{text}"')
+        self.say(self.front_end.unknown.format(text=text))
         self.violated("unknown command")
 
     def temperatures(self) -> str:
         """`T:.. /.. B:.. /.. @:.. B@:..`, as every report has it."""
         now = self.now
         hotend, bed = self.hotend, self.bed
+        if self.front_end.klipper_words:
+            return (
+                f"B:{bed.temperature(now):.1f} /{bed.target:.1f}"
+                f" T0:{hotend.temperature(now):.1f} /{hotend.target:.1f}"
+            )
         return (
             f"T:{hotend.temperature(now):.2f} /{hotend.target:.2f}"
             f" B:{bed.temperature(now):.2f} /{bed.target:.2f}"
@@ -113,7 +120,10 @@ class Board:
         """Where the plan ends, as the program sees it, and where the motors are, in steps."""
         x, y, z, e = self.position
         logical = (x + self.offset[0], y + self.offset[1], z + self.offset[2], e)
-        words = " ".join(f"{letter}:{value:.2f}" for letter, value in zip(AXES, logical, strict=True))
+        decimals = self.front_end.decimals
+        words = " ".join(f"{letter}:{value:.{decimals}f}" for letter, value in zip(AXES, logical, strict=True))
+        if self.front_end.klipper_words:
+            return words
         steps = [
             round(at * per_mm)
             for at, per_mm in zip(self.mover.position(self.now)[:3], self.steps[:3], strict=True)
@@ -161,8 +171,8 @@ class Board:
 
     def kill(self, reason: str) -> None:
         """Halt for good: heaters off, nothing moves, nothing is answered."""
-        self.say(f"echo:{reason}")
-        self.say("Error:Printer halted. kill() called!")
+        for line in self.front_end.killed:
+            self.say(line.format(reason=reason))
         if self.front_end.host_actions:
             self.say("//action:poweroff")
         self.hotend.set_target(0.0, self.now)

@@ -7,11 +7,15 @@ N                     last + 1           absent          refused
 N                     last + 1           wrong           refused
 N                     last + 1           right           accepted
 N, holds M110         anything           as above        accepted; its own N counts, not the line's
+
+That is what front ends that take the "next" line do. Those that take any "right" line accept what has a right checksum
+or none and drop the rest without a word; those that take "any" cut number and checksum off and look at neither.
 """
 
 from __future__ import annotations
 
 import re
+from binascii import crc_hqx
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -27,9 +31,8 @@ _ORDINARY: Final = re.compile(rb"N(\d{1,9}) ([^;*]+)\*(\d{1,3})").fullmatch
 _NUMBER: Final = re.compile(rb"[ \t]*([-+]?\d{1,18})").match
 _PREFIX: Final = re.compile(rb"N[-+]?\d* *").match
 
-WRONG_NUMBER: Final = "Line Number is not Last Line Number+1"
-WRONG_CHECKSUM: Final = "checksum mismatch"
-NO_CHECKSUM: Final = "No Checksum with line number"
+_NEITHER: Final = re.compile(rb"(?:N[-+]?\d* *)?([^*]*)", re.DOTALL).match
+_CRC_DIGITS: Final = 5
 
 
 class LineReader:
@@ -37,14 +40,26 @@ class LineReader:
 
     Attributes:
         last: number of the last accepted line.
-        fault: why `next` refused a line; whoever reads it clears it.
+        fault: why `next` refused a line, as it is said of it; whoever reads it clears it.
+        refused: whether it did; whoever reads it clears it.
+        passed: what is to be answered instead of an ok, for a line that was passed over; None if none was.
+        skipping: lines still to be passed over behind a refused one; below 0 while all is well.
+        overflowed: bytes found the buffer full.
     """
 
-    __slots__ = ("_at", "_front_end", "_keep", "_line", "_ring", "_tally", "fault", "last")
+    __slots__ = (
+        *("_at", "_front_end", "_keep", "_line", "_numbered", "_ring", "_tally"),
+        *("fault", "last", "overflowed", "passed", "refused", "skipping"),
+    )
 
     def __init__(self, front_end: FrontEnd, tally: Tally) -> None:
         self.last = 0
         self.fault = ""
+        self.refused = False
+        self.passed: tuple[str, ...] | None = None
+        self.skipping = -1
+        self.overflowed = False
+        self._numbered = False
         self._front_end = front_end
         self._keep = front_end.line_size - 1
         self._tally = tally
@@ -61,6 +76,7 @@ class LineReader:
         if room is not None and len(unread) + len(data) > room:
             kept = data[: room - len(unread)]
             self._tally.bytes_lost += len(data) - len(kept)
+            self.overflowed = True
             data = kept
         self._ring = unread + data if unread else data
         self._at = 0
@@ -69,6 +85,16 @@ class LineReader:
     def waiting(self) -> bool:
         """Whether bytes have arrived that were not read yet."""
         return self._at < len(self._ring)
+
+    @property
+    def partial(self) -> bool:
+        """Whether the beginning of a line has been read, and not its end."""
+        return bool(self._line) and not self.waiting
+
+    def abandon(self) -> None:
+        """Throw away the beginning of a line whose end has not come."""
+        self._tally.bytes_flushed += len(self._line)
+        self._line = b""
 
     def flush(self) -> None:
         """Throw away everything that has arrived and is not a line yet."""
@@ -93,48 +119,108 @@ class LineReader:
                 raw = self._line + raw
                 self._line = b""
             line = self._judged(raw)
-            if line is not None or self.fault:
+            if line is not None or self.refused or self.passed is not None:
                 return line
         return None
 
     def _judged(self, raw: bytes) -> Line | None:
         """The line if it is acceptable. The shape nearly every line has gets a short way."""
+        if self._front_end.takes != "next":
+            return self._judged_alone(raw.partition(b";")[0][: self._keep].strip())
         match = _ORDINARY(raw)
         if match is not None and len(raw) <= self._keep and b"M110" not in raw:
             number = int(match[1])
             if number == self.last + 1 and checksum(raw[: match.end(2)]) == int(match[3]):
                 self.last = number
+                self.skipping = -1
+                self._numbered = True
                 return number, match[2].decode("latin-1").rstrip(" ")
         return self._judged_carefully(raw)
 
+    def _judged_alone(self, command: bytes) -> Line | None:
+        """A line where its number does not matter."""
+        if not command or (self._front_end.takes == "right" and not _right(command)):
+            return None
+        number = _number(command[1:]) if command.startswith(b"N") else None
+        match = _NEITHER(command)
+        text = _text(match[1] if match else b"")
+        self.last = self.last + 1 if number is None else number
+        return (number, text) if text else None
+
     def _judged_carefully(self, raw: bytes) -> Line | None:
         """The same for every line that can come, see the table above."""
+        front_end = self._front_end
         command = raw.partition(b";")[0][: self._keep].lstrip(b" ")
         if not command.strip():
             return None
         if not command.startswith(b"N"):
-            return None, _text(command)
+            return self._judged_stray(command)
         renumbers = b"M110" in command
         inner = command.find(b"N", 4) if renumbers else -1
         number = _number(command[max(inner, 0) + 1 :])
-        if number != self.last + 1 and not renumbers:
-            if self.last - self._front_end.repeats_dropped < number <= self.last:
-                self._tally.repeats_dropped += 1
-            else:
-                self.fault = WRONG_NUMBER
-            return None
         body, star, check = command.rpartition(b"*")
-        if not star or checksum(body) != _number(check):
-            self.fault = WRONG_CHECKSUM if star else NO_CHECKSUM
+        right = bool(star) and checksum(body) == _number(check)
+        if front_end.lines_skipped and not right:
+            # Repetier looks at the checksum first.
+            self._refuse(front_end.wrong_checksum if star else front_end.no_checksum, number)
+            return None
+        if number != self.last + 1 and not renumbers:
+            self._judged_out_of_turn(number)
+            return None
+        if not right:
+            self._refuse(front_end.wrong_checksum if star else front_end.no_checksum, number)
             return None
         self.last = number
+        self.skipping = -1
+        self._numbered = True
         prefix = _PREFIX(command)
         return number, _text(command[prefix.end() :] if prefix else command)
 
+    def _judged_stray(self, command: bytes) -> Line | None:
+        """A line without a number."""
+        strays = self._front_end.strays
+        if (strays == "bare" and b"*" in command) or (
+            strays == "never" and self._numbered and not command.startswith(b"M112")
+        ):
+            self._refuse(self._front_end.no_number, 0)
+            return None
+        return None, _text(command)
+
+    def _judged_out_of_turn(self, number: int) -> None:
+        """A line with another number than the next: passed over if it may be a repeat, else refused."""
+        front_end = self._front_end
+        if self.last - front_end.repeats_dropped < number <= self.last:
+            self._tally.repeats_dropped += 1
+        elif self.last - front_end.repeats_skipped < number <= self.last:
+            self._tally.repeats_dropped += 1
+            self.passed = (f"skip {number}", "ok")
+        elif self.skipping >= 0:
+            self.skipping -= 1
+            self.passed = ("ok",)
+        else:
+            self._refuse(front_end.wrong_number, number)
+
+    def _refuse(self, why: str, number: int) -> None:
+        """Take a line for bad."""
+        self.fault = why.format(last=self.last, wanted=self.last + 1, got=number)
+        self.refused = True
+        self.skipping = self._front_end.lines_skipped or -1
+
+
+def _right(command: bytes) -> bool:
+    """Whether the checksum of a line is right; it need not have one."""
+    body, star, check = command.rpartition(b"*")
+    if not star or not command.startswith(b"N"):
+        return True
+    if not check.isdigit():
+        return False
+    return int(check) == (crc_hqx(body, 0) if len(check) == _CRC_DIGITS else checksum(body))
+
 
 def checksum(data: bytes) -> int:
-    """All bytes joined by exclusive or; `data` holds at most 128."""
+    """All bytes joined by exclusive or; `data` holds at most 256."""
     folded = int.from_bytes(data, "little")
+    folded ^= folded >> 1024
     # Halving beats a loop over the bytes five to one, and every line of a print comes through here.
     folded ^= folded >> 512
     folded ^= folded >> 256

@@ -77,6 +77,7 @@ class SimulatedPrinter:
         self._front_end = front_end
         self._on_executed = on_executed
         self._tally = Tally()
+        self._ready = 0.0
         self._start(0.0, banner=boots)
 
     def receive(self, data: bytes, now: float) -> None:
@@ -84,6 +85,7 @@ class SimulatedPrinter:
         self._advance(now)
         if self._board.killed:
             return
+        self._last_byte = now
         if self._front_end.emergency_parser:
             self._parse_emergencies(data)
         self._reader.arrive(data)
@@ -126,6 +128,12 @@ class SimulatedPrinter:
         for heater, before in ((self._board.hotend, old.hotend), (self._board.bed, old.bed)):
             heater.cool_from(before, old.now)
 
+    def hang(self, seconds: float, now: float) -> None:
+        """Let the main loop do something else for so long; what arrives in the meantime fills the buffer."""
+        self._advance(now)
+        self._ready = max(self._ready, now) + seconds
+        self._pump()
+
     def report(self) -> Report:
         """What was executed so far; moves that have not begun are in it with everything but their time."""
         board = self._board
@@ -150,6 +158,7 @@ class SimulatedPrinter:
         self._ready = now  # the main loop has no time before
         self._charged = 0  # how many of the lines said have cost the main loop their time
         self._arriving = b""
+        self._last_byte = now
         self._next = inf
         if banner:
             for line in self._front_end.banner:
@@ -177,14 +186,31 @@ class SimulatedPrinter:
         if not self._queue and self._next_wait <= now:
             board.say("wait")
             self._next_wait = now + self._front_end.wait_seconds
+        if self._abandons() <= now:
+            self._abandon(now)
         self._pump()
+
+    def _abandons(self) -> float:
+        """When it will wait no longer for the rest of a line, or for a line that it asked for; infinite for never."""
+        reader, front_end = self._reader, self._front_end
+        asked = front_end.partial_asks and reader.skipping >= 0 and not reader.waiting
+        return self._last_byte + front_end.partial_seconds if asked or reader.partial else inf
+
+    def _abandon(self, now: float) -> None:
+        """Throw the beginning of a line away, and ask for it again where the firmware does."""
+        self._last_byte = now
+        self._reader.abandon()
+        if self._front_end.partial_asks:
+            self._asking = True
+        else:
+            self._board.say("RX timeout")
 
     def _next_event(self) -> float:
         """When something will happen without bytes arriving."""
         board = self._board
         if board.killed:
             return inf
-        due = board.next_report
+        due = min(board.next_report, self._abandons())
         if self._steps is not None:
             due = min(due, max(self._resume_at, self._ready), self._next_busy)
         elif not self._queue:
@@ -211,11 +237,24 @@ class SimulatedPrinter:
                 break
             elif (line := reader.next()) is not None:
                 self._enqueue(line)
-            elif reader.fault:
+            elif reader.refused:
                 self._refuse()
+            elif reader.passed is not None:
+                for said in reader.passed:
+                    board.say(said)
+                reader.passed = None
             else:
+                self._look_at_overflow()
                 break
         self._next = self._next_event()
+
+    def _look_at_overflow(self) -> None:
+        """Everything was read: say whether some of it came too fast."""
+        reader = self._reader
+        if reader.overflowed and self._front_end.tells_overflow:
+            reader.abandon()
+            self._board.say("Full RX Buffer")
+        reader.overflowed = False
 
     def _charge(self) -> None:
         """Hold up the main loop for what was said since the last time."""
@@ -231,6 +270,8 @@ class SimulatedPrinter:
         if number is None and text[:4] in _URGENT_CODES and not self._front_end.emergency_parser:
             self._act_urgently(text[:4])
         self._queue.append(line)
+        if self._front_end.ok_when_read:
+            self._board.say("ok")
         self._ready = max(self._ready, self._board.now) + self._front_end.seconds_per_line
 
     def _parse_emergencies(self, data: bytes) -> None:
@@ -261,8 +302,9 @@ class SimulatedPrinter:
     def _refuse(self) -> None:
         """Say what is wrong with a line; saying so may take time in which more arrives."""
         reader = self._reader
-        self._board.say(f"Error:{reader.fault}, Last Line: {reader.last}")
-        reader.fault = ""
+        if reader.fault:
+            self._board.say(reader.fault)
+        reader.fault, reader.refused = "", False
         self._tally.line_errors += 1
         self._asking = True
 
@@ -272,7 +314,7 @@ class SimulatedPrinter:
         if self._front_end.flushes_on_error:
             self._reader.flush()
         self._tally.resends += 1
-        self._board.say(f"Resend: {self._reader.last + 1}")
+        self._board.say(self._front_end.resend.format(wanted=self._reader.last + 1))
         if self._front_end.ok_after_resend:
             self._board.say("ok")
 
@@ -289,6 +331,7 @@ class SimulatedPrinter:
             self._tally.unnumbered_moves += 1
         match = SIMPLE_MOVE(text)
         if match is None:
+            board.last_line = self._reader.last
             steps = run(board, text)
             if board.renumber is not None:
                 self._reader.last, board.renumber = board.renumber, None
@@ -317,7 +360,11 @@ class SimulatedPrinter:
         number, _ = self._queue.popleft()
         if board.killed:
             return
-        if board.ok_tail:
+        if front_end.ok_when_read:
+            if board.ok_tail:
+                board.say(board.ok_tail.strip())
+                board.ok_tail = ""
+        elif board.ok_tail:
             board.say("ok" + board.ok_tail)
             board.ok_tail = ""
         elif front_end.advanced_ok:

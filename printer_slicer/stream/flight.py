@@ -78,6 +78,7 @@ class Flight:
         self._requested: int | None = None
         self._echo_until = -inf
         self._heat_with_ok = False
+        self._heat_owed = 0  # questions acknowledged whose temperatures are still to come, where they come apart
         self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
         self._breaks, self._broken = 0, -inf
 
@@ -241,7 +242,15 @@ class Flight:
             # One ok too many. Where lines are told apart by their answers, the count is right again.
             self.watch.answered(now)
             return None
+        self._heat_owed += ledger.oldest.command == ASK
         return oldest
+
+    def reported(self) -> int | None:
+        """Temperatures came apart from any ok: the question that they answer, if its ok was lost, else None."""
+        if self._heat_owed:
+            self._heat_owed -= 1
+            return None
+        return self.ledger.find_oldest(ASK)
 
     def _settle_unnumbered(self, number: int) -> None:
         """Answers keep their order: what was asked ahead of a line is answered, or never will be, once that line is."""

@@ -125,6 +125,11 @@ class Ledger:
                 return number
         return None
 
+    def find_oldest(self, command: bytes) -> int | None:
+        """Number of the oldest line in flight with this command."""
+        numbers = range(self.accepted + 1, self.cursor)
+        return next((number for number in numbers if self._lines[number].command == command), None)
+
     def commands(self) -> list[bytes]:
         """The commands in flight."""
         return [self._lines[number].command for number in range(self.accepted + 1, self.cursor)]

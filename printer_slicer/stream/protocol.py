@@ -319,10 +319,14 @@ class Streamer:
             self._halt("the printer executed something that was not sent: the rest of a line whose beginning got lost")
         if number is None:
             return
-        self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=settled))
+        self._accept(number, now, settled=settled)
+
+    def _accept(self, number: int, now: float, *, settled: bool) -> None:
+        """The printer took the lines up to `number`."""
+        self._acknowledged = max(self._acknowledged, self._flight.accept(number, now, settled=settled))
         if self._state is State.IDENTIFYING and self._greeting.question(number + 1) is None:
             self._apply(Trigger.IDENTIFIED)
-            flight.ledger.prove(1)
+            self._flight.ledger.prove(1)
             self._identified()
 
     def _identified(self) -> None:
@@ -331,6 +335,11 @@ class Streamer:
         self._dialect = DIALECTS[name]
         self._flight.speak(self._dialect, emergency_parser=self._greeting.can("EMERGENCY_PARSER"))
         self._events.append(self._greeting.identified(name))
+
+    def _heat_apart(self) -> bool:
+        """Whether this firmware's temperatures come on a line of their own."""
+        name = self._wanted_dialect or dialect_of(self._greeting.firmware or "")
+        return DIALECTS[name].heat_apart
 
     def _on_ok_in_doubt(self, ok: replies.Ok, now: float) -> None:
         """An answer while nobody knows whether the line in flight was executed."""
@@ -342,7 +351,7 @@ class Streamer:
             return
         fate = doubt.closed()
         if fate is Fate.EXECUTED:
-            self._acknowledged = max(self._acknowledged, flight.accept(number, now, settled=True))
+            self._accept(number, now, settled=True)
         elif fate is Fate.LOST:
             flight.go_back(number, now)
             self._events.append(told.ResendAsked(number))
@@ -420,7 +429,7 @@ class Streamer:
     def _on_last_line(self, line: replies.LastLine, now: float) -> None:
         number = self._flight.count(line.number, now) if self._state is not State.CONNECTING else None
         if number is not None:
-            self._acknowledged = max(self._acknowledged, self._flight.accept(number, now, settled=True))
+            self._accept(number, now, settled=True)
 
     def _on_garbled(self, garbled: replies.Garbled, now: float) -> None:
         self._on_text(garbled, now)
@@ -429,6 +438,10 @@ class Streamer:
     def _on_temperature(self, temperature: told.Temperature, now: float) -> None:
         if temperature.waiting:
             self._flight.watch.answered(now)
+        elif self._greeting.firmware is not None and self._heat_apart():
+            number = self._flight.reported()
+            if number is not None:
+                self._accept(number, now, settled=True)
         self._events.append(temperature)
 
     def _on_busy(self, busy: told.Busy, now: float) -> None:

@@ -1,0 +1,213 @@
+"""One print over a bad cable under an invented clock, and the verdict on it: what the reliability matrix is made of.
+
+The cable's faults are functions of the bytes on their way; they are drawn from the seed, so a trial can be repeated.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from random import Random  # noqa: TID251 - seeded
+
+from printer_slicer.motion.rules import Limits
+from printer_slicer.sim.front_end import FrontEnd
+from printer_slicer.sim.link import Direction, VirtualPort
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.stream.events import Asked, Event, Finished, Halted, ResendAsked
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.session import run
+
+__all__ = ["QUICK", "Fault", "Setup", "Trial", "job_of", "print_over", "questions"]
+
+Fault = Callable[[bytes, Direction], bytes]
+
+QUICK = Machine(
+    limits=Limits(
+        max_speed=(1000.0, 1000.0, 50.0, 500.0),
+        max_acceleration=(1e5, 1e5, 1e4, 1e5),
+        acceleration=1e5,
+        travel_acceleration=1e5,
+        retract_acceleration=1e5,
+        corner="junction_deviation",
+        junction_deviation=0.1,
+        jerk=(10.0, 10.0, 0.4, 5.0),
+        square_corner_velocity=5.0,
+    ),
+    coldest_extrusion=0.0,
+    probe_points=9,
+)
+"""So quick that only the cable limits how fast lines go."""
+
+_OURS = {"M105", "M110 N0", "M110", "M115", "M400", "M114"}
+"""What the host asks by itself; the jobs here have none of it."""
+
+_COMMAND = re.compile(r"[GMT]\d")
+_MEASURED_FROM = 50
+"""Entries of the job that the printer has taken when the measurement of the rate begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a trial is made of, besides its seed.
+
+    Attributes:
+        front_end: of the printer.
+        job: its commands.
+        fault: what the cable does.
+        on_event: told what the host tells, with the trial.
+        machine: of the printer.
+        baud, latency: of the cable, Bd and s.
+        told_baud: speed that the host is told; None: that it means nothing.
+        limits: whether the host knows the machine.
+        longest_wait: s after which the owner of the host looks up.
+    """
+
+    front_end: FrontEnd
+    job: Sequence[bytes]
+    fault: Fault | None = None
+    on_event: Callable[[Trial, Event], None] = lambda _trial, _event: None
+    machine: Machine = QUICK
+    baud: int | None = 115_200
+    latency: float = 0.001
+    told_baud: int | None = None
+    limits: bool = True
+    longest_wait: float = 60.0
+
+
+@dataclass
+class Trial:
+    """One print, and what became of it.
+
+    Attributes:
+        executed: every command that the printer began.
+        events: all that the host told.
+        spoken: bytes written to the printer, and the time, s, by entries acknowledged.
+        moments: what a fault or a user notes, by name, s.
+    """
+
+    setup: Setup
+    executed: list[str] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    moments: dict[str, float] = field(default_factory=dict)
+    most_in_flight: int = 0
+    written: int = 0
+    _from: tuple[float, int] | None = None
+    _to: tuple[float, int] = (0.0, 0)
+
+    def __post_init__(self) -> None:
+        setup = self.setup
+        self.printer = SimulatedPrinter(setup.machine, setup.front_end, on_executed=self.executed.append)
+        self.port = VirtualPort(self.printer, baud=setup.baud, latency=setup.latency, damage=self._damage)
+        limits = setup.machine.limits if setup.limits else None
+        self.streamer = Streamer(setup.job, limits=limits, baud=setup.told_baud)
+
+    def run(self) -> Trial:
+        """Print to the end, whichever it is."""
+        run(self.streamer, self.port, self.port.now, on_event=self._note, longest_wait=self.setup.longest_wait)
+        return self
+
+    def _damage(self, data: bytes, way: Direction) -> bytes:
+        if way == "to printer":
+            self.written += len(data)
+        return self.setup.fault(data, way) if self.setup.fault else data
+
+    def _note(self, event: Event) -> None:
+        self.events.append(event)
+        done, now = self.streamer.acknowledged, self.port.now()
+        if self._from is None and done >= min(_MEASURED_FROM, len(self.setup.job)):
+            self._from = (now, self.written)
+        if done < len(self.setup.job) - _MEASURED_FROM:
+            self._to = (now, self.written)
+        self.setup.on_event(self, event)
+
+    @property
+    def end(self) -> Event:
+        """The last thing told."""
+        return self.events[-1]
+
+    @property
+    def job_lines(self) -> list[str]:
+        """Commands executed that are not the host's own; where repeats are allowed by design, without them."""
+        lines = [line for line in self.executed if _COMMAND.match(line) and line not in _OURS]
+        if self.setup.front_end.takes == "next":
+            return lines
+        # Without line numbers a command that only sets something may go out again; a move never.
+        return [line for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] or line.startswith("G1 ")]
+
+    @property
+    def wanted(self) -> list[str]:
+        """The commands of the job."""
+        return [line.decode() for line in self.setup.job]
+
+    def count(self, *kinds: type) -> int:
+        """Events of these kinds."""
+        return sum(isinstance(event, kinds) for event in self.events)
+
+    @property
+    def rate(self) -> float:
+        """Share of the wire's speed at which lines went out, in the middle of the job."""
+        assert self._from is not None
+        seconds, size = self._to[0] - self._from[0], self._to[1] - self._from[1]
+        return size * 10 / (self.setup.baud or 1) / seconds if seconds > 0 else 0.0
+
+    def verdict(self) -> str:
+        """`exact`, `altered` (by damage that the checksum cannot see), `stopped: why`, or `WRONG: ...`."""
+        lines, wanted = self.job_lines, self.wanted
+        strays = self.printer.report().unnumbered_moves
+        if isinstance(self.end, Halted):
+            done = self.end.acknowledged
+            queued = self.setup.front_end.queue_places + 1 if self.setup.front_end.ok_when_read else 0
+            if not done - queued <= len(lines) <= len(wanted) + strays:
+                return f"WRONG: {len(lines)} lines were executed, {done} acknowledged"
+            if strays == 0 and _differences(lines, wanted[: len(lines)]) is None:
+                return "WRONG: stopped, and before that lines were lost, repeated or out of order"
+            return f"stopped: {self.end.reason}"
+        if not isinstance(self.end, Finished) or self.end.acknowledged != len(wanted):
+            return f"WRONG: ended with {self.end}"
+        different = _differences(lines, wanted) if len(lines) == len(wanted) else None
+        if strays or different is None:
+            return f"WRONG: {strays} strays, {len(lines)} of {len(wanted)} lines"
+        return "altered" if different else "exact"
+
+
+def _differences(lines: Sequence[str], wanted: Sequence[str]) -> int | None:
+    """Lines that are the wanted ones with a few letters changed; None if any is another line."""
+    pairs = [(a, b) for a, b in zip(lines, wanted, strict=True) if a != b]
+    return len(pairs) if all(_akin(a, b) for a, b in pairs) else None
+
+
+def _akin(a: str, b: str) -> bool:
+    """Whether one is the other with few letters flipped or lost."""
+    if len(a) == len(b):
+        return sum(x != y for x, y in zip(a, b, strict=True)) <= 6
+    short, long = sorted((a, b), key=len)
+    rest = iter(long)
+    return len(long) - len(short) <= 6 and all(letter in rest for letter in short)
+
+
+def job_of(chance: Random, lines: int) -> list[bytes]:
+    """Short moves, all different, with relative E as slicers write it, and a setting now and then."""
+    job = [b"G28", b"G90", b"M83", b"G92 E0", b"G1 X100 Y100 Z0.2 F30000"]
+    x, y = 100.0, 100.0
+    for i in range(len(job), lines - 3):
+        if i % 97 == 0:
+            job.append(b"M106 S%d" % (i % 255))
+        elif i % 199 == 0:
+            job.append(b"G1 Z%.2f" % (0.2 + i / 1000))
+        else:
+            x = min(max(x + chance.uniform(-1, 1), 0), 200)
+            y = min(max(y + chance.uniform(-1, 1), 0), 200)
+            job.append(b"G1 X%.3f Y%.3f E0.%05d" % (x, y, i))
+    return [*job, b"M107", b"G1 X0 Y200 F9000", b"M84"]
+
+
+def print_over(setup: Setup, **changes: object) -> Trial:
+    """Run one trial."""
+    return Trial(replace(setup, **changes) if changes else setup).run()  # type: ignore[arg-type]
+
+
+def questions(trial: Trial) -> int:
+    """How often the host had to ask or to repeat."""
+    return trial.count(Asked, ResendAsked)
