@@ -15,7 +15,9 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from random import Random  # noqa: TID251 - seeded
+from statistics import median
 from time import process_time
 
 from benchmarks import wire_faults as faults
@@ -66,8 +68,15 @@ def _no_questions(trial: Trial) -> str:
 
 def _clean(trial: Trial) -> str:
     rate, front_end = trial.rate, trial.setup.front_end
-    least = 0.0 if not _ordered(front_end) or front_end.ok_when_read else 0.97 if trial.setup.baud == 115_200 else 0.9
-    return f"{rate:.1%} of the wire" if rate < least else _no_questions(trial)
+    least = (
+        0.0
+        if not _ordered(front_end) or front_end.ok_when_read
+        else 0.97
+        if trial.setup.baud == 115_200
+        else 0.9
+    )
+    long = len(trial.setup.job) >= 1000  # a short job has too few lines between beginning and end to tell
+    return f"{rate:.1%} of the wire" if long and rate < least else _no_questions(trial)
 
 
 def _once(trial: Trial, name: str) -> bool:
@@ -100,7 +109,9 @@ def _within(name: str, seconds: float, *, lines: int | None = None) -> Callable[
         if late > seconds:
             return f"stopped after {late:.1f} s"
         moved = [line for line in trial.executed[int(trial.moments["executed"]) :] if line.startswith("G1")]
-        return f"{len(moved)} moves of {more:.0f} lines after it" if lines is not None and len(moved) > lines else ""
+        # Without a sequence the line that was on its way is executed.
+        most = inf if lines is None else lines + (not _ordered(trial.setup.front_end))
+        return f"{len(moved)} moves of {more:.0f} lines after it" if len(moved) > most else ""
 
     return check
 
@@ -122,7 +133,7 @@ def _injected(said: bytes, name: str, *, every: float = 0.0) -> Maker:
     """The printer says something at a random moment; again and again if `every` is not 0 s."""
 
     def make(_: Random, setup: Setup) -> Setup:
-        def act(trial: Trial, event: Event) -> None:
+        def act(trial: Trial, _event: Event) -> None:
             now = trial.port.now()
             if _once(trial, name) or (every and name in trial.moments and now >= trial.moments["next"]):
                 trial.moments["next"] = now + every
@@ -146,10 +157,10 @@ def _emergency(_: Random, setup: Setup) -> Setup:
     return replace(setup, on_event=_happening(lambda trial: trial.streamer.emergency_stop(), "stop"))
 
 
-def _user(chance: Random, setup: Setup) -> Setup:
+def _user(_: Random, setup: Setup) -> Setup:
     """Commands of a person and questions for temperatures, ten a second."""
 
-    def act(trial: Trial, _: Event) -> None:
+    def act(trial: Trial, _event: Event) -> None:
         now = trial.port.now()
         if trial.streamer.state is State.STREAMING and now >= trial.moments.get("next", 0.0):
             trial.moments["next"] = now + 0.1
@@ -199,7 +210,9 @@ def _everything(chance: Random, setup: Setup) -> Setup:
     """Damage in both directions and lost answers, on firmware that may say no ok behind a request."""
     both = faults.Damage(chance, flip=5e-5, drop=2e-5)
     lose = faults.lost_oks(chance)
-    front_end = replace(setup.front_end, ok_after_resend=chance.random() < 0.5 and setup.front_end.ok_after_resend)
+    front_end = replace(
+        setup.front_end, ok_after_resend=chance.random() < 0.5 and setup.front_end.ok_after_resend
+    )
     return replace(setup, front_end=front_end, fault=lambda data, way: lose(both(data, way), way))
 
 
@@ -209,7 +222,8 @@ def _bare_requests(chance: Random, setup: Setup) -> Setup:
 
 
 def _baud(baud: int) -> Maker:
-    return lambda _, setup: replace(setup, baud=baud, told_baud=baud)
+    """A cable at this speed; a line and its ok are under way for a millisecond longer than their bytes take."""
+    return lambda _, setup: replace(setup, baud=baud, told_baud=baud, latency=0.0005)
 
 
 _UNKNOWN = ("nobody can know",)
@@ -223,13 +237,13 @@ def _flips(rate: float) -> Row:
 
 ROWS: dict[str, Row] = {
     "clean, 115200 Bd": Row(_baud(115_200), check=_clean),
-    "clean, 250000 Bd": Row(
-        _baud(250_000), check=_clean, suits=lambda f: f.seconds_per_byte == 0.0
-    ),
+    "clean, 250000 Bd": Row(_baud(250_000), check=_clean, suits=lambda f: f.seconds_per_byte == 0.0),
     "flips to printer 1e-6": _flips(1e-6),
     "flips to printer 1e-4": _flips(1e-4),
     "flips to printer 1e-3": _flips(1e-3),
-    "bytes dropped 1e-4": Row(_cable(lambda c: faults.flips(c, "to printer", drop=1e-4)), _UNKNOWN, suits=_checked),
+    "bytes dropped 1e-4": Row(
+        _cable(lambda c: faults.flips(c, "to printer", drop=1e-4)), _UNKNOWN, suits=_checked
+    ),
     "newlines lost": Row(_cable(faults.lost_newlines), _NO_WAY, suits=_checked),
     "newlines inserted": Row(_cable(faults.inserted_newlines), _NO_WAY, suits=_ordered),
     "flips to host 3e-4": Row(_cable(lambda c: faults.flips(c, "to host", flip=3e-4)), _UNKNOWN),
@@ -254,7 +268,9 @@ ROWS: dict[str, Row] = {
     "heating for a quarter of an hour": Row(_slow(b"M109 S220"), check=_no_questions),
     "one move of ten minutes": Row(_slow(b"G1 X190 Y190 F12"), check=_no_questions),
     "reset, heard": Row(_reset(heard=True), _RESET, check=_within("reset", 1.0, lines=0)),
-    "reset, not heard": Row(_reset(heard=False), _RESET, check=_within("reset", 5.0, lines=0), suits=_ordered),
+    "reset, not heard": Row(
+        _reset(heard=False), _RESET, check=_within("reset", 5.0, lines=0), suits=_ordered
+    ),
     "killed": Row(
         _injected(b"Error:Heating failed, system stopped! Heater_ID: E0\n", "kill"),
         ("printer stopped",),
@@ -263,8 +279,12 @@ ROWS: dict[str, Row] = {
     "Klipper's error": Row(
         _injected(b"!! Move out of range\nok\n", "kill"), ("printer stopped",), check=_within("kill", 0.2)
     ),
-    "silence of the host's end": Row(_silence("to printer"), ("stopped answering",), check=_within("cut", 45.0)),
-    "silence of the printer's end": Row(_silence("to host"), ("stopped answering",), check=_within("cut", 45.0)),
+    "silence of the host's end": Row(
+        _silence("to printer"), ("stopped answering",), check=_within("cut", 45.0)
+    ),
+    "silence of the printer's end": Row(
+        _silence("to host"), ("stopped answering",), check=_within("cut", 45.0)
+    ),
     "emergency stop": Row(_emergency, ("emergency stop",)),
     "user and temperatures at 10/s": Row(_user),
     "pause and resume, 50 times": Row(_pausing),
@@ -297,8 +317,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; 1 if a print was wrong."""
     options = _options(argv)
     print(f"{options.seeds} seeds a row, jobs of {options.lines} lines")
-    print("| fault | firmwares | exact | altered | stopped | wrong | requests, questions per print | CPU |")
-    print("|---|---|---|---|---|---|---|---|")
+    print(
+        "| fault | firmwares | exact | altered | stopped | wrong | requests, questions | of the wire | CPU |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
     wrong = 0
     for row in ROWS:
         if options.row in row:
@@ -322,16 +344,19 @@ def _print_row(row: str, options: argparse.Namespace) -> int:
     if not names:
         return 0
     seeds = options.seeds * (len(names) if options.each else 1)
-    began, verdicts, asked = process_time(), Counter[str](), 0
+    began, verdicts, asked, rates = process_time(), Counter[str](), 0, [0.0]
     for seed in range(seeds):
         name = names[seed % len(names)]
         trial, verdict = trial_of(row, name, seed, options.lines)
         asked += questions(trial)
         verdicts[_counted(verdict)] += 1
+        # One line at a time by design where line numbers are not checked, see `doubt`.
+        rates += [trial.rate] if _ordered(trial.setup.front_end) else []
         if verdict.startswith("WRONG"):
             print(f"{row}, {name}, seed {seed}: {verdict}", file=sys.stderr)
     counts = " | ".join(str(verdicts[kind]) for kind in ("exact", "altered", "stopped", "WRONG"))
-    print(f"| {row} | {len(names)} | {counts} | {asked / seeds:.1f} | {process_time() - began:.0f} s |", flush=True)
+    figures = f"{asked / seeds:.1f} | {median(rates[1:] or rates):.0%} | {process_time() - began:.0f} s"
+    print(f"| {row} | {len(names)} | {counts} | {figures} |", flush=True)
     return verdicts["WRONG"]
 
 

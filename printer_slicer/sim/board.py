@@ -121,7 +121,9 @@ class Board:
         x, y, z, e = self.position
         logical = (x + self.offset[0], y + self.offset[1], z + self.offset[2], e)
         decimals = self.front_end.decimals
-        words = " ".join(f"{letter}:{value:.{decimals}f}" for letter, value in zip(AXES, logical, strict=True))
+        words = " ".join(
+            f"{letter}:{value:.{decimals}f}" for letter, value in zip(AXES, logical, strict=True)
+        )
         if self.front_end.klipper_words:
             return words
         steps = [

@@ -25,6 +25,9 @@ __all__ = ["Burst", "Verdict"]
 _SETTLE: Final = 0.2
 """s without another request after which none is expected: longer than the latency of any usual port."""
 
+_LONGEST: Final = 2 * _SETTLE
+"""s from the first request to going back: firmware that asks again and again must not be waited for until it stops."""
+
 _MOST_IDENTICAL: Final = 10
 
 
@@ -51,6 +54,7 @@ class Burst:
         self.claim: int | None = None
         self.until = inf
         self.swallow = False
+        self._latest = inf
         self._doubted: int | None = None
         self._missing = 0
         self._last: int | None = None
@@ -58,8 +62,13 @@ class Burst:
 
     def error(self, wanted: int, now: float) -> None:
         """An error names the wanted line; the request proper comes next, unless it gets lost."""
-        self.claim = wanted
-        self.until = now + _SETTLE
+        first, self.claim = not self.active, wanted
+        self._wait(now, first=first)
+
+    def _wait(self, now: float, *, first: bool) -> None:
+        """Wait a moment for more, but not for ever."""
+        self._latest = now + _LONGEST if first else self._latest
+        self.until = min(now + _SETTLE, self._latest)
 
     def unrequested(self, ledger: Ledger, now: float) -> Verdict:
         """Take the claim for the request that should have followed it, with nothing to confirm it."""
@@ -69,6 +78,7 @@ class Burst:
 
     def request(self, number: int, ledger: Ledger, now: float) -> Verdict:
         """The printer asks for `number`; its ok is still to come."""
+        first = not self.active
         claim, self.claim = self.claim, None
         self.swallow = True
         verdict = self._judge(number, claim, ledger)
@@ -78,7 +88,7 @@ class Burst:
                 self.wanted = number
                 self._missing = max(ledger.cursor - number, 1)
             self._missing -= 1
-        self.until = now + _SETTLE
+        self._wait(now, first=first)
         return verdict
 
     def _judge(self, number: int, claim: int | None, ledger: Ledger) -> Verdict:
@@ -116,5 +126,5 @@ class Burst:
     def _forget(self) -> None:
         self.wanted = None
         self.swallow = False
-        self.until = inf
+        self.until = self._latest = inf
         self._missing = 0

@@ -37,7 +37,7 @@ class Dialect:
         sequence: whether it takes lines in order only.
         strays: what it does to a line without number and right checksum.
         counts: M110 alone says the last line number.
-        heat_apart: M105 gets its ok when it is read, and its temperatures on a line of their own when it is its turn.
+        ok_when_read: a line gets its ok when it is read; what M105 tells comes on a line of its own when it is its turn.
         longest: bytes of a line, without its line break.
         places: commands it reads ahead.
         most: lines in flight at most, where it is safe.
@@ -51,7 +51,7 @@ class Dialect:
     sequence: bool = True
     strays: Literal["executed", "refused"] = "executed"
     counts: bool = False
-    heat_apart: bool = False
+    ok_when_read: bool = False
     longest: int = 95
     places: int = 4
     most: int = 6
@@ -91,7 +91,12 @@ DIALECTS: Final[dict[str, Dialect]] = {
         advice=_REPRAP_ADVICE,
     ),
     "repetier": Dialect(
-        "Repetier", r"Repetier", ("Error:expected line 7 got 9", "", "Resend:7", "ok"), strays="refused", heat_apart=True, places=2
+        "Repetier",
+        r"Repetier",
+        ("Error:expected line 7 got 9", "", "Resend:7", "ok"),
+        strays="refused",
+        ok_when_read=True,
+        places=2,
     ),
     "smoothie": Dialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1),
     "prusa": Dialect(
@@ -127,5 +132,7 @@ def dialect_named(name: str) -> Dialect:
         UsageError: there is none.
     """
     if name not in DIALECTS:
-        raise UsageError(f"no firmware is known by the name {name!r}", remedy=f"known are: {', '.join(DIALECTS)}")
+        raise UsageError(
+            f"no firmware is known by the name {name!r}", remedy=f"known are: {', '.join(DIALECTS)}"
+        )
     return DIALECTS[name]

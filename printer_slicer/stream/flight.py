@@ -71,32 +71,50 @@ class Flight:
         self.doubt: Doubt | None = None
         self.strayed = False
         self.lost_count: int | None = None
-        self._counts = False
+        self._counts = self._ok_when_read = False
+        self._patiences: deque[float] = deque(
+            maxlen=1
+        )  # of the lines that may be in front of one when it is read
         self._sequence = True
         self._counted: int | None = None  # next line when M110 went out
         self._longest = LONGEST
         self._requested: int | None = None
         self._echo_until = -inf
         self._heat_with_ok = False
-        self._heat_owed = 0  # questions acknowledged whose temperatures are still to come, where they come apart
+        self._heat_owed = (
+            0  # questions acknowledged whose temperatures are still to come, where they come apart
+        )
+        self._owed_until = -inf
+        self._idle_at = -inf
+        self._alone: int | None = None  # a question to a printer that had nothing else to do
         self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
         self._breaks, self._broken = 0, -inf
 
     def speak(self, dialect: Dialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
         self._counts = dialect.counts
+        self._ok_when_read = dialect.ok_when_read
+        if dialect.ok_when_read:
+            self._patiences = deque(maxlen=dialect.places + 2)
         self._sequence = dialect.sequence
         self._longest = dialect.longest
         if dialect.checksum == "crc16":
             self.ledger.frame = frame_crc
         self.window.speak(dialect, emergency_parser=emergency_parser)
 
+    def add(self, command: bytes, job: int, patience: float) -> None:
+        """Give a command the next number; its ok comes within `patience`, s, of when it is its turn."""
+        self._patiences.append(patience)
+        self.ledger.add(command, job, sum(self._patiences))
+
     @property
     def due(self) -> float | None:
         """When something must be done if nothing arrives, s; None for never."""
         if self.burst.active:
             return self.burst.until
-        return self.watch.due(self.ledger.oldest) if self.ledger.in_flight else None
+        if self.ledger.in_flight:
+            return self.watch.due(self.ledger.oldest)
+        return self._owed_until if self._heat_owed else None
 
     def room(self) -> int:
         """Bytes that the next line may have, with its line break, to join those in flight now."""
@@ -121,6 +139,8 @@ class Flight:
         self.window.error()
         self.burst.swallow = False
         self.watch.ask(now)
+        if self.ledger.line(self.ledger.cursor - 1).sent <= self._idle_at:
+            self._alone = self.ledger.cursor
         return self.ledger.take(now, break_first=True)
 
     @property
@@ -146,7 +166,9 @@ class Flight:
         questions = (b"M114", ASK) if doubt.pair else (ASK,)
         doubt.pair = False
         # Their numbers mean nothing, but the checksum behind a number does.
-        return b"\n" + b"".join(self.ledger.frame(self.ledger.cursor, question) + b"\n" for question in questions)
+        return b"\n" + b"".join(
+            self.ledger.frame(self.ledger.cursor, question) + b"\n" for question in questions
+        )
 
     def count(self, last: int, now: float) -> int | None:
         """The printer took the lines up to `last`: up to which line to accept, None if to none.
@@ -242,11 +264,33 @@ class Flight:
             # One ok too many. Where lines are told apart by their answers, the count is right again.
             self.watch.answered(now)
             return None
-        self._heat_owed += ledger.oldest.command == ASK
+        if ledger.oldest.command == ASK and self._ok_when_read:
+            self._heat_owed += 1
+            self._owed_until = now + ledger.oldest.patience
         return oldest
+
+    def owes(self, now: float) -> bool:
+        """Whether the printer has still to say the temperatures that it was asked for."""
+        return self._heat_owed > 0 and now < self._owed_until
+
+    def told(self) -> bool:
+        """Whether nothing is owed; what was owed for too long was lost, and is forgotten."""
+        owed, self._heat_owed = self._heat_owed, 0
+        return not owed
+
+    def idle(self, now: float) -> None:
+        """The printer has nothing to do: whatever it had to say of earlier lines it has said."""
+        self._heat_owed = 0
+        self._idle_at = now
+        if self.ledger.in_flight:
+            self.watch.idle(self.ledger.oldest, now)
 
     def reported(self) -> int | None:
         """Temperatures came apart from any ok: the question that they answer, if its ok was lost, else None."""
+        alone, self._alone = self._alone, None
+        if alone is not None:
+            self._heat_owed = 0
+            return alone if alone > self.ledger.accepted else None
         if self._heat_owed:
             self._heat_owed -= 1
             return None
@@ -288,7 +332,7 @@ class Flight:
     def go_back(self, wanted: int, now: float) -> int:
         """Make `wanted` the next line; entries of the job that stay accepted."""
         self._requested = wanted
-        self.doubt = None
+        self.doubt = self._alone = None
         self.window.error()
         self.watch.answered(now, settled=True)
         return self.ledger.rewind(wanted)

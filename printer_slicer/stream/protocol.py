@@ -191,7 +191,7 @@ class Streamer:
             out.append(self._flight.break_wait(now))
         if self._flight.overdue(now):
             out.append(self._ask(now))
-        while self._has_next():
+        while self._has_next(now):
             out.append(self._flight.ledger.take(now))
         return b"".join(out)
 
@@ -251,7 +251,7 @@ class Streamer:
         self._events.append(told.Asked(ledger.cursor))
         return flight.ask(now)
 
-    def _has_next(self) -> bool:
+    def _has_next(self, now: float) -> bool:
         """Whether a line may go out now; gives the next command its number if need be."""
         flight = self._flight
         if self._ended or self._state is State.CONNECTING:
@@ -259,13 +259,26 @@ class Streamer:
         if flight.ledger.cursor < flight.ledger.top:
             return flight.repeats()
         room = command_room(flight.ledger.top, flight.room())
-        command = self._next_command(room) if room > 0 else None
+        command = self._next_command(room, now) if room > 0 else None
         if command is None:
             return False
         self._number(command)
         return True
 
-    def _next_command(self, room: int) -> bytes | None:
+    def _at_the_end(self, now: float) -> bytes | None:
+        """The next question when all is sent and accepted; None while an answer is awaited, and behind the last one."""
+        flight = self._flight
+        if flight.owes(now):
+            return None
+        if not flight.told():
+            self._script.reopen()
+        command = self._script.next_of_closing()
+        if command is None:
+            self._apply(Trigger.FINISH)
+            self._events.append(self._script.finished(self._acknowledged))
+        return command
+
+    def _next_command(self, room: int, now: float) -> bytes | None:
         """The next command to get a number, None if there is none now that has at most `room` bytes."""
         script, idle = self._script, not self._flight.ledger.in_flight
         if self._state is State.IDENTIFYING:
@@ -276,10 +289,7 @@ class Streamer:
             if command is None and idle:
                 self._accept_all()
         if command is None and self._state is State.FINISHING and idle:
-            command = script.next_of_closing()
-            if command is None:
-                self._apply(Trigger.FINISH)
-                self._events.append(script.finished(self._acknowledged))
+            command = self._at_the_end(now)
         return command
 
     def _accept_all(self) -> None:
@@ -291,7 +301,7 @@ class Streamer:
         self._apply(Trigger.ACCEPTED)
 
     def _number(self, command: bytes) -> None:
-        self._flight.ledger.add(command, self._script.taken, self._script.follow(command))
+        self._flight.add(command, self._script.taken, self._script.follow(command))
 
     # Receiving.
 
@@ -316,7 +326,9 @@ class Streamer:
         number = flight.belongs_to(ok, now)
         self._check_count(now)
         if flight.strayed and self._state is not State.IDENTIFYING:
-            self._halt("the printer executed something that was not sent: the rest of a line whose beginning got lost")
+            self._halt(
+                "the printer executed something that was not sent: the rest of a line whose beginning got lost"
+            )
         if number is None:
             return
         self._accept(number, now, settled=settled)
@@ -336,10 +348,10 @@ class Streamer:
         self._flight.speak(self._dialect, emergency_parser=self._greeting.can("EMERGENCY_PARSER"))
         self._events.append(self._greeting.identified(name))
 
-    def _heat_apart(self) -> bool:
+    def _ok_when_read(self) -> bool:
         """Whether this firmware's temperatures come on a line of their own."""
         name = self._wanted_dialect or dialect_of(self._greeting.firmware or "")
-        return DIALECTS[name].heat_apart
+        return DIALECTS[name].ok_when_read
 
     def _on_ok_in_doubt(self, ok: replies.Ok, now: float) -> None:
         """An answer while nobody knows whether the line in flight was executed."""
@@ -390,8 +402,7 @@ class Streamer:
         self._events.append(told.Message(error.text))
 
     def _on_wait(self, _: replies.Wait, now: float) -> None:
-        if self._flight.ledger.in_flight:
-            self._flight.watch.idle(self._flight.ledger.oldest, now)
+        self._flight.idle(now)
 
     def _on_started(self, _: replies.Started, now: float) -> None:
         self._restarted("it has just started", now)
@@ -412,7 +423,8 @@ class Streamer:
 
     def _on_unknown(self, unknown: replies.Unknown, now: float) -> None:
         self._on_text(unknown, now)
-        if not any(command.startswith(unknown.command) for command in self._flight.ledger.commands()):
+        said = unknown.command
+        if not said or not any(command.startswith(said) for command in self._flight.ledger.commands()):
             # It read the remains of a line as a line of its own: the ok behind this answers none of ours.
             self._flight.stray(now, refusal=True)
 
@@ -438,7 +450,7 @@ class Streamer:
     def _on_temperature(self, temperature: told.Temperature, now: float) -> None:
         if temperature.waiting:
             self._flight.watch.answered(now)
-        elif self._greeting.firmware is not None and self._heat_apart():
+        elif self._greeting.firmware is not None and self._ok_when_read():
             number = self._flight.reported()
             if number is not None:
                 self._accept(number, now, settled=True)

@@ -162,7 +162,15 @@ _OK_AND: Final = re.compile(rb"ok\s")
 _HEATERS: Final = re.compile(rb"\s*(?:T\d?|B|C):\s*-?\d")
 _HEATER: Final = re.compile(rb"\b(T\d?|B|C):\s*" + _NUMBER + rb"(?:\s*/\s*" + _NUMBER + rb")?")
 _POSITION: Final = re.compile(
-    rb"(?<!Count )X:\s*" + _NUMBER + rb"\s+Y:\s*" + _NUMBER + rb"\s+Z:\s*" + _NUMBER + rb"(?:\s+E:\s*" + _NUMBER + rb")?"
+    rb"(?<!Count )X:\s*"
+    + _NUMBER
+    + rb"\s+Y:\s*"
+    + _NUMBER
+    + rb"\s+Z:\s*"
+    + _NUMBER
+    + rb"(?:\s+E:\s*"
+    + _NUMBER
+    + rb")?"
 )
 _SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
 _RESEND_LETTERS: Final = "Resend:"
@@ -184,8 +192,14 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
     (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _resend),
     (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
     (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
-    (re.compile(rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset)$"), lambda _: (Started(),)),
-    (re.compile(rb"^RepRapFirmware .* is up and running"), lambda _: (Started(),)),
+    (
+        re.compile(rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset)$"),
+        lambda _: (Started(),),
+    ),
+    (
+        re.compile(rb"^RepRapFirmware .* is up and running|^Smoothie$|^// Klipper state: Ready"),
+        lambda _: (Started(),),
+    ),
     (re.compile(rb"^wait$"), lambda _: (Wait(),)),
     (re.compile(rb"^(?:echo: ?)?M110 N(-?\d{1,9})$"), lambda m: (LastLine(int(m[1])),)),
     (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_text(m.string), refusal=True),)),

@@ -40,8 +40,10 @@ def run(
     while True:
         if data := streamer.send(clock()):
             transport.write(data)
-        for event in streamer.events():
-            on_event(event)
+        # A listener may end the print, and that is told too.
+        while events := streamer.events():
+            for event in events:
+                on_event(event)
         if streamer.done:
             return
         due = streamer.wakeup()

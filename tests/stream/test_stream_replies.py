@@ -52,7 +52,7 @@ SAID: dict[str, tuple[Reply, ...]] = {
     "echo:busy: paused for user": (Busy("paused for user"),),
     KILLED: (Stopped(KILLED),),
     "!! Must home axis first": (Stopped("!! Must home axis first"),),
-    "// Klipper state: Ready": (Message("// Klipper state: Ready"),),
+    "// Klipper state: Ready": (Started(),),
     "// Klipper state: Disconnect": (Stopped("// Klipper state: Disconnect"),),
     "//action:pause": (Action("pause"),),
     "// action:notification Hello": (Action("notification Hello"),),
