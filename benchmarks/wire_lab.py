@@ -150,7 +150,7 @@ class Trial:
         return [
             line
             for i, line in enumerate(lines)
-            if i == 0 or line != lines[i - 1] or line.startswith("G1 ") and " E" in line
+            if i == 0 or line != lines[i - 1] or (line.startswith("G1 ") and " E" in line)
         ]
 
     @property
@@ -202,8 +202,9 @@ def _akin(a: str, b: str) -> bool:
         return sum(x != y for x, y in zip(a, b, strict=True)) <= 8
     short, long = sorted((a, b), key=len)
     rest = iter(long)
-    # RepRapFirmware reads a line whose star is damaged as one without checksum, with the digits behind it.
-    return len(long) - len(short) <= 8 and all(letter in rest for letter in short)
+    # RepRapFirmware reads a line whose star is damaged as one without checksum, with the digits behind it; and where a
+    # letter has become a semicolon, up to there.
+    return long.startswith(short) or (len(long) - len(short) <= 8 and all(letter in rest for letter in short))
 
 
 def job_of(chance: Random, lines: int) -> list[bytes]:

@@ -8,9 +8,10 @@ ok                  plain         N, P and B            plain
 M108, M112, M410    read early when un-numbered; with the emergency parser always
 text going out      costs no time costs no time         holds up the main loop (10 bits per byte)
 
-The other firmwares differ from these in what `FRONT_ENDS` says of them. Their conversations follow their sources: Marlin
-1.1's Marlin_main.cpp, Marlin's pull request 27090 (M110 alone), Prusa-Firmware's cmdqueue.cpp, RepRapFirmware's
-StringParser.cpp, Repetier-Firmware's gcode.cpp, Smoothieware's GcodeDispatch.cpp; Klipper's were recorded.
+The other firmwares differ from these in what `FRONT_ENDS` says of them. Their conversations follow their sources:
+Marlin 1.1's Marlin_main.cpp, Marlin's pull request 27090 (M110 alone), Prusa-Firmware's cmdqueue.cpp,
+RepRapFirmware's StringParser.cpp, Repetier-Firmware's gcode.cpp, Smoothieware's GcodeDispatch.cpp; Klipper's were
+recorded.
 """
 
 from __future__ import annotations
@@ -246,8 +247,8 @@ REPRAPFIRMWARE: Final = replace(
     MARLIN_2_1,
     name="3.4.6",
     banner=("RepRapFirmware for Duet 2 WiFi/Ethernet version 3.4.6 is up and running.",),
-    identity="FIRMWARE_NAME: RepRapFirmware for Duet 2 WiFi/Ethernet FIRMWARE_VERSION: {name} ELECTRONICS: Duet WiFi 1.02"
-    " FIRMWARE_DATE: 2023-07-21",
+    identity="FIRMWARE_NAME: RepRapFirmware for Duet 2 WiFi/Ethernet FIRMWARE_VERSION: {name}"
+    " ELECTRONICS: Duet WiFi 1.02 FIRMWARE_DATE: 2023-07-21",
     lists_capabilities=False,
     takes="right",
     busy_seconds=0.0,

@@ -237,16 +237,23 @@ class SimulatedPrinter:
                 break
             elif (line := reader.next()) is not None:
                 self._enqueue(line)
-            elif reader.refused:
-                self._refuse()
-            elif reader.passed is not None:
-                for said in reader.passed:
-                    board.say(said)
-                reader.passed = None
-            else:
-                self._look_at_overflow()
+            elif not self._answer_refused():
                 break
         self._next = self._next_event()
+
+    def _answer_refused(self) -> bool:
+        """Answer a line that was not taken; False when there was none, and everything was read."""
+        reader = self._reader
+        if reader.refused:
+            self._refuse()
+        elif reader.passed is not None:
+            for said in reader.passed:
+                self._board.say(said)
+            reader.passed = None
+        else:
+            self._look_at_overflow()
+            return False
+        return True
 
     def _look_at_overflow(self) -> None:
         """Everything was read: say whether some of it came too fast."""

@@ -9,9 +9,9 @@ places          commands read ahead; one is kept free for M112 where no parser l
 counts          M110 alone answers with the number of the last line, so a doubt is settled without another line
 request         how the firmware asks for a line again: what the tests say to the host, and the documents to people
 
-Sources: Marlin's queue.cpp and its documentation of M110; Prusa-Firmware's cmdqueue.cpp; RepRapFirmware's StringParser.cpp
-and the section "Line numbers and checksums" of its G-code dictionary; Klipper's gcode.py and "G-Codes"; Repetier-Firmware's
-gcode.cpp; Smoothieware's GcodeDispatch.cpp.
+Sources: Marlin's queue.cpp and its documentation of M110; Prusa-Firmware's cmdqueue.cpp; RepRapFirmware's
+StringParser.cpp and "Line numbers and checksums" of its G-code dictionary; Klipper's gcode.py and "G-Codes";
+Repetier-Firmware's gcode.cpp; Smoothieware's GcodeDispatch.cpp.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Dialect:
         sequence: whether it takes lines in order only.
         strays: what it does to a line without number and right checksum.
         counts: M110 alone says the last line number.
-        ok_when_read: a line gets its ok when it is read; what M105 tells comes on a line of its own when it is its turn.
+        ok_when_read: a line gets its ok when it is read; what M105 tells comes by itself when it is its turn.
         longest: bytes of a line, without its line break.
         places: commands it reads ahead.
         most: lines in flight at most, where it is safe.
@@ -64,8 +64,8 @@ _KLIPPER_ADVICE: Final = (
     " from a file. Upload the job to it instead, if you can"
 )
 _REPRAP_ADVICE: Final = (
-    "RepRapFirmware drops a damaged line without a word: one line at a time is sent, and a missing answer is cleared up by"
-    " asking for the position"
+    "RepRapFirmware drops a damaged line without a word: one line at a time is sent, and a missing answer is cleared up"
+    " by asking for the position"
 )
 
 DIALECTS: Final[dict[str, Dialect]] = {

@@ -224,7 +224,7 @@ class Flight:
 
     def belongs_to(self, ok: Ok, now: float) -> int | None:
         """The line up to which an ok acknowledges, None if it acknowledges nothing."""
-        ledger, burst = self.ledger, self.burst
+        ledger = self.ledger
         if ok.planner is not None and ok.places is not None:
             self.window.heard(ok.planner, ok.places)
         if ok.number is not None:
@@ -236,37 +236,51 @@ class Flight:
             self._heat_with_ok = True
             asked = ledger.find(ASK)
             if asked is not None:
-                burst.swallow = False
-                self._echo_until = now + _ECHO
-                self._settle_unnumbered(asked)
-                line = ledger.line(asked)
-                self.window.timed(len(line.text), now - line.sent)
-                return asked
+                return self._answers(asked, now)
             if now < self._echo_until or not self._sequence:
                 return None
+        return None if self._answers_nothing(ok, now) else self._oldest(now)
+
+    def _answers(self, asked: int, now: float) -> int:
+        """An ok with temperatures answers this question."""
+        self.burst.swallow = False
+        self._echo_until = now + _ECHO
+        self._settle_unnumbered(asked)
+        line = self.ledger.line(asked)
+        self.window.timed(len(line.text), now - line.sent)
+        return asked
+
+    def _answers_nothing(self, ok: Ok, now: float) -> bool:
+        """Whether an ok belongs to a refusal, to a command without number, or to nothing that was sent."""
+        ledger, burst = self.ledger, self.burst
         if burst.claim is not None:
             # The request between the error and this ok was lost; the error has named the line too.
             self.request(None, now)
         if burst.swallow:
             burst.swallow = False
-            return None
+            return True
         if self._unnumbered and ledger.accepted >= self._unnumbered[0]:
             self._unnumbered.popleft()
-            return None
+            return True
         if ok.planner is not None and ledger.in_flight:
             # Such firmware names the line; what has no name had no number, and nobody has sent that.
             self.strayed = True
-            return None
+        return self.strayed or not ledger.in_flight
+
+    def _oldest(self, now: float) -> int | None:
+        """The oldest line in flight, which a bare ok is for, if it can be for any."""
+        ledger, burst = self.ledger, self.burst
         oldest = ledger.accepted + 1
-        if not ledger.in_flight or (burst.wanted is not None and oldest >= burst.wanted):
+        if burst.wanted is not None and oldest >= burst.wanted:
             return None
-        if self._heat_with_ok and ledger.oldest.command == ASK:
-            # One ok too many. Where lines are told apart by their answers, the count is right again.
-            self.watch.answered(now)
-            return None
-        if ledger.oldest.command == ASK and self._ok_when_read:
-            self._heat_owed += 1
-            self._owed_until = now + ledger.oldest.patience
+        if ledger.oldest.command == ASK:
+            if self._heat_with_ok:
+                # One ok too many. Where lines are told apart by their answers, the count is right again.
+                self.watch.answered(now)
+                return None
+            if self._ok_when_read:
+                self._heat_owed += 1
+                self._owed_until = now + ledger.oldest.patience
         return oldest
 
     def owes(self, now: float) -> bool:

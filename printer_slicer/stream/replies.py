@@ -172,6 +172,11 @@ _POSITION: Final = re.compile(
     + _NUMBER
     + rb")?"
 )
+_STARTED: Final = re.compile(
+    rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset|Smoothie)$"
+    rb"|^RepRapFirmware .* is up and running|^// Klipper state: Ready"
+)
+"""A board that begins says so, often behind bytes that no speed was agreed for yet."""
 _SENSIBLE_CONTROL: Final = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f]*")
 _RESEND_LETTERS: Final = "Resend:"
 _RESEND_LONGEST: Final = 20  # "Resend: " with a number of nine digits, and some damage
@@ -192,21 +197,15 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
     (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _resend),
     (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _text(m.string)),)),
     (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _text(m.string)),)),
-    (
-        re.compile(rb"^[^ -~]*(?:start|External Reset|Brown out Reset|Watchdog Reset|Software Reset)$"),
-        lambda _: (Started(),),
-    ),
-    (
-        re.compile(rb"^RepRapFirmware .* is up and running|^Smoothie$|^// Klipper state: Ready"),
-        lambda _: (Started(),),
-    ),
+    (_STARTED, lambda _: (Started(),)),
     (re.compile(rb"^wait$"), lambda _: (Wait(),)),
     (re.compile(rb"^(?:echo: ?)?M110 N(-?\d{1,9})$"), lambda m: (LastLine(int(m[1])),)),
     (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_text(m.string), refusal=True),)),
     (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_text(m[1])),)),
     (
         re.compile(
-            rb"^!!|^fatal:|insufficient axes homed|kill\(\) called|Printer halted|system stopped|(?i:emergency (?:shutdown|stop))"
+            rb"^!!|^fatal:|insufficient axes homed"
+            rb"|kill\(\) called|Printer halted|system stopped|(?i:emergency (?:shutdown|stop))"
             rb"|^// Klipper state: (?:Shutdown|Disconnect)"
         ),
         lambda m: (Stopped(_text(m.string)),),

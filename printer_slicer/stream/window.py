@@ -1,18 +1,21 @@
 """How many lines may be in flight: two at first, one after an error, more only where that cannot do harm.
 
-one, always               the firmware does not look at line numbers, see `doubt`
-why not always more       Marlin throws away what has arrived when a line is bad. What is still on the wire then begins in
-                          the middle of a line; without its number it needs no checksum, and is executed. With two lines
-                          in flight the second has arrived before the error is told, with three the third has not.
-one, for 300 lines        after any error or doubt on this cable
-three and more            no error so far, and one of these:
-                            the firmware refuses lines without a number: it cannot execute the tail of one;
-                            answers come sooner than the set speed of a serial port could bring them: the port is USB all
-                              the way, which loses nothing and makes the sender wait;
-                            `ok N P B` (it would show that a tail was executed) says that the planner runs dry, after 500
-                              good lines: the cable is good, and the printer needs them.
-but never more than       the commands the firmware reads ahead, less one kept free so that it can read M112; all of them
-                          where the emergency parser sees M112 as it arrives
+Why not always more: Marlin throws away what has arrived when a line is bad. What is still on the wire then begins in
+the middle of a line; without its number it needs no checksum, and is executed. With two lines in flight the second has
+arrived before the error is told, with three the third has not.
+
+lines           where
+one             always, where the firmware does not look at line numbers, see `doubt`
+one             for 300 lines after any error or doubt on this cable, and never more than two again
+three and more  the firmware refuses lines without a number: it cannot execute the tail of one
+three and more  answers come sooner than the set speed of a serial port could bring them: the port is USB all the way,
+                which loses nothing and makes the sender wait
+three and more  `ok N P B`, which would show that a tail was executed, says that the planner runs dry, and there was no
+                error in 500 lines: the cable is good, and the printer needs them
+two             everywhere else
+
+Three and more are never more than the commands that the firmware reads ahead, less one place kept free so that it can
+read M112; all of them where an emergency parser sees M112 as it arrives.
 """
 
 from __future__ import annotations
