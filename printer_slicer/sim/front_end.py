@@ -110,6 +110,7 @@ class FrontEnd:
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
         queue_places: commands read ahead, the one being executed included.
         line_size: bytes of the line buffer; one less is kept of a longer line, the rest is cut off.
+        boot_seconds: after a reset it hears nothing for so long.
         seconds_per_line: time of the main loop for one command.
         seconds_per_byte: time that each byte said holds up the main loop.
     """
@@ -150,6 +151,7 @@ class FrontEnd:
     busy_seconds: float = 2.0
     queue_places: int = 4
     line_size: int = 96
+    boot_seconds: float = 0.0
     seconds_per_line: float = 0.0
     seconds_per_byte: float = 0.0
 

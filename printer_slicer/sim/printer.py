@@ -78,12 +78,13 @@ class SimulatedPrinter:
         self._on_executed = on_executed
         self._tally = Tally()
         self._ready = 0.0
+        self._deaf_until = -inf
         self._start(0.0, banner=boots)
 
     def receive(self, data: bytes, now: float) -> None:
         """Bytes that arrive at `now`, s."""
         self._advance(now)
-        if self._board.killed:
+        if self._board.killed or now < self._deaf_until:
             return
         self._last_byte = now
         if self._front_end.emergency_parser:
@@ -123,6 +124,7 @@ class SimulatedPrinter:
         self._tally.resets += 1
         old = self._board
         old.stop_moving()
+        self._deaf_until = old.now + self._front_end.boot_seconds
         self._start(old.now, banner=True)
         self._board.out[:0] = old.out
         for heater, before in ((self._board.hotend, old.hotend), (self._board.bed, old.bed)):
