@@ -177,11 +177,15 @@ class Flight:
         """
         counted, self._counted = self._counted, None
         ledger = self.ledger
-        if counted is None or not ledger.accepted <= last < ledger.cursor:
+        if counted is None:
             return None
         self.burst.swallow = True
         if self._unnumbered:
             self._unnumbered.pop()
+        if not ledger.accepted <= last < ledger.cursor:
+            # Damaged, or of a printer that begins anew: the next line brings it out.
+            self.watch.suspect(now)
+            return None
         if last + 1 < counted:
             self.request(last + 1, now)
         return last if last > ledger.accepted else None
