@@ -152,6 +152,17 @@ def _silence(way: Direction) -> Maker:
     return make
 
 
+def _killed(trial: Trial) -> str:
+    """The printer must be dead, with no more than one line begun besides those that it had already taken."""
+    before = len(trial.executed)
+    trial.port.read(1.0)
+    begun = trial.executed[before:]
+    moves = sum(line.startswith("G1") for line in begun)
+    if not trial.printer.report().killed:
+        return "the printer lives"
+    return f"{moves} moves after the stop" if moves > 1 + trial.setup.front_end.queue_places else ""
+
+
 def _emergency(_: Random, setup: Setup) -> Setup:
     return replace(setup, on_event=_happening(lambda trial: trial.streamer.emergency_stop(), "stop"))
 
@@ -284,7 +295,7 @@ ROWS: dict[str, Row] = {
     "silence of the printer's end": Row(
         _silence("to host"), ("stopped answering",), check=_within("cut", 45.0)
     ),
-    "emergency stop": Row(_emergency, ("emergency stop",)),
+    "emergency stop": Row(_emergency, ("emergency stop",), check=_killed),
     "user and temperatures at 10/s": Row(_user),
     "pause and resume, 50 times": Row(_pausing),
 }

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from benchmarks.reliability import ROWS, main, suits, trial_of
-from benchmarks.wire_lab import Trial, job_of
+from benchmarks.wire_lab import Setup, Trial, job_of
 from printer_slicer.sim.front_end import FRONT_ENDS
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.stream.dialects import DIALECTS
@@ -110,8 +110,6 @@ def test_it_is_so_over_a_device_of_the_system(row: str, tmp_path: Path) -> None:
     names = suits(row)
     chance = Random(row)
     firmware = names[list(ROWS).index(row) % len(names)]
-    from benchmarks.wire_lab import Setup
-
     setup = ROWS[row].make(chance, Setup(FRONT_ENDS[firmware], job_of(chance, 120), told_baud=None))
     trial, errands, ready = Trial(setup), Errands(), threading.Event()
     server = threading.Thread(
