@@ -127,7 +127,9 @@ class Wire(RuleBasedStateMachine):
         if isinstance(ends[0], Finished):
             assert self.was_cancelled or len(moves) == len(MOVES)
         else:
-            assert self.was_reset or self.was_stopped or self.was_cancelled or self.front_end.takes != "next", ends
+            assert (
+                self.was_reset or self.was_stopped or self.was_cancelled or self.front_end.takes != "next"
+            ), ends
 
 
 def spoilt(data: bytes, what: str, at: int) -> bytes:

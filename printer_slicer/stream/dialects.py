@@ -101,7 +101,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
     "smoothie": Dialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1),
     "prusa": Dialect(
         "Prusa MK3",
-        r"Prusa-Firmware",
+        r"Prusa-Firmware(?!-Buddy)",
         (_MARLIN_ERROR, "Resend: 7", "ok"),
         strays="refused",
     ),

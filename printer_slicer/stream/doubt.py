@@ -6,9 +6,10 @@ questions go out behind it: where are you (M114), and what are your temperatures
 that of the second question cannot be taken for another: once it is here, all answers that will ever come are here.
 
 in between came             then the line
-two bare oks                was executed: one of them is its own, the other that of M114
 the position behind it      was executed
 the position before it      was lost, and goes out again
+two bare oks                was executed: one of them is its own, the other that of M114; but not if the printer spoke of
+                            a command that nobody sent, the remains of a question, which gets an ok too
 neither, and the command    may have been executed. If it only sets something, or moves to a place that is given
                             without regard to where it is, twice is the same as once and it goes out again;
                             else the questions are asked again, and at last the print ends: nobody can know
@@ -124,6 +125,10 @@ class Doubt:
         """An ok without temperatures: one more that is the line's own or that of the first question."""
         self._oks += 1
 
+    def misread(self) -> None:
+        """The printer read something that was not sent, and says ok to that."""
+        self._oks -= 1
+
     def closed(self) -> Fate | None:
         """The answer with the temperatures is here: what became of the line; None if it may be the line's own."""
         if self._own_answer and self.place is None and not self._oks:
@@ -137,11 +142,11 @@ class Doubt:
         return fate
 
     def _fate(self) -> Fate:
-        if self._oks >= 2:
-            return Fate.EXECUTED
         was, is_now = (_fits(self.place, place) for place in self._places)
         if self.place is not None and was != is_now:
             return Fate.EXECUTED if is_now else Fate.LOST
+        if self._oks >= 2:
+            return Fate.EXECUTED
         return Fate.LOST if self._repeatable else Fate.OPEN
 
 

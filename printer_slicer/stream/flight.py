@@ -72,18 +72,16 @@ class Flight:
         self.strayed = False
         self.lost_count: int | None = None
         self._counts = self._ok_when_read = False
-        self._patiences: deque[float] = deque(
-            maxlen=1
-        )  # of the lines that may be in front of one when it is read
+        # Of the lines that may be in front of one when it is read.
+        self._patiences: deque[float] = deque(maxlen=1)
         self._sequence = True
         self._counted: int | None = None  # next line when M110 went out
         self._longest = LONGEST
         self._requested: int | None = None
         self._echo_until = -inf
         self._heat_with_ok = False
-        self._heat_owed = (
-            0  # questions acknowledged whose temperatures are still to come, where they come apart
-        )
+        # Questions acknowledged whose temperatures are still to come, where they come apart.
+        self._heat_owed = 0
         self._owed_until = -inf
         self._idle_at = -inf
         self._alone: int | None = None  # a question to a printer that had nothing else to do
@@ -343,7 +341,7 @@ class Flight:
             now: s.
             refusal: an ok right behind it would mean no, or nothing.
         """
-        if self.ledger.in_flight:
+        if self.ledger.in_flight and self.doubt is None:
             self.burst.swallow = self.burst.swallow or refusal
             self.watch.suspect(now)
 

@@ -426,6 +426,8 @@ class Streamer:
         said = unknown.command
         if not said or not any(command.startswith(said) for command in self._flight.ledger.commands()):
             # It read the remains of a line as a line of its own: the ok behind this answers none of ours.
+            if self._flight.doubt is not None:
+                self._flight.doubt.misread()
             self._flight.stray(now, refusal=True)
 
     def _on_introduction(self, said: replies.Identity | replies.Capability, _: float) -> None:
