@@ -206,8 +206,7 @@ def test_the_count_brings_a_lost_line_out() -> None:
     talk, _ = meet(moves(9), MARLIN_2_1_3, "ok")
     talk.waits(31.5)
 
-    assert talk.says("echo: M110 N3", "ok") == []
-    assert talk.waits(0.5)[0].endswith(first(4, "G1 X2"))
+    assert talk.says("echo: M110 N3", "ok") == [b"\n" + first(4, "G1 X2")]
     assert talk.happened(ResendAsked) == [ResendAsked(4)]
     assert talk.streamer.acknowledged == 1
 
@@ -269,14 +268,14 @@ def test_requests_errors_and_late_temperatures_do_not_confuse_it() -> None:
 
 
 def test_what_cannot_be_known_ends_the_print() -> None:
-    talk, _ = doubting("G2 X0 Y0 I5")
+    talk, _ = doubting("G2 X0 Y0 I5 F6000")
     for _ in range(3):
         assert talk.says(HOT) == []
         talk.waits(1.0)
 
     (halted,) = talk.happened(Halted)
     assert isinstance(halted, Halted)
-    assert halted.reason == "nobody can know whether line 6 was executed: G2 X0 Y0 I5"
+    assert halted.reason == "nobody can know whether line 6 was executed: G2 X0 Y0 I5 F6000"
     assert halted.acknowledged == 3
 
 
@@ -330,26 +329,45 @@ REPORT = "T:200.0 /200.0 B:60.0 /60.0 @:40 B@:20"
 
 
 def test_temperatures_apart_from_their_ok_settle_what_was_lost() -> None:
-    talk, out = meet(moves(5), "ok", REPETIER, "ok")
-    assert out == []
+    talk = Conversation(Streamer([b"G1 X1", b"G1 X2"]))
+    talk.waits(0.0)
+    talk.says("ok")
 
     # The ok of line 1 came before the name, and was not believed; the temperatures are those of line 2.
-    assert talk.waits(5.0) == [b"\n" + first(2, "M105")]
+    assert talk.says("ok", REPETIER) == []
+    assert talk.waits(3.5) == [b"\n" + first(2, "M105")]
     assert talk.says("ok", REPORT) == [first(3, "G1 X1")]
 
 
-def test_the_end_waits_for_the_temperatures_and_asks_again_when_they_are_lost() -> None:
-    talk, _ = meet([], REPETIER, "ok")
-    talk.says("ok", REPORT)
-    assert talk.happened(Finished) == []
+def test_a_printer_with_nothing_to_do_answers_the_question_that_it_is_asked() -> None:
+    talk = Conversation(Streamer([b"G1 X1", b"G1 X2"]))
+    talk.waits(0.0)
     talk.says("ok")
+    talk.says(REPETIER, "ok")
+    assert talk.says("ok", REPORT) == [first(3, "G1 X1"), first(4, "G1 X2")]
+    talk.waits(1.0)
 
-    assert talk.says("ok") == []
-    again = talk.waits(200.0)
-    assert [line.partition(b" ")[2][:4] for line in again][:1] == [b"M400"]
+    talk.says("ok", "wait")
+    assert talk.waits(0.5) == [b"\n" + first(5, "M105")]
+    assert talk.says("ok", REPORT) == [first(6, "M400")]
+    talk.waits(1.0)
+    talk.says("ok", "wait")
+    assert talk.streamer.acknowledged == 2
+
+
+def test_the_end_waits_for_the_temperatures_and_asks_again_when_they_are_lost() -> None:
+    talk = Conversation(Streamer([]))
+    talk.waits(0.0)
     talk.says("ok")
-    talk.says("ok", REPORT)
-    talk.says("ok", "X:0.00 Y:0.00 Z:0.00 E:0.00")
+    talk.says(REPETIER, "ok")
+
+    assert talk.says("ok", REPORT) == [first(3, "M400")]
+    assert talk.says("ok") == [first(4, "M105")]
+    assert talk.says("ok") == []
+    assert talk.waits(40.0) == [first(5, "M400")]
+    assert talk.says("ok") == [first(6, "M105")]
+    assert talk.says("ok", REPORT) == [first(7, "M114")]
+    talk.says("X:0.00 Y:0.00 Z:0.00 E:0.00", "ok")
     assert len(talk.happened(Finished)) == 1
 
 
