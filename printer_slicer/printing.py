@@ -79,10 +79,12 @@ def print_job(
     """
     insist(job.findings, job.allowed, name=job.name)
     printer = profile.printer
-    streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
+    speed = baud or printer.baud
+    window = printer.receive_buffer - 1
+    streamer = Streamer(job.commands, limits=limits_of(printer), window_bytes=window, baud=speed)
     begun = monotonic()
     meter = LinkMeter(limits_of(printer))
-    cable = Metered(open_port(port, baud or printer.baud), meter, monotonic)
+    cable = Metered(open_port(port, speed), meter, monotonic)
     transport = _Interruptible(cable, streamer, _both(meter.heard, on_event))
     stopped = partial(_stopped, job, streamer, checkpoint)
     try:

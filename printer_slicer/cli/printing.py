@@ -29,7 +29,16 @@ from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from, job_of
 from printer_slicer.pipeline import quiet
-from printer_slicer.stream.events import Accepted, Action, Event, Message, ResendAsked, Stopping, Temperature
+from printer_slicer.stream.events import (
+    Accepted,
+    Action,
+    Event,
+    Identified,
+    Message,
+    ResendAsked,
+    Stopping,
+    Temperature,
+)
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
@@ -193,6 +202,8 @@ class _progress:  # noqa: N801 - used like a function
             )
         elif isinstance(event, Stopping) and not self._quiet:
             print("stopping; Ctrl-C again halts the printer at once", file=sys.stderr)
+        elif isinstance(event, Identified) and event.advice and not self._quiet:
+            print(event.advice, file=sys.stderr)
         elif isinstance(event, Action) and not self._quiet:
             print(f"the printer asks: {visible(event.name)}", file=sys.stderr)
         elif self._verbose and (text := _as_line(event)):

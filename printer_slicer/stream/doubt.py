@@ -8,7 +8,7 @@ that of the second question cannot be taken for another: once it is here, all an
 in between came             then the line
 the position behind it      was executed
 the position before it      was lost, and goes out again
-two bare oks                was executed: one of them is its own, the other that of M114; but not if the printer spoke of
+two bare oks                was executed: one is its own, the other that of M114; but not if the printer spoke of
                             a command that nobody sent, the remains of a question, which gets an ok too
 neither, and the command    may have been executed. If it only sets something, or moves to a place that is given
                             without regard to where it is, twice is the same as once and it goes out again;

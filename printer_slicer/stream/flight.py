@@ -178,8 +178,7 @@ class Flight:
         if counted is None:
             return None
         self.burst.swallow = True
-        if self._unnumbered:
-            self._unnumbered.pop()
+        self._unnumbered.pop()
         if not ledger.accepted <= last < ledger.cursor:
             # Damaged, or of a printer that begins anew: the next line brings it out.
             self.watch.suspect(now)
@@ -316,6 +315,7 @@ class Flight:
         """Answers keep their order: what was asked ahead of a line is answered, or never will be, once that line is."""
         while self._unnumbered and self._unnumbered[0] < number:
             self._unnumbered.popleft()
+            self._counted = None
 
     def settles(self, ok: Ok) -> bool:
         """Whether such an ok leaves no doubt which lines arrived."""

@@ -204,7 +204,7 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
     (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_text(m[1])),)),
     (
         re.compile(
-            rb"^!!|^fatal:|insufficient axes homed"
+            rb"^!!(?: [ -~]+)?$|^fatal:|insufficient axes homed"
             rb"|kill\(\) called|Printer halted|system stopped|(?i:emergency (?:shutdown|stop))"
             rb"|^// Klipper state: (?:Shutdown|Disconnect)"
         ),

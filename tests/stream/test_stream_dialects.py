@@ -9,7 +9,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.stream.dialects import DIALECTS, dialect_named, dialect_of
 from printer_slicer.stream.doubt import Doubt, Fate, same_twice
 from printer_slicer.stream.events import Asked, Finished, Halted, Identified, ResendAsked
-from printer_slicer.stream.framing import frame_crc
+from printer_slicer.stream.framing import checksum, frame_crc
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import LineError, Resend, read_reply
 from printer_slicer.stream.states import State
@@ -409,3 +409,53 @@ def test_remains_that_say_nothing_are_not_taken_for_the_answer_to_a_line() -> No
 
     assert talk.says('echo:Unknown command: ""', "ok") == []
     assert talk.streamer.acknowledged == 0
+
+
+def test_a_count_that_never_comes_leaves_no_ok_to_be_passed_over() -> None:
+    talk, _ = meet(moves(9), MARLIN_2_1_3, "ok")
+    assert talk.waits(32.5) == [b"\nM110", b"\n" + first(5, "M105")]
+
+    assert talk.says(HOT) == [first(6, "G1 X3")]
+    assert talk.says("echo: M110 N5", "ok") == [first(7, "G1 X4")]
+    assert talk.streamer.acknowledged == 3
+
+
+def test_silence_behind_a_repeat_is_asked_about_with_the_next_repeat() -> None:
+    talk, _ = printing(moves(9))
+    talk.says("Resend: 3", "ok")
+    assert talk.waits(0.5) == [b"\n" + first(3, "G1 X1")]
+
+    assert talk.waits(33.0)[:1] == [b"\n" + first(4, "G1 X2")]
+
+
+def test_noise_while_nothing_is_in_flight_changes_nothing() -> None:
+    talk, _ = printing(moves(9))
+    talk.streamer.pause()
+    talk.says("ok", "ok")
+
+    assert talk.says_bytes(b"\xff\x00\x01\n") == []
+    assert talk.waits(60.0) == []
+
+
+def test_the_remains_of_a_question_are_answered_too_and_tell_nothing_of_the_line() -> None:
+    talk, _ = doubting("M83", "G1 X1 E1")
+    talk.says(PLACE.format(0), "ok", 'echo:Unknown command: "\x0e7 M105"', "ok")
+
+    # Two bare oks, but M83 may have been lost: it goes out again.
+    assert talk.says(HOT) == [b"\n" + crc(6, "M83")]
+    assert talk.streamer.acknowledged == 3
+
+
+def test_a_long_line_has_a_checksum_of_all_its_bytes() -> None:
+    assert checksum(b"x" * 301) == ord("x")
+    assert checksum(b"x" * 300 + b"y") == ord("y")
+
+
+@pytest.mark.parametrize(
+    ("said", "stops"), [(b"!!", True), (b"!! Move out of range", True), (b"!!\xefok", False)]
+)
+def test_exclamation_marks_end_the_print_only_where_words_or_nothing_follow(said: bytes, stops: bool) -> None:
+    talk, _ = printing(moves(9))
+    talk.says_bytes(said + b"\n")
+
+    assert (talk.streamer.state is State.HALTED) is stops
