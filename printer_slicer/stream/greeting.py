@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Final
 
-from printer_slicer.stream.dialects import DIALECTS
+from printer_slicer.stream.dialects import DIALECTS, Dialect, dialect_of
 from printer_slicer.stream.events import Identified
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.replies import Capability, Identity
@@ -28,8 +28,9 @@ class Greeting:
         firmware: name of the firmware, None until it is said.
     """
 
-    def __init__(self, timeout: float) -> None:
+    def __init__(self, timeout: float, dialect: str | None = None) -> None:
         self._at = -inf
+        self._dialect = dialect
         self.firmware: str | None = None
         self._capabilities: dict[str, bool] = {}
         self._timeout = timeout
@@ -90,7 +91,12 @@ class Greeting:
         """Whether the firmware says that it has this capability."""
         return self._capabilities.get(name, False)
 
-    def identified(self, dialect: str) -> Identified:
-        """What it knows about the printer, which is spoken to in this dialect."""
-        advice = DIALECTS[dialect].advice
-        return Identified(self.firmware or "", tuple(self._capabilities.items()), dialect, advice)
+    @property
+    def dialect(self) -> Dialect:
+        """How to speak to it: as was wished, or as its name tells."""
+        return DIALECTS[self._dialect or dialect_of(self.firmware or "")]
+
+    def identified(self) -> Identified:
+        """What it knows about the printer."""
+        name = self._dialect or dialect_of(self.firmware or "")
+        return Identified(self.firmware or "", tuple(self._capabilities.items()), name, self.dialect.advice)

@@ -8,10 +8,8 @@ ever, and the printer takes them in order only. So nothing is ever repeated on s
 missing or cannot be read, the streamer sends the *next* number, a harmless question for the temperatures: a
 printer that lacks a line says which, one that lacks none answers, and both end the doubt.
 
-At most two lines are in flight, fewer bytes than the smallest receive buffer holds, and for a while only one
-after each error: Marlin empties its buffer on an error, and the tail of a line that was arriving just then
-would be read as a line without number, which needs no checksum. `window` says when there may be more, `dialects`
-what firmwares differ in, and `doubt` what is done where the printer does not look at numbers.
+How many lines are in flight `window` says, what firmwares differ in `dialects`, and what is done where the printer does
+not look at numbers `doubt`.
 
 Source: Marlin documentation, "M105", "M110", "M114", "M115", "Host keepalive"; what real firmware answered.
 """
@@ -23,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
-from printer_slicer.stream.dialects import DIALECTS, UNKNOWN, dialect_named, dialect_of
+from printer_slicer.stream.dialects import UNKNOWN, dialect_named
 from printer_slicer.stream.doubt import Fate
 from printer_slicer.stream.flight import Flight
 from printer_slicer.stream.framing import check_commands, command_room
@@ -75,10 +73,9 @@ class Streamer:
         connect_timeout: float = 30.0,
         give_up: float = 30.0,
     ) -> None:
-        self._wanted_dialect = dialect
         self._dialect = dialect_named(dialect or UNKNOWN)
         self._script = Script(commands, limits, self._dialect.longest)
-        self._greeting = Greeting(connect_timeout)
+        self._greeting = Greeting(connect_timeout, dialect)
         self._acknowledged = 0
         self._window_rules = (window_lines, window_bytes, baud)
         self._give_up = give_up
@@ -239,16 +236,14 @@ class Streamer:
         if flight.watch.given_up(ledger.oldest, now):
             self._halt("the printer has stopped answering")
             return b""
+        self._events.append(told.Asked(ledger.cursor))
         if not self._dialect.sequence and self._state is not State.IDENTIFYING:
             flight.doubt = flight.doubt or self._script.doubt()
-            self._events.append(told.Asked(ledger.cursor))
             return flight.ask_where(flight.doubt, now)
         if flight.can_count:
-            self._events.append(told.Asked(ledger.cursor))
             return flight.ask_count(now)
         if ledger.cursor == ledger.top:
             self._number(ASK)
-        self._events.append(told.Asked(ledger.cursor))
         return flight.ask(now)
 
     def _has_next(self, now: float) -> bool:
@@ -315,13 +310,8 @@ class Streamer:
             return
         settled = flight.settles(ok)
         # An ok may be left over from the greeting; only the name of the firmware proves that line 1 arrived.
-        if not (
-            self._state is not State.IDENTIFYING
-            or flight.ledger.accepted
-            or settled
-            or self._greeting.firmware is not None
-            or flight.watch.asked
-        ):
+        proven = settled or self._greeting.firmware is not None or flight.watch.asked
+        if self._state is State.IDENTIFYING and not (proven or flight.ledger.accepted):
             return
         number = flight.belongs_to(ok, now)
         self._check_count(now)
@@ -339,19 +329,10 @@ class Streamer:
         if self._state is State.IDENTIFYING and self._greeting.question(number + 1) is None:
             self._apply(Trigger.IDENTIFIED)
             self._flight.ledger.prove(1)
-            self._identified()
-
-    def _identified(self) -> None:
-        """Speak as this firmware wants it from now on."""
-        name = self._wanted_dialect or dialect_of(self._greeting.firmware or "")
-        self._dialect = DIALECTS[name]
-        self._flight.speak(self._dialect, emergency_parser=self._greeting.can("EMERGENCY_PARSER"))
-        self._events.append(self._greeting.identified(name))
-
-    def _ok_when_read(self) -> bool:
-        """Whether this firmware's temperatures come on a line of their own."""
-        name = self._wanted_dialect or dialect_of(self._greeting.firmware or "")
-        return DIALECTS[name].ok_when_read
+            self._dialect = self._greeting.dialect
+            parser = self._greeting.can("EMERGENCY_PARSER")
+            self._flight.speak(self._dialect, emergency_parser=parser)
+            self._events.append(self._greeting.identified())
 
     def _on_ok_in_doubt(self, ok: replies.Ok, now: float) -> None:
         """An answer while nobody knows whether the line in flight was executed."""
@@ -452,7 +433,7 @@ class Streamer:
     def _on_temperature(self, temperature: told.Temperature, now: float) -> None:
         if temperature.waiting:
             self._flight.watch.answered(now)
-        elif self._greeting.firmware is not None and self._ok_when_read():
+        elif self._greeting.dialect.ok_when_read:
             number = self._flight.reported()
             if number is not None:
                 self._accept(number, now, settled=True)
