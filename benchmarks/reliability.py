@@ -155,7 +155,9 @@ def _silence(way: Direction) -> Maker:
 def _killed(trial: Trial) -> str:
     """The printer must be dead, with no more than one line begun besides those that it had already taken."""
     before = len(trial.executed)
-    trial.port.read(1.0)
+    end = trial.port.now() + 1.0
+    while trial.port.now() < end:
+        trial.port.read(end - trial.port.now())
     begun = trial.executed[before:]
     moves = sum(line.startswith("G1") for line in begun)
     if not trial.printer.report().killed:
