@@ -15,6 +15,7 @@ __all__ = [
     "Halted",
     "Identified",
     "Message",
+    "Numbered",
     "Reading",
     "ResendAsked",
     "Spot",
@@ -31,6 +32,21 @@ class Accepted:
     """The printer took more of the job: its first `acknowledged` entries."""
 
     acknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
+class Numbered:
+    """Line `number` is about to go out for the first time, and it is not just the next entry of the job.
+
+    Attributes:
+        number: of the line; a number lower than the last one means that counting began anew.
+        job: entries of the job that are accepted once the line is.
+        command: what it says, empty for an entry of the job behind others that were left out.
+    """
+
+    number: int
+    job: int
+    command: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +147,7 @@ class Finished:
 
 Event: TypeAlias = (
     Accepted
+    | Numbered
     | ResendAsked
     | Asked
     | Temperature

@@ -70,6 +70,7 @@ class Streamer:
         self._script = Script(commands, limits)
         self._greeting = Greeting(connect_timeout)
         self._acknowledged = 0
+        self._numbered_job = 0
         self._flight_rules = (window_lines, window_bytes, give_up)
         self._flight = Flight(*self._flight_rules)
         self._state = State.CONNECTING
@@ -111,6 +112,21 @@ class Streamer:
         """Entries of the job that the printer took: `commands[:acknowledged]` need not be sent again."""
         return self._acknowledged
 
+    @property
+    def taken(self) -> int:
+        """Entries of the job that have a line number, or were passed over."""
+        return self._script.taken
+
+    @property
+    def accepted_line(self) -> int:
+        """Number of the last line that the printer took."""
+        return self._flight.ledger.accepted
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is in flight, and nothing injected waits."""
+        return not self._flight.ledger.in_flight and not self._script.injected
+
     def events(self) -> list[told.Event]:
         """What happened since the last call, in order."""
         events, self._events = self._events, []
@@ -150,6 +166,17 @@ class Streamer:
         """Kill the printer: M112 goes out ahead of everything, and nothing after it."""
         self._urgent = _EMERGENCY
         self._halt("emergency stop")
+
+    def urge(self, command: bytes) -> None:
+        """Send a command without number ahead of everything: M108, M410 or M876, which firmware looks at early.
+
+        Raises:
+            UsageError: it can never be sent.
+        """
+        check_commands([command])
+        if not self._ended and self._state is not State.CONNECTING:
+            self._flight.expect_unnumbered()
+            self._urgent += b"\n%s\n" % command
 
     def receive(self, data: bytes, now: float) -> None:
         """Take what arrived."""
@@ -272,6 +299,11 @@ class Streamer:
         self._apply(Trigger.ACCEPTED)
 
     def _number(self, command: bytes) -> None:
+        job = self._script.taken
+        if job != self._numbered_job + 1:
+            own = b"" if job > self._numbered_job else command
+            self._events.append(told.Numbered(self._flight.ledger.top, job, own))
+        self._numbered_job = job
         self._flight.ledger.add(command, self._script.taken, self._script.follow(command))
 
     # Receiving.
