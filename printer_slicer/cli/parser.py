@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Final
 
+from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
+from printer_slicer.cli.parsing import command as _command
+from printer_slicer.cli.parsing import later as _later
+from printer_slicer.cli.parsing import output as _output
 from printer_slicer.cli.values import factor, height, length, pixels, positive, seconds
 from printer_slicer.version import VERSION
 
@@ -26,6 +29,8 @@ examples:
   printer-slicer print part.stl --port sim:          the same over the serial protocol, line by line
   printer-slicer ports                               which serial ports there are
   printer-slicer print part.stl --port /dev/ttyUSB0  print it
+  printer-slicer control pause                       have a wish for a running print
+  printer-slicer resume                              go on with a print that was broken off
 
 exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled, 7 verification failed
 """
@@ -49,6 +54,9 @@ def build_parser() -> argparse.ArgumentParser:
     _draw(commands)
     _dry_run(commands)
     _print(commands)
+    add_resume(commands)
+    add_control(commands)
+    add_console(commands)
     _sim(commands)
     _ports(commands)
     _profiles(commands)
@@ -72,29 +80,6 @@ class _Version(argparse.Action):
 
 
 _READERS: Final[dict[str, Callable[[str], object]]] = {"--time-budget": seconds}
-
-
-def _later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
-    """A function that imports its module when it is called."""
-
-    def run(arguments: argparse.Namespace) -> int:
-        """Import it, and call it."""
-        return int(getattr(import_module(f"printer_slicer.cli.{module}"), function)(arguments))
-
-    return run
-
-
-def _command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, meaning: str, examples: str
-) -> argparse.ArgumentParser:
-    return commands.add_parser(
-        name,
-        help=meaning,
-        description=meaning[0].upper() + meaning[1:] + ".",
-        epilog=f"examples:\n{examples}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
 
 
 def _common(parser: argparse.ArgumentParser) -> None:
@@ -169,13 +154,6 @@ def _heights(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="tolerance=MM or layer_height=MM between two heights; may be repeated; likewise",
     )
-
-
-def _output(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("output")
-    group.add_argument("--json", action="store_true", help="machine-readable result on stdout")
-    group.add_argument("-q", "--quiet", action="store_true", help="only errors")
-    group.add_argument("-v", "--verbose", action="store_true", help="more about what happens")
 
 
 def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -372,6 +350,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
     )
     parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
+    add_print_flags(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
 

@@ -15,9 +15,13 @@ __all__ = [
     "Halted",
     "Identified",
     "Message",
+    "Note",
     "Numbered",
+    "Paused",
+    "Prompt",
     "Reading",
     "ResendAsked",
+    "Resumed",
     "Spot",
     "Stopping",
     "Temperature",
@@ -107,6 +111,33 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
+class Prompt:
+    """The printer asks a person: text and buttons, both from outside; no text any more when it was answered."""
+
+    text: str
+    buttons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Paused:
+    """The print waits for a person; why."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """It goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """The host tells its owner something that is no reason to stop."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Message:
     """Anything else the printer said. Text from outside: never markup, never a command."""
 
@@ -155,6 +186,10 @@ Event: TypeAlias = (
     | Identified
     | Action
     | Message
+    | Note
+    | Paused
+    | Resumed
+    | Prompt
     | Halted
     | Stopping
     | Finished

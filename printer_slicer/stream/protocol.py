@@ -52,6 +52,9 @@ class Streamer:
         window_bytes: most bytes in flight; the smallest receive buffer in use holds one more.
         connect_timeout: s until a printer that never answers is given up.
         give_up: s until a printer that answers no question any more is given up.
+        obeys: whether it pauses and goes on as the printer asks; else that is its owner's to do.
+
+        first: entries of the job that the printer has already, from before.
 
     Raises:
         UsageError: an entry can never be sent.
@@ -66,11 +69,13 @@ class Streamer:
         window_bytes: int = 127,
         connect_timeout: float = 30.0,
         give_up: float = 30.0,
+        obeys: bool = True,
+        first: int = 0,
     ) -> None:
         self._script = Script(commands, limits)
         self._greeting = Greeting(connect_timeout)
-        self._acknowledged = 0
-        self._numbered_job = 0
+        self._script.taken = self._acknowledged = self._numbered_job = self._first = first
+        self._obeys = obeys
         self._flight_rules = (window_lines, window_bytes, give_up)
         self._flight = Flight(*self._flight_rules)
         self._state = State.CONNECTING
@@ -121,6 +126,16 @@ class Streamer:
     def accepted_line(self) -> int:
         """Number of the last line that the printer took."""
         return self._flight.ledger.accepted
+
+    @property
+    def next_line(self) -> int:
+        """The next number that no line has yet."""
+        return self._flight.ledger.top
+
+    @property
+    def injected(self) -> int:
+        """Injected commands that have no line number yet."""
+        return self._script.injected
 
     @property
     def idle(self) -> bool:
@@ -244,7 +259,7 @@ class Streamer:
         if not burst.end():
             self._halt(f"the printer does not accept line {wanted}, whatever is sent")
             return False
-        self._acknowledged = min(self._acknowledged, flight.go_back(wanted, now))
+        self._acknowledged = min(self._acknowledged, max(flight.go_back(wanted, now), self._first))
         self._events.append(told.ResendAsked(wanted))
         return True
 
@@ -406,9 +421,9 @@ class Streamer:
         self._events.append(busy)
 
     def _on_action(self, action: told.Action, _: float) -> None:
-        if action.name in {"pause", "paused"}:
+        if self._obeys and action.name in {"pause", "paused"}:
             self.pause()
-        elif action.name in {"resume", "resumed"}:
+        elif self._obeys and action.name in {"resume", "resumed"}:
             self.resume()
         self._events.append(action)
 

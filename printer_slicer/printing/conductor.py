@@ -1,0 +1,542 @@
+"""What happens around the stream of a job: pauses, wishes of people, the printer's own questions, temperatures.
+
+Without I/O, clock or thread, like the streamer that it steers; `session.run` calls `on_turn`, `record` and `hear`.
+
+    phase       leads to
+    running     leaving (pause), stopping (pause now)
+    stopping    leaving, when the printer has said where it stopped
+    leaving     waiting, when it is off the part
+    waiting     returning (resume)
+    returning   running, when it is back at its place
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import inf
+from typing import Any, Final
+
+from printer_slicer.errors import UsageError
+from printer_slicer.printing import wishes
+from printer_slicer.printing.along import nearest, rest_of, stand_at
+from printer_slicer.printing.journal import Journal
+from printer_slicer.printing.objects import LiveJob
+from printer_slicer.printing.parking import Parked, come_back, end_script, leave, parking_place, pushed_by
+from printer_slicer.printing.setup import Setup
+from printer_slicer.stream import events as told
+from printer_slicer.stream.framing import check_commands
+from printer_slicer.stream.ledger import ASK
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.states import State
+
+__all__ = ["Conductor", "Phase", "Ticket"]
+
+_REPORT: Final = b"M155 S2"
+_POLL: Final = 5.0
+"""s between two questions for temperatures, where the firmware does not report them by itself."""
+
+_PLACE: Final = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)\s+E:\s*(-?[\d.]+)")
+_OFF_PATH: Final = 0.5
+"""mm between where the printer says that it stopped and the commanded path."""
+
+_GIVE_UP: Final = 20.0
+"""s that M410 and the question behind it may take."""
+
+_STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})
+"""Firmwares that have M410."""
+
+_PERSON: Final = frozenset({b"M0", b"M1", b"M600", b"M601"})
+
+
+class Phase(Enum):
+    """Where a print is between running and waiting."""
+
+    RUNNING = "printing"
+    STOPPING = "stopping"
+    LEAVING = "parking"
+    WAITING = "paused"
+    RETURNING = "returning"
+
+
+@dataclass(slots=True)
+class Ticket:
+    """A wish on its way.
+
+    Attributes:
+        wish: what is wanted.
+        done: called with what became of it: words for a person, or the error.
+    """
+
+    wish: wishes.Wish
+    done: Callable[[str | UsageError], None] = lambda _: None
+
+
+class Conductor:
+    """Steers one streamer.
+
+    Args:
+        streamer: made with `obeys=False` and the same entries as `job`.
+        job: the entries as they are sent.
+        setup: the printer.
+        journal: where to note what must survive; None for nowhere.
+        listen: is told what happens, the streamer's events and some more.
+        allow: a reason why a command that a person typed is refused, empty if it is not.
+
+    Attributes:
+        phase: where the print is.
+        parked: what it comes back to, while it is not running.
+        prompt: the question of the printer, None without one.
+        readings: temperatures as reported last.
+        wished_end: how often somebody wanted the end.
+        ended: the last event, once there is one.
+    """
+
+    def __init__(
+        self,
+        streamer: Streamer,
+        job: LiveJob,
+        setup: Setup,
+        *,
+        journal: Journal | None = None,
+        listen: Callable[[told.Event], None] = lambda _: None,
+        allow: Callable[[bytes], str] = lambda _: "",
+    ) -> None:
+        self.phase = Phase.RUNNING
+        self.parked: Parked | None = None
+        self.prompt: told.Prompt | None = None
+        self.readings: tuple[told.Reading, ...] = ()
+        self.wished_end = 0
+        self.ended: told.Finished | told.Halted | None = None
+        self.speed = self.flow = 100.0
+        self._streamer = streamer
+        self._job = job
+        self._setup = setup
+        self._journal = journal
+        self._listen = listen
+        self._allow = allow
+        self._tickets: deque[Ticket] = deque()
+        self._can: told.Identified | None = None
+        self._now = 0.0
+        self._poll_at = inf
+        self._pause = wishes.Pause()
+        self._said_place: tuple[float, float, float, float] | None = None
+        self._stop_due = inf
+        self._stop_sent = 0
+        self._pushed = 0.0
+        self._restore: tuple[Parked | None, float, tuple[str, ...], bool] | None = None
+        self._waits_for_person = False
+        self._buttons: list[str] = []
+        self._question = ""
+        self._warned = False
+        self._handlers: dict[type, Callable[[Any], str]] = {
+            wishes.Pause: self._on_pause,
+            wishes.Resume: self._on_resume,
+            wishes.Cancel: lambda _: self.cancel(),
+            wishes.CancelObject: self._on_object,
+            wishes.Speed: self._on_speed,
+            wishes.Flow: self._on_flow,
+            wishes.Heat: self._on_heat,
+            wishes.Fan: lambda wish: self._inject(b"M106 S%d" % round(wish.percent * 2.55)),
+            wishes.BabyStep: self._on_baby_step,
+            wishes.Say: self._on_say,
+            wishes.Answer: self._on_answer,
+            wishes.Status: lambda _: json.dumps(self.status()),
+            wishes.Stop: lambda _: self.halt(),
+        }
+
+    def status(self) -> dict[str, Any]:
+        """How it stands, as JSON holds it."""
+        prompt = self.prompt
+        return {
+            "state": self._state,
+            "done": self._streamer.acknowledged,
+            "total": len(self._job),
+            "temperatures": {one.name: [one.actual, one.target] for one in self.readings},
+            "speed_percent": self.speed,
+            "flow_percent": self.flow,
+            "objects": self._job.names,
+            "cancelled": sorted(self._job.cancelled),
+            "prompt": {"text": prompt.text, "buttons": prompt.buttons} if prompt else None,
+        }
+
+    # What the session calls.
+
+    def want(self, ticket: Ticket) -> None:
+        """A wish, granted at the next turn. May be called by any thread."""
+        self._tickets.append(ticket)
+
+    def on_turn(self, now: float) -> None:
+        """Grant what is wished, and go on with what was begun."""
+        self._now = now
+        if self._restore is not None and self._streamer.state is State.STREAMING:
+            self._take_over()
+        while self._tickets:
+            ticket = self._tickets.popleft()
+            try:
+                ticket.done(self._handlers[type(ticket.wish)](ticket.wish))
+            except UsageError as error:
+                ticket.done(error)
+        if self.phase is Phase.STOPPING:
+            self._stop_moving()
+        elif self.phase is Phase.LEAVING and self._streamer.idle:
+            self._change(Phase.WAITING)
+        elif self.phase is Phase.RETURNING and not self._streamer.injected:
+            self._go_on()
+        if now >= self._poll_at:
+            self._poll()
+
+    def record(self, events: Sequence[told.Event]) -> None:
+        """Note what must be known before the bytes that go with it are written."""
+        journal = self._journal
+        for event in events:
+            if isinstance(event, told.Numbered):
+                self._job.follow(event.job - (not event.command))
+                if event.command:
+                    self._job.modes.follow(event.command)
+                if journal:
+                    journal.numbered(event.number, event.job, event.command)
+            elif isinstance(event, told.Accepted):
+                self._job.follow(event.acknowledged)
+                if journal:
+                    journal.accepted(self._streamer.accepted_line, event.acknowledged, self._now)
+        if journal and journal.failed and not self._warned:
+            self._warned = True
+            text = f"the journal cannot be written ({journal.failed}): this print goes on, but could not be resumed"
+            self._listen(told.Note(text))
+
+    def hear(self, event: told.Event) -> None:
+        """Act on what the streamer tells, and pass it on."""
+        if isinstance(event, told.Numbered):
+            return
+        if isinstance(event, told.Identified):
+            self._identified(event)
+        elif isinstance(event, told.Temperature):
+            self.readings = event.readings
+            self._poll_at = inf if self._reports else self._now + _POLL
+        elif isinstance(event, told.Message):
+            self._on_message(event)
+        elif isinstance(event, told.Busy):
+            self._waits_for_person = event.reason.startswith("paused for")
+        elif isinstance(event, told.Accepted):
+            self._waits_for_person = False
+        elif isinstance(event, told.Finished | told.Halted):
+            self.ended = event
+        self._listen(event)
+        if isinstance(event, told.Action):
+            self._on_action(event)
+
+    # Ends.
+
+    def mute(self) -> None:
+        """Tell nobody any more: the listener has failed."""
+        self._listen = lambda _: None
+
+    def cancel(self) -> str:
+        """Drop the rest of the job, and run the end script."""
+        self.wished_end += 1
+        if self._streamer.state is State.CANCELLING:
+            return "already cancelling"
+        if self.phase is Phase.STOPPING or self._waits_for_person:
+            self._urge(b"M108")
+        modes = self._job.follow(self._streamer.taken)
+        if self._journal:
+            self._journal.state({"phase": "cancelling", "parked": None})
+        self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes.box)))
+        self.phase = Phase.RUNNING
+        self._listen(told.Stopping())
+        return "cancelled"
+
+    def halt(self) -> str:
+        """Emergency stop."""
+        self.wished_end += 1
+        self._streamer.emergency_stop()
+        return "the printer was told to halt"
+
+    # Pausing.
+
+    def _on_pause(self, wish: wishes.Pause) -> str:
+        if self._streamer.state is not State.STREAMING or self.phase is not Phase.RUNNING:
+            raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
+        self._streamer.pause()
+        self._pause = wish
+        if (
+            wish.now
+            and self._setup.flavour in _STOPPABLE
+            and self._job.follow(self._streamer.taken).stand.known
+        ):
+            self._said_place = None
+            self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
+            self._change(Phase.STOPPING)
+            return "stopping"
+        self._leave(self._parked(self._job.follow(self._streamer.taken).stand))
+        return "pausing behind the planned moves"
+
+    def _stop_moving(self) -> None:
+        """Throw the planned moves away once nothing is in flight that could be planned behind them."""
+        streamer = self._streamer
+        if not self._stop_sent and streamer.idle:
+            self._urge(b"M410")
+            streamer.inject(b"M400")
+            streamer.inject(b"M114")
+            self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
+        elif self._stop_sent and self._said_place and streamer.idle:
+            self._stopped_at(self._said_place)
+        elif self._stop_sent and self._now >= self._stop_due:
+            self._listen(told.Note("the printer does not say where it stopped"))
+            self._leave(self._parked(self._job.modes.stand))
+
+    def _stopped_at(self, place: tuple[float, float, float, float]) -> None:
+        """Find out what of the planned moves was not made."""
+        modes = self._job.follow(self._streamer.taken)
+        steps = list(modes.recent)[-self._setup.limits.planner_blocks * 4 :]
+        index, share, off = nearest(steps, place)
+        if off > _OFF_PATH:
+            self._listen(told.Note(f"it stopped {off:.2f} mm off its path"))
+        step = steps[index]
+        replay = [rest_of(step, share)] if share < 1.0 else []
+        later = [one.entry for one in steps[index + 1 :] if one.entry >= 0]
+        first = step.entry + 1 if step.entry >= 0 else (min(later) if later else self._streamer.taken)
+        replay += [command for i in range(first, self._streamer.taken) if (command := self._job[i])]
+        here = stand_at(step, share)
+        modes.stand = replace(modes.stand, x=here.x, y=here.y, z=here.z)
+        self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
+
+    def _parked(self, stand: Any) -> Parked:
+        modes, setup = self._job.modes, self._setup
+        z = stand.place[2]
+        return Parked(
+            entries=self._streamer.taken,
+            stand=stand,
+            park=self._pause.park and stand.known and modes.metric,
+            spot=parking_place(setup, modes.box),
+            safe=max(z, min(max(modes.highest, z) + setup.lift, setup.top)),
+            hotend=modes.hotend,
+            bed=modes.bed,
+            cold=self._pause.cold and modes.hotend > 0,
+        )
+
+    def _leave(self, parked: Parked) -> None:
+        self.parked = parked
+        script = leave(parked, self._job.modes, self._setup)
+        self._pushed = 0.0
+        self._note_phase(Phase.LEAVING)
+        self._pushed = pushed_by(script)
+        for command in script:
+            self._streamer.inject(command)
+        self._change(Phase.LEAVING)
+
+    def _on_resume(self, _: wishes.Resume) -> str:
+        if self._waits_for_person and self.phase is Phase.RUNNING:
+            self._urge(b"M108")
+            return "told the printer to go on"
+        if self.phase in {Phase.RUNNING, Phase.RETURNING, Phase.STOPPING}:
+            raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
+        assert self.parked is not None
+        self.come_back(self._pushed)
+        return "resuming"
+
+    def come_back(self, pushed: float) -> None:
+        """Return to the place that was left, and go on.
+
+        Args:
+            pushed: mm of filament since then; negative for what is pulled back.
+        """
+        parked = self.parked
+        assert parked is not None
+        self._pushed = pushed
+        self._note_phase(Phase.RETURNING)
+        for command in come_back(parked, self._setup, pushed):
+            self._streamer.inject(command)
+        for text in parked.replay:
+            self._streamer.inject(text.encode("latin-1"))
+        self._change(Phase.RETURNING)
+
+    def restore(self, parked: Parked | None, pushed: float, replay: Sequence[str], *, waits: bool) -> None:
+        """Take over a print that another host left while it was paused, or on its way, once it is connected.
+
+        Args:
+            parked: what it comes back to; None: it is there.
+            pushed: mm of filament since it was left.
+            replay: thrown-away moves that are still to be made.
+            waits: whether it goes on waiting for a person.
+        """
+        self._restore = (parked, pushed, tuple(replay), waits)
+
+    def _take_over(self) -> None:
+        assert self._restore is not None
+        parked, self._pushed, replay, waits = self._restore
+        self._restore = None
+        self.parked = parked and replace(parked, replay=replay)
+        self._streamer.pause()
+        if parked and waits:
+            self._note_phase(Phase.LEAVING)
+            self._change(Phase.WAITING)
+        elif parked:
+            self.come_back(self._pushed)
+        else:
+            for text in replay:
+                self._streamer.inject(text.encode("latin-1"))
+            self._change(Phase.RETURNING)
+
+    def _go_on(self) -> None:
+        self.parked = None
+        self._note_phase(Phase.RUNNING)
+        self._streamer.resume()
+        self._change(Phase.RUNNING)
+
+    def _change(self, phase: Phase) -> None:
+        self.phase = phase
+        if phase is Phase.WAITING:
+            self._listen(told.Paused("resume, or cancel"))
+        elif phase is Phase.RUNNING:
+            self._listen(told.Resumed())
+
+    def _note_phase(self, phase: Phase) -> None:
+        if self._journal:
+            parked = self.parked.as_json() if self.parked else None
+            line = self._streamer.next_line
+            self._journal.state(
+                {
+                    "phase": phase.value,
+                    "parked": parked,
+                    "pushed": self._pushed,
+                    "line": line,
+                    "recovering_at": None,
+                }
+            )
+
+    # Other wishes.
+
+    def _on_object(self, wish: wishes.CancelObject) -> str:
+        job = self._job
+        name = job.cancel(wish.name, self._streamer.taken)
+        if self._setup.flavour == "klipper" and job.marked_for_klipper:
+            job.cancelled.discard(name)
+            self._inject(b"EXCLUDE_OBJECT NAME=%s" % name.encode())
+        elif self._journal:
+            self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
+        self._listen(told.Note(f"{name} is not printed any further"))
+        return f"{name} is given up"
+
+    def _on_speed(self, wish: wishes.Speed) -> str:
+        self.speed = wish.percent
+        return self._inject(b"M220 S%d" % round(wish.percent))
+
+    def _on_flow(self, wish: wishes.Flow) -> str:
+        self.flow = wish.percent
+        return self._inject(b"M221 S%d" % round(wish.percent))
+
+    def _on_heat(self, wish: wishes.Heat) -> str:
+        command = {"nozzle": b"M104 S%g", "bed": b"M140 S%g"}[wish.heater] % wish.celsius
+        if self.parked and wish.heater == "nozzle":
+            self.parked = replace(self.parked, hotend=wish.celsius)
+        return self._inject(command)
+
+    def _on_baby_step(self, wish: wishes.BabyStep) -> str:
+        step = b"%.3f" % wish.mm
+        if self._setup.flavour == "klipper":
+            return self._inject(b"SET_GCODE_OFFSET Z_ADJUST=%s MOVE=1" % step)
+        if self._setup.flavour == "reprapfirmware":
+            return self._inject(b"M290 S%s" % step)
+        if self._can is not None and ("BABYSTEPPING", False) in self._can.capabilities:
+            raise UsageError("this firmware has no baby-steps", remedy="build it with BABYSTEPPING")
+        return self._inject(b"M290 Z%s" % step)
+
+    def _on_say(self, wish: wishes.Say) -> str:
+        return self._inject(wish.command.encode("utf-8", "replace"))
+
+    def _on_answer(self, wish: wishes.Answer) -> str:
+        if self.prompt is None:
+            raise UsageError("the printer asks nothing", remedy="see `status`")
+        self._urge(b"M876 S%d" % wish.choice)
+        return "answered"
+
+    def _inject(self, command: bytes) -> str:
+        if self._streamer.state not in {State.STREAMING, State.PAUSED}:
+            raise UsageError(f"not now: it is {self._state}", remedy="wait until it prints")
+        if reason := self._allow(command):
+            raise UsageError(
+                f"{command.decode(errors='replace')}: {reason}", remedy="allow it by name, or leave it"
+            )
+        check_commands([command])
+        self._streamer.inject(command)
+        return f"sent {command.decode(errors='replace')}"
+
+    def _urge(self, command: bytes) -> None:
+        self._streamer.urge(command)
+
+    @property
+    def _state(self) -> str:
+        return self.phase.value if self.phase is not Phase.RUNNING else self._streamer.state.value
+
+    # The printer's wishes.
+
+    def _on_action(self, action: told.Action) -> None:
+        word, _, rest = action.name.partition(" ")
+        running = self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING
+        if word in {"pause", "filament_runout", "out_of_filament"} and running:
+            if word != "pause":
+                self._listen(told.Note("the filament has run out: put in a new one, then resume"))
+            self._on_pause(wishes.Pause())
+        elif word == "paused" and running:
+            # It has parked by itself, and comes back by itself.
+            self._streamer.pause()
+            self._listen(told.Paused(rest or "the printer waits for a person"))
+        elif word == "resumed" and self.phase is Phase.RUNNING:
+            self._streamer.resume()
+            self._listen(told.Resumed())
+        elif word == "resume" and self.phase in {Phase.LEAVING, Phase.WAITING}:
+            self.come_back(self._pushed)
+        elif word == "resume" and self.phase is Phase.RUNNING:
+            self._streamer.resume()
+        elif word == "cancel":
+            self.cancel()
+        elif word.startswith("prompt_"):
+            self._on_prompt(word, rest)
+
+    def _on_prompt(self, word: str, rest: str) -> None:
+        if word == "prompt_begin":
+            self._question, self._buttons = rest, []
+        elif word in {"prompt_choice", "prompt_button"}:
+            self._buttons.append(rest)
+        elif word == "prompt_show":
+            self.prompt = told.Prompt(self._question, tuple(self._buttons))
+            self._listen(self.prompt)
+        elif word == "prompt_end" and self.prompt:
+            self.prompt = None
+            self._listen(told.Prompt("", ()))
+
+    def _on_message(self, message: told.Message) -> None:
+        if found := _PLACE.search(message.text):
+            x, y, z, e = (float(value) for value in found.groups())
+            self._said_place = x, y, z, e
+        unknown = re.search(r'Unknown command:\s*"(M600|M601)\b', message.text)
+        if unknown and self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING:
+            self._listen(
+                told.Note(f"this firmware does not know {unknown[1]}: change the filament, then resume")
+            )
+            self._on_pause(wishes.Pause())
+
+    # Temperatures.
+
+    @property
+    def _reports(self) -> bool:
+        return self._can is not None and self._can.can("AUTOREPORT_TEMP")
+
+    def _identified(self, who: told.Identified) -> None:
+        self._can = who
+        if self._reports:
+            self._streamer.inject(_REPORT)
+        else:
+            self._poll_at = self._now + _POLL
+
+    def _poll(self) -> None:
+        """Ask for temperatures, where that delays nothing and the last question was answered."""
+        self._poll_at = self._now + _POLL
+        if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected:
+            self._streamer.inject(ASK)
