@@ -3,8 +3,8 @@
     python benchmarks/killing.py --kills 200 --seed 1
 
 The host is a process of its own, the simulated printer a device of the system. After each kill: what the journal names
-as accepted last, and what the printer had begun by then. At the end of each job: what was executed is what the file holds,
-once and in order.
+as accepted last, and what the printer had begun by then. At the end of each job: what was executed is what the file
+holds, once and in order.
 """
 
 from __future__ import annotations
@@ -58,9 +58,13 @@ def served(link: Path, speed: float) -> Iterator[list[str]]:
     executed: list[str] = []
 
     def make() -> SimulatedPrinter:
-        return SimulatedPrinter(machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append, boots=False)
+        return SimulatedPrinter(
+            machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append, boots=False
+        )
 
-    thread = Thread(target=lambda: serve(make, link, speed=speed, stop=stop.is_set, ready=lambda _: ready.set()))
+    thread = Thread(
+        target=lambda: serve(make, link, speed=speed, stop=stop.is_set, ready=lambda _: ready.set())
+    )
     thread.start()
     try:
         assert ready.wait(10.0)
@@ -91,7 +95,9 @@ def start(folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
     env = {**os.environ, "PRINTER_SLICER_STATE": str(folder / "state"), "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "printer_slicer", *arguments]
     with (folder / "said").open("ab") as said:
-        return subprocess.Popen(command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
+        return subprocess.Popen(
+            command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+        )
 
 
 def one_job(seed: int, kills: int, folder: Path) -> Outcome:
@@ -102,6 +108,7 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
     (folder / "job.gcode").write_text(text, encoding="utf-8")
     speed = chance.choice([20.0, 50.0, 200.0])
     with served(folder / "port", speed) as executed:
+        left = [folder]
         arguments = ("print", "job.gcode", "--port", "port", "--printer", "marlin_220", "--reconnect", "0")
         while True:
             begun, before = monotonic(), len(executed)
@@ -116,11 +123,13 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
                 break
             host.kill()
             host.wait()
+            left = list((folder / "state" / "prints").iterdir())
+            if not left:
+                break  # it had come to its end, and was on its way out
             outcome.kills += 1
-            (print_,) = (folder / "state" / "prints").iterdir()
-            story = read_story(print_)
+            story = read_story(left[0])
             outcome.ahead.append(len(of_job(executed)) - story.entries)
-        code = host.wait(timeout=600)
+        code = host.wait(timeout=600) if left else 0
         outcome.exact = of_job(executed) == wanted and code == 0
     if not outcome.exact:
         outcome.what = _first_difference(of_job(executed), wanted) + f"; exit code {code}"
@@ -137,7 +146,9 @@ def _first_difference(executed: list[str], wanted: list[str]) -> str:
 
 def main() -> int:
     """Say how many kills were survived."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--per-job", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)

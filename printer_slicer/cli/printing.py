@@ -228,7 +228,9 @@ class progress:  # noqa: N801 - used like a function
             print(
                 json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
             )
-        elif (not self._quiet and (text := _for_people(event))) or (self._verbose and (text := _as_line(event))):
+        elif (not self._quiet and (text := _for_people(event))) or (
+            self._verbose and (text := _as_line(event))
+        ):
             print(visible(text), file=sys.stderr)
 
     def _advance(self, done: int) -> None:

@@ -1,6 +1,6 @@
 """Printing over a port: the job, the wishes of people meanwhile, and what is left to take it up again."""
 
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.keeper import Done, print_job, resume_print
+from printer_slicer.printing.keeper import Done, Options, print_job, resume_print
 
-__all__ = ["Controls", "Done", "print_job", "resume_print"]
+__all__ = ["Controls", "Done", "Options", "print_job", "resume_print"]

@@ -34,7 +34,9 @@ def laid_points(job: Job, entries: int, setup: Setup) -> Float:
     return points
 
 
-def approach_from(points: Float, goal: tuple[float, float, float], setup: Setup) -> tuple[float, float] | None:
+def approach_from(
+    points: Float, goal: tuple[float, float, float], setup: Setup
+) -> tuple[float, float] | None:
     """Where to come down beside the part, on the way to a place in its last layer.
 
     Args:

@@ -25,11 +25,12 @@ from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
 from printer_slicer.printing.along import nearest, rest_of, stand_at
 from printer_slicer.printing.journal import Journal
+from printer_slicer.printing.modes import SCRIPT, Stand
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.printing.parking import Parked, come_back, end_script, leave, parking_place, pushed_by
 from printer_slicer.printing.setup import Setup
 from printer_slicer.stream import events as told
-from printer_slicer.stream.framing import check_commands
+from printer_slicer.stream.framing import check_commands, strip
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.states import State
@@ -131,6 +132,7 @@ class Conductor:
         self._restore: tuple[Parked | None, float, tuple[str, ...], bool] | None = None
         self._waits_for_person = False
         self._buttons: list[str] = []
+        self._scripted: deque[bytes] = deque()
         self._question = ""
         self._warned = False
         self._handlers: dict[type, Callable[[Any], str]] = {
@@ -197,7 +199,7 @@ class Conductor:
             if isinstance(event, told.Numbered):
                 self._job.follow(event.job - (not event.command))
                 if event.command:
-                    self._job.modes.follow(event.command)
+                    self._job.modes.follow(event.command, self._author(event.command))
                 if journal:
                     journal.numbered(event.number, event.job, event.command)
             elif isinstance(event, told.Accepted):
@@ -208,6 +210,19 @@ class Conductor:
             self._warned = True
             text = f"the journal cannot be written ({journal.failed}): this print goes on, but could not be resumed"
             self._listen(told.Note(text))
+
+    def _author(self, command: bytes) -> int:
+        """Who wants a command that is not of the job: -1 a person, else a script of ours."""
+        if self._scripted and self._scripted[0] == strip(command):
+            self._scripted.popleft()
+            return SCRIPT
+        return -1
+
+    def _perform(self, script: Sequence[bytes]) -> None:
+        """Send commands ahead of the job that belong to it from now on."""
+        for command in script:
+            self._scripted.append(command)
+            self._streamer.inject(command)
 
     def hear(self, event: told.Event) -> None:
         """Act on what the streamer tells, and pass it on."""
@@ -246,6 +261,7 @@ class Conductor:
         modes = self._job.follow(self._streamer.taken)
         if self._journal:
             self._journal.state({"phase": "cancelling", "parked": None})
+        self._scripted.clear()
         self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes.box)))
         self.phase = Phase.RUNNING
         self._listen(told.Stopping())
@@ -293,20 +309,18 @@ class Conductor:
     def _stopped_at(self, place: tuple[float, float, float, float]) -> None:
         """Find out what of the planned moves was not made."""
         modes = self._job.follow(self._streamer.taken)
-        steps = list(modes.recent)[-self._setup.limits.planner_blocks * 4 :]
+        steps = list(modes.recent)
         index, share, off = nearest(steps, place)
         if off > _OFF_PATH:
             self._listen(told.Note(f"it stopped {off:.2f} mm off its path"))
-        step = steps[index]
-        replay = [rest_of(step, share)] if share < 1.0 else []
-        later = [one.entry for one in steps[index + 1 :] if one.entry >= 0]
-        first = step.entry + 1 if step.entry >= 0 else (min(later) if later else self._streamer.taken)
-        replay += [command for i in range(first, self._streamer.taken) if (command := self._job[i])]
-        here = stand_at(step, share)
+        replay = [rest_of(steps[index], share)] if share < 1.0 else []
+        replay += [step.command for step in steps[index + 1 :]]
+        modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
+        here = stand_at(steps[index], share)
         modes.stand = replace(modes.stand, x=here.x, y=here.y, z=here.z)
         self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
 
-    def _parked(self, stand: Any) -> Parked:
+    def _parked(self, stand: Stand) -> Parked:
         modes, setup = self._job.modes, self._setup
         z = stand.place[2]
         return Parked(
@@ -326,8 +340,7 @@ class Conductor:
         self._pushed = 0.0
         self._note_phase(Phase.LEAVING)
         self._pushed = pushed_by(script)
-        for command in script:
-            self._streamer.inject(command)
+        self._perform(script)
         self._change(Phase.LEAVING)
 
     def _on_resume(self, _: wishes.Resume) -> str:
@@ -350,10 +363,8 @@ class Conductor:
         assert parked is not None
         self._pushed = pushed
         self._note_phase(Phase.RETURNING)
-        for command in come_back(parked, self._setup, pushed):
-            self._streamer.inject(command)
-        for text in parked.replay:
-            self._streamer.inject(text.encode("latin-1"))
+        replay = [text.encode("latin-1") for text in parked.replay]
+        self._perform([*come_back(parked, self._setup, pushed), *replay])
         self._change(Phase.RETURNING)
 
     def restore(self, parked: Parked | None, pushed: float, replay: Sequence[str], *, waits: bool) -> None:
@@ -379,8 +390,7 @@ class Conductor:
         elif parked:
             self.come_back(self._pushed)
         else:
-            for text in replay:
-                self._streamer.inject(text.encode("latin-1"))
+            self._perform([text.encode("latin-1") for text in replay])
             self._change(Phase.RETURNING)
 
     def _go_on(self) -> None:

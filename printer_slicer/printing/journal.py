@@ -154,7 +154,8 @@ class Story:
         proven = [one for one in self._pending if one.number <= number]
         return self.commands + [(one.entries, one.command) for one in proven if one.command]
 
-    def _take(self, kind: str, rest: str) -> None:
+    def take(self, kind: str, rest: str) -> None:
+        """One more record."""
         if kind == "E":
             self._begin_anew(int(rest))
         elif kind == "N":
@@ -204,5 +205,5 @@ def read_story(folder: Path) -> Story:
         if not data or sum_ != b"%08x" % crc32(data):
             break
         kind, _, rest = data.decode("utf-8").partition(" ")
-        story._take(kind, rest)
+        story.take(kind, rest)
     return story

@@ -1,4 +1,4 @@
-"""Print a job over a serial port: progress, wishes, Ctrl-C, a journal, and a checkpoint if it does not come to its end."""
+"""Print a job over a serial port: wishes, Ctrl-C, a journal, and a checkpoint if it does not come to its end."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread, current_thread, main_thread
 from time import monotonic
+from typing import Any, TypedDict, Unpack
 
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
@@ -29,7 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import PortInfo, SerialPort, find_again, identity, open_port
 from printer_slicer.stream.session import run
 
-__all__ = ["Done", "Keeper", "print_job", "resume_print"]
+__all__ = ["Done", "Keeper", "Options", "print_job", "resume_print"]
 
 # Ctrl-C, a computer that shuts down, and a terminal that is closed (which Windows does not have).
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -57,20 +57,21 @@ class Done:
     verified: bool | None
 
 
+class Options(TypedDict, total=False):
+    """What may be wanted of a print besides job and port; see `print_job`."""
+
+    on_event: Listen
+    checkpoint: Path | None
+    controls: Controls | None
+    shelf: Path | None
+    discard: bool
+    reconnect: float
+    dtr: bool | None
+    allow: Callable[[bytes], str]
+
+
 def print_job(
-    job: Job,
-    profile: Profile,
-    port: str,
-    *,
-    baud: int | None = None,
-    on_event: Listen = lambda _: None,
-    checkpoint: Path | None = None,
-    controls: Controls | None = None,
-    shelf: Path | None = None,
-    discard: bool = False,
-    reconnect: float = 0.0,
-    dtr: bool | None = None,
-    allow: Callable[[bytes], str] = lambda _: "",
+    job: Job, profile: Profile, port: str, *, baud: int | None = None, **options: Unpack[Options]
 ) -> Done:
     """Send a job to a printer, line by line, and wait until it has executed all of it.
 
@@ -79,14 +80,12 @@ def print_job(
         profile: on which printer.
         port: device or pyserial URL.
         baud: None takes the profile's.
-        on_event: is told what happens.
-        checkpoint: where to write how far the print came, if it does not come to its end.
-        controls: for other threads, to pause, change and cancel.
-        shelf: folder for what must be known to resume the print after anything; None: it cannot be resumed.
-        discard: whether an unfinished print on this port is forgotten.
-        reconnect: s to wait for a printer whose cable was pulled; needs a shelf.
-        dtr: level of the line that resets many boards, None: as the system does.
-        allow: a reason why a command that a person types is refused, empty if it is not.
+        **options: `on_event` is told what happens; `checkpoint` is where to write how far the print came, if it does
+            not come to its end; `controls` is for other threads, to pause, change and cancel; `shelf` is the folder
+            for what must be known to resume the print after anything, without one it cannot be; with `discard` an
+            unfinished print on this port is forgotten; `reconnect` says how many s to wait for a printer whose cable
+            was pulled, and needs a shelf; `dtr` is the level of the line that resets many boards, None: as the system
+            does; `allow` gives a reason why a command that a person types is refused, empty if it is not.
 
     Raises:
         PortError: the port cannot be opened.
@@ -96,17 +95,18 @@ def print_job(
     """
     setup = setup_of(profile.printer)
     speed = baud or setup.baud
+    shelf = options.get("shelf")
     if shelf is not None:
-        _insist_on_finished(shelf, port, discard=discard)
-    transport = open_port(port, speed, dtr=dtr)
+        _insist_on_finished(shelf, port, discard=options.get("discard", False))
+    transport = open_port(port, speed, dtr=options.get("dtr"))
     print_ = None
     try:
-        print_ = shelves.begin(shelf, job.name, job.text, port, speed, setup) if shelf is not None else None
+        if shelf is not None:
+            print_ = shelves.begin(shelf, job.name, job.text, shelves.Place(port, speed), setup)
     except BaseException:
         transport.close()
         raise
-    keeper = Keeper(job, setup, port, speed, on_event, checkpoint, controls, print_, reconnect, dtr, allow)
-    return keeper.go(transport, None)
+    return Keeper(job, setup, shelves.Place(port, speed), print_, options).go(transport, None)
 
 
 def resume_print(
@@ -114,12 +114,8 @@ def resume_print(
     job: Job,
     *,
     port: str | None = None,
-    on_event: Listen = lambda _: None,
-    checkpoint: Path | None = None,
-    controls: Controls | None = None,
-    reconnect: float = 0.0,
-    allow: Callable[[bytes], str] = lambda _: "",
     recover: Callable[[str], bool] = lambda _: False,
+    **options: Unpack[Options],
 ) -> Done:
     """Go on with an unfinished print.
 
@@ -130,8 +126,8 @@ def resume_print(
         print_: from the shelf.
         job: made of its text.
         port: where the printer is now, None: where it was.
-        on_event, checkpoint, controls, reconnect, allow: as for `print_job`.
         recover: is told why the printer cannot just go on and what would be done; whether to do it.
+        **options: as for `print_job`.
 
     Raises:
         As `print_job`; UsageError: somebody prints it already; PrintError: no consent.
@@ -140,35 +136,25 @@ def resume_print(
 
     if not print_.hold():
         raise UsageError(f"{print_.name}: is being printed", remedy="see `printer-slicer control status`")
-    address = port or print_.port
-    keeper = Keeper(
-        job,
-        print_.setup,
-        address,
-        print_.baud,
-        on_event,
-        checkpoint,
-        controls,
-        print_,
-        reconnect,
-        None,
-        allow,
-    )
-    transport = open_port(address, print_.baud, dtr=None)
+    place = shelves.Place(port or print_.port, print_.baud)
+    transport = None
     try:
-        found = keeper.reattach(transport)
-        found = replace(found, phase="returning" if found.waits else found.phase)
-    except Lost as lost:
-        plan = recovery(print_, job)
-        if not recover(f"the printer cannot just go on: {lost}.\n{plan.told}"):
-            transport.close()
-            print_.release()
-            raise PrintError(
-                f"{job.name}: not resumed: {lost}", remedy="see `printer-slicer resume --help`"
-            ) from None
-        found = plan
+        transport = open_port(place.port, place.baud)
+        keeper = Keeper(job, print_.setup, place, print_, options)
+        try:
+            found = keeper.reattach(transport)
+            found = replace(found, phase="returning" if found.waits else found.phase)
+        except Lost as lost:
+            plan = recovery(print_, job)
+            if not recover(f"the printer cannot just go on: {lost}.\n{plan.told}"):
+                message = f"{job.name}: not resumed: {lost}"
+                raise PrintError(
+                    message, remedy="printer-slicer resume --recover does what was told"
+                ) from None
+            found = plan
     except BaseException:
-        transport.close()
+        if transport is not None:
+            transport.close()
         print_.release()
         raise
     return keeper.go(transport, found)
@@ -189,27 +175,28 @@ def _insist_on_finished(shelf: Path, port: str, *, discard: bool) -> None:
         left.forget()
 
 
+def _nobody(_: Event) -> None:
+    """Is told what happens."""
+
+
+def _anything(_: bytes) -> str:
+    """Is allowed."""
+    return ""
+
+
 class Keeper:
     """One print, from its first byte to its last, over as many connections as it takes."""
 
     def __init__(
-        self,
-        job: Job,
-        setup: Setup,
-        port: str,
-        baud: int,
-        listen: Listen,
-        checkpoint: Path | None,
-        controls: Controls | None,
-        print_: shelves.Print | None,
-        reconnect: float,
-        dtr: bool | None,
-        allow: Callable[[bytes], str],
+        self, job: Job, setup: Setup, place: shelves.Place, print_: shelves.Print | None, options: Options
     ) -> None:
-        self._job, self._setup, self._port, self._baud = job, setup, port, baud
-        self._listen, self._checkpoint = listen, checkpoint
-        self._controls = controls or Controls()
-        self._print, self._reconnect, self._dtr, self._allow = print_, reconnect, dtr, allow
+        self._job, self._setup, self._print = job, setup, print_
+        self._port, self._baud = place.port, place.baud
+        self._listen = options.get("on_event", _nobody)
+        self._checkpoint = options.get("checkpoint")
+        self._controls = options.get("controls") or Controls()
+        self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
+        self._allow = options.get("allow", _anything)
         self._journal = Journal(print_.folder) if print_ else None
         self._spans = spans_of(job.text)
         self._board: PortInfo | None = None
@@ -230,15 +217,14 @@ class Keeper:
             As `print_job`.
         """
         begun = monotonic()
-        stop = partial(self._stopped)
         try:
             with self._signals(), self._synced(), self._answering():
                 self._connections(transport, found)
         except PortError as error:
-            raise PrintError(stop(str(error).splitlines()[0]), remedy=self._look()) from None
+            raise PrintError(self._stopped(str(error).splitlines()[0]), remedy=self._look()) from None
         except Exception as error:
             why = "nobody reads the output any more" if isinstance(error, BrokenPipeError) else repr(error)
-            raise PrintError(stop(f"{why}; {_OFF}"), remedy=self._look()) from error
+            raise PrintError(self._stopped(f"{why}; {_OFF}"), remedy=self._look()) from error
         finally:
             self._close()
         end = self._finished()
@@ -306,7 +292,7 @@ class Keeper:
         except Exception:
             conductor.mute()
             conductor.cancel()
-            self._run(conductor, lambda event: conductor.hear(event))
+            self._run(conductor, conductor.hear)
             raise
 
     def _run(self, conductor: Conductor, hear: Listen) -> None:
@@ -374,12 +360,15 @@ class Keeper:
         if current_thread() is not main_thread():
             yield
             return
-        before = {number: signal.signal(number, lambda *_: self._interrupt()) for number in _SIGNALS}
+        before: list[Any] = [signal.signal(number, self._on_signal) for number in _SIGNALS]
         try:
             yield
         finally:
-            for number, handler in before.items():
+            for number, handler in zip(_SIGNALS, before, strict=True):
                 signal.signal(number, handler)
+
+    def _on_signal(self, _number: int, _frame: object) -> None:
+        self._interrupt()
 
     def _interrupt(self) -> None:
         """The first one ends the print in good order, the second one halts the printer at once."""

@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 from printer_slicer.stream.framing import strip
 from printer_slicer.stream.tracker import parse
 
-__all__ = ["Modes", "Stand", "Step", "number"]
+__all__ = ["SCRIPT", "Modes", "Stand", "Step", "number"]
 
 _HISTORY: Final = 256
-"""Moves that are remembered: more than any planner of Marlin's kind holds."""
+"""Commands that are remembered: more than the moves in any planner of Marlin's kind, and what lies between."""
 
 _AXES: Final = (b"X", b"Y", b"Z")
 _DRAINS: Final = frozenset(
@@ -88,8 +88,12 @@ class Stand:
         return self.x or 0.0, self.y or 0.0, self.z or 0.0
 
 
+SCRIPT: Final = -2
+"""Instead of an entry: a command of the host's own scripts, without which what follows would be wrong."""
+
+
 class Step(NamedTuple):
-    """A move that was commanded: index of the entry (-1: not of the job), stands before and after, the command."""
+    """A command: index of the entry (-1: not of the job, or SCRIPT), how the printer stands before and after it."""
 
     entry: int
     before: Stand
@@ -110,7 +114,7 @@ class Modes:
         box: x from, y from, x to, y to of all plastic laid while moving, None before any.
         pulled: mm of filament that are pulled back at the moment.
         metric: whether the units are mm; else nothing here can be trusted.
-        recent: the last moves that may not have been made yet.
+        recent: the last moves that may not have been made yet, and what belongs between them.
     """
 
     def __init__(self) -> None:
@@ -126,7 +130,7 @@ class Modes:
         self.recent: deque[Step] = deque(maxlen=_HISTORY)
 
     def follow(self, command: bytes, entry: int = -1) -> None:
-        """One more command, entry `entry` of the job."""
+        """One more command, entry `entry` of the job; -1: somebody said it, SCRIPT: the host did."""
         command = strip(command)
         word, values = parse(command)
         if word in _MOVES:
@@ -139,6 +143,8 @@ class Modes:
             self.sticky[found[1]] = command
         elif command[:1] == b"T" and command[1:2].isdigit():
             self.tool = command
+        if word not in _MOVES and entry != -1:
+            self.recent.append(Step(entry, self.stand, self.stand, command))
 
     def _move(self, command: bytes, values: dict[bytes, float], entry: int) -> None:
         before = self.stand

@@ -160,7 +160,7 @@ def pushed_by(commands: Sequence[bytes]) -> float:
 
 
 def end_script(modes: Modes, setup: Setup, spot: tuple[float, float]) -> list[bytes]:
-    """What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle off the part, motors free."""
+    """What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle away, motors off."""
     script = [b"M104 S0", b"M140 S0", b"M107"]
     if modes.chamber:
         script.append(b"M141 S0")

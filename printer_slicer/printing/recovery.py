@@ -6,7 +6,6 @@ part - come down outside of it - over the place - down - filament, modes and spe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
@@ -138,13 +137,15 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
     index, share = stopped_at(steps, story.accepted, lost, setup.limits)
     step = steps[index]
     stand = stand_at(step, share)
-    entries = _behind(steps[: index + 1], story.entries) if step.entry < 0 else step.entry + 1
-    return Point(entries, stand, (rest_of(step, share),) if share < 1.0 else ())
-
-
-def _behind(steps: Sequence[Step], entries: int) -> int:
-    """Entries that are done with moves, the last of which are not of the job."""
-    return next((step.entry + 1 for step in reversed(steps) if step.entry >= 0), entries)
+    replay = [rest_of(step, share)] if share < 1.0 else []
+    for later in steps[index + 1 :]:
+        if later.entry >= 0:
+            entries = later.entry
+            break
+        replay.append(later.command)
+    else:
+        entries = story.entries
+    return Point(entries, stand, tuple(replay))
 
 
 def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[bytes]:

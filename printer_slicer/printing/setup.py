@@ -78,8 +78,9 @@ def setup_from(values: Mapping[str, Any]) -> Setup:
         KeyError, TypeError: it is something else.
     """
     known = {field.name for field in fields(Setup)}
-    kept = {key: value for key, value in values.items() if key in known}
-    limits = {key: tuple(v) if isinstance(v, list) else v for key, v in kept["limits"].items()}
-    return Setup(
-        **kept | {"limits": Limits(**limits), "low": tuple(kept["low"]), "high": tuple(kept["high"])}
-    )
+    kept: dict[str, Any] = {key: value for key, value in values.items() if key in known}
+    limits: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in kept["limits"].items()
+    }
+    kept |= {"limits": Limits(**limits), "low": tuple(kept["low"]), "high": tuple(kept["high"])}
+    return Setup(**kept)

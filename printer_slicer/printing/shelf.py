@@ -22,7 +22,7 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-__all__ = ["Print", "Shelf", "begin", "default_shelf"]
+__all__ = ["Place", "Print", "Shelf", "begin", "default_shelf", "find", "on_shelf", "same_port", "unfinished"]
 
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 Shelf = Path
@@ -104,7 +104,15 @@ class Print:
         rmtree(self.folder, ignore_errors=True)
 
 
-def begin(shelf: Shelf, name: str, text: bytes, port: str, baud: int, setup: Setup) -> Print:
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A port and its speed."""
+
+    port: str
+    baud: int
+
+
+def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> Print:
     """Put a new print on the shelf, held by this process.
 
     Raises:
@@ -116,8 +124,8 @@ def begin(shelf: Shelf, name: str, text: bytes, port: str, baud: int, setup: Set
     head = {
         "version": 1,
         "name": name,
-        "port": _lasting(port),
-        "baud": baud,
+        "port": _lasting(place.port),
+        "baud": place.baud,
         "begun": f"{now:%Y-%m-%d %H:%M}",
         "boot": _boot(),
         "setup": setup.as_json(),

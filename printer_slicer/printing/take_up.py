@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from printer_slicer.printing.journal import Journal, Story
-from printer_slicer.printing.modes import Modes
+from printer_slicer.printing.modes import SCRIPT, Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import Parked, come_back, parked_from
 from printer_slicer.printing.setup import Setup
@@ -26,6 +26,7 @@ _BEHIND: Final = 8
 """Lines that may count as accepted on record and were not: an ok too many on a bad cable."""
 
 _BEYOND: Final = 64
+_QUESTIONS: Final = ("M105", "M114", "M115", "M155", "M400")
 _SAME_PLACE: Final = 0.06
 
 
@@ -128,7 +129,7 @@ def rebuild(story: Story, line: int, commands: tuple[bytes, ...], spans: tuple[S
             job.cancel(text, entries)
         else:
             job.follow(entries)
-            job.modes.follow(text.encode("latin-1"))
+            job.modes.follow(text.encode("latin-1"), -1 if text.startswith(_QUESTIONS) else SCRIPT)
     return job
 
 

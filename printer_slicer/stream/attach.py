@@ -28,6 +28,9 @@ _AGAIN: Final = 2.0
 _PATIENCE: Final = 30.0
 """s without any sign of life."""
 
+_NO_REFUSAL: Final = 4
+"""Answers to a question that should have been refused, beyond those that may come from before."""
+
 _QUESTIONS: Final = (b"M105", b"M114")
 
 
@@ -53,8 +56,10 @@ class Attach:
         self.done = False
         self._wrong = last + _AHEAD
         self._named: int | None = None
+        self._answers = 0
         self._asked = 0  # of the questions, so many are answered
         self._due = -inf
+        self._sent = False
         self._heard: float | None = None
         self._partial = b""
 
@@ -75,6 +80,7 @@ class Attach:
             self._fail("the printer does not answer")
             return b""
         self._due = now + _AGAIN
+        self._sent = self.line is not None
         if self.line is None:
             return b"\n%s\n" % frame(self._wrong, b"M105")
         return b"\n%s\n" % frame(*self.questions()[self._asked])
@@ -95,7 +101,8 @@ class Attach:
     def _hear(self, reply: replies.Reply, now: float) -> None:
         if isinstance(reply, replies.Garbled):
             return
-        self._heard = now
+        if not isinstance(reply, Temperature) or reply.waiting:
+            self._heard = now
         if isinstance(reply, replies.Resend):
             self._on_named(reply.number, now)
         elif isinstance(reply, replies.LineError):
@@ -104,7 +111,8 @@ class Attach:
             self._on_ok(reply, now)
         elif isinstance(reply, Temperature):
             self.temperature = reply
-            self._busy(now)
+            if reply.waiting:  # others come by themselves, however long a question stays unanswered
+                self._busy(now)
         elif isinstance(reply, Busy):
             self._busy(now)
         elif isinstance(reply, replies.Position) and self._asked == 1:
@@ -116,7 +124,7 @@ class Attach:
 
     def _busy(self, now: float) -> None:
         """It lives and cannot answer yet: asking again would only fill its buffer."""
-        if self.line is not None:
+        if self.line is not None and self._sent:
             self._due = max(self._due, now + _AGAIN)
 
     def _on_named(self, wanted: int, now: float) -> None:
@@ -136,8 +144,9 @@ class Attach:
 
     def _on_ok(self, ok: replies.Ok, now: float) -> None:
         if self.line is None:
-            # The refusal names the line twice; a firmware that answers instead does not count lines.
-            if ok.heat and self._named is None and self._due > now:
+            # Some may answer questions from before; a firmware that answers again and again does not count lines.
+            self._answers += ok.heat
+            if self._answers >= _NO_REFUSAL and self._named is None:
                 self._fail("its firmware does not count lines")
             return
         if (self._asked == 0 and ok.heat) or (self._asked == 1 and not ok.heat and self.position is not None):
@@ -145,6 +154,7 @@ class Attach:
 
     def _answered(self, now: float) -> None:
         self._asked += 1
+        self._sent = False
         self._due = now
         if self._asked >= len(_QUESTIONS):
             self.done = True

@@ -60,7 +60,7 @@ class Streamer:
         UsageError: an entry can never be sent.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all but the job have a good default
         self,
         commands: Sequence[bytes],
         *,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 
-def run(
+def run(  # noqa: PLR0913 - all but three have a good default
     streamer: Streamer,
     transport: Transport,
     clock: Callable[[], float],
