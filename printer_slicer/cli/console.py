@@ -59,7 +59,9 @@ def _log(path: Path | None) -> IO[str] | None:
     try:
         return path.open("a", encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}", remedy="name another file") from None
+        raise OutputError(
+            f"{path}: cannot be written: {error.strerror}", remedy="name another file"
+        ) from None
 
 
 def refuse_nothing(_: bytes) -> str:
@@ -147,7 +149,8 @@ class Talk:
                 quiet_since = monotonic()
             elif monotonic() - quiet_since > self._timeout:
                 raise PortError(
-                    f"no answer to {line!r} within {self._timeout:g} s", remedy="look at port, speed and power"
+                    f"no answer to {line!r} within {self._timeout:g} s",
+                    remedy="look at port, speed and power",
                 )
 
     def listen(self, timeout: float) -> list[str]:

@@ -89,8 +89,15 @@ def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
 def stand_at(step: Step, share: float) -> Stand:
     """How the printer stands after a share of a move."""
     x, y, z, e = _at(step, share)
+    pulled = max(step.before.pulled - (e - step.before.e), 0.0)
     return replace(
-        step.before, x=round(x, 4), y=round(y, 4), z=round(z, 4), e=round(e, 5), speed=step.after.speed
+        step.before,
+        pulled=pulled,
+        x=round(x, 4),
+        y=round(y, 4),
+        z=round(z, 4),
+        e=round(e, 5),
+        speed=step.after.speed,
     )
 
 

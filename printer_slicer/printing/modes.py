@@ -66,6 +66,7 @@ class Stand:
         relative, relative_e: modes of x, y, z, and of e.
         speed: mm/s asked for last, 0 for never.
         retracted: whether the firmware has pulled back (G10).
+        pulled: mm of filament that are pulled back by E.
     """
 
     x: float | None = None
@@ -76,6 +77,7 @@ class Stand:
     relative_e: bool = False
     speed: float = 0.0
     retracted: bool = False
+    pulled: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -112,7 +114,6 @@ class Modes:
         tool: the command that selected the tool, empty for none.
         highest: greatest z at which plastic was laid.
         box: x from, y from, x to, y to of all plastic laid while moving, None before any.
-        pulled: mm of filament that are pulled back at the moment.
         metric: whether the units are mm; else nothing here can be trusted.
         recent: the last moves that may not have been made yet, and what belongs between them.
     """
@@ -125,7 +126,6 @@ class Modes:
         self.tool = b""
         self.highest = 0.0
         self.box: tuple[float, float, float, float] | None = None
-        self.pulled = 0.0
         self.metric = True
         self.recent: deque[Step] = deque(maxlen=_HISTORY)
 
@@ -159,14 +159,14 @@ class Modes:
         if b"E" in values:
             e = values[b"E"] + (e if before.relative_e else 0.0)
         x, y, z = place
-        after = replace(before, x=x, y=y, z=z, e=e, speed=speed)
-        self.stand = after
         pushed = e - before.e
+        pulled = max(before.pulled - pushed, 0.0)
+        after = replace(before, x=x, y=y, z=z, e=e, speed=speed, pulled=pulled)
+        self.stand = after
         if pushed > 0.0 and z is not None and (x, y) != (before.x, before.y):
             self.highest = max(self.highest, z)
             self._grow(before)
             self._grow(after)
-        self.pulled = max(self.pulled - pushed, 0.0)
         self.recent.append(Step(entry, before, after, command))
 
     def _grow(self, stand: Stand) -> None:

@@ -168,7 +168,7 @@ class LiveJob(Sequence[bytes]):
         self._looked = end  # what follows asks for entries, too
         before = self.follow(first)
         after = Modes()
-        after.stand, after.pulled = before.stand, before.pulled
+        after.stand = before.stand
         moves = []
         for index in range(first, end):
             command = self._commands[index]
@@ -205,7 +205,7 @@ def _amends(before: Modes, after: Modes, comes_anyway: bool) -> list[bytes]:
         moves.insert(len(moves) if risen > 0 else 0, travel)
     if moves:
         script += [b"G90", *moves] if new.relative else moves
-    if (pull := before.pulled - after.pulled) and abs(pull) > _NEAR:
+    if (pull := old.pulled - new.pulled) and abs(pull) > _NEAR:
         script += [b"M83", b"G1 E%s F1500" % number(pull)]
     if old.retracted != new.retracted:
         script.append(b"G10" if new.retracted else b"G11")

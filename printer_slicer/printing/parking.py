@@ -126,7 +126,7 @@ def come_back(parked: Parked, setup: Setup, pushed: float) -> list[bytes]:
                 b"G1 E%s F300" % number(setup.purge),
                 b"G1 E-%s F300" % number(setup.purge / 10),
             ]
-            pushed = -setup.purge / 10
+            pushed = stand.pulled - setup.purge / 10
         x, y, z = (number(value) for value in stand.place)
         script += [
             b"G90",

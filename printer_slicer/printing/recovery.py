@@ -173,8 +173,9 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
         script.append(b"G1 X%s Y%s" % (number(round(beside[0], 3)), number(round(beside[1], 3))) + travel)
         script.append(b"G1 Z%s" % number(min(z + _OVER, safe)) + lift)
     script += [b"G1 X%s Y%s" % (number(x), number(y)) + travel, b"G1 Z%s" % number(z) + lift]
-    if warm:
-        script.append(b"G1 E%s F%d" % (number(setup.retract), setup.deretract_speed * 60))
+    forward = setup.retract - point.stand.pulled
+    if warm and forward:
+        script.append(b"G1 E%s F%d" % (number(forward), setup.deretract_speed * 60))
     return script + as_it_was(point.stand)
 
 

@@ -19,6 +19,7 @@ __all__ = ["stopped_at"]
 _WAITED: Final = 0.012
 """s between two oks that the cable alone does not explain."""
 
+_SAME: Final = 1e-6
 _START_DELAY: Final = 0.1
 """s that a standing machine waits for more moves."""
 
@@ -37,33 +38,36 @@ def stopped_at(
     Returns:
         Index and share; the share is 1 at the end of a move.
     """
-    blocks = [_block(step, limits) for step in steps]
-    if lost is None or not steps:
+    made = [(index, block) for index, step in enumerate(steps) if (block := _block(step, limits)) is not None]
+    if lost is None or not made:
         return len(steps) - 1, 1.0
-    times = _times(steps, accepted)
+    times = _times([steps[index] for index, _ in made], accepted)
+    number, share = _running([block for _, block in made], times, lost, limits)
+    if number == len(made):
+        return len(steps) - 1, 1.0
+    return made[number][0], share
+
+
+def _running(
+    blocks: Sequence[Block], times: Sequence[float], lost: float, limits: Limits
+) -> tuple[int, float]:
+    """Which block was being made, and the share of its time that had passed; as many as there are when all were."""
     places = max(limits.planner_blocks - 1, 1)
-    anchor = _anchor(times, places)
+    first, began = _anchor(times, places) or (0, times[0] + _START_DELAY)
     lookahead = Lookahead(limits)
-    pushed, began = 0, times[0] + _START_DELAY
-    for index in range(len(steps)):
-        if anchor is not None and index <= anchor[0]:
-            began = anchor[1]
-            until = index + places
-        else:
-            until = _planned(times, began, index)
-        while pushed < min(until, len(steps)):
-            if (block := blocks[pushed]) is not None:
-                lookahead.push(block)
+    pushed = 0
+    for index in range(len(blocks)):
+        until = index + places if index <= first else max(bisect_left(times, began + _SAME), index + 1)
+        while pushed < min(until, len(blocks)):
+            lookahead.push(blocks[pushed])
             pushed += 1
-        if blocks[index] is None:
-            continue
         seconds = lookahead.pop()
-        if anchor is not None and index < anchor[0]:
+        if index < first:
             continue
         if began + seconds > lost:
             return index, max(lost - began, 0.0) / seconds
         began += seconds
-    return len(steps) - 1, 1.0
+    return len(blocks), 1.0
 
 
 def _block(step: Step, limits: Limits) -> Block | None:
@@ -89,8 +93,3 @@ def _anchor(times: Sequence[float], places: int) -> tuple[int, float] | None:
         if times[index] - times[index - 1] > _WAITED:
             return index - places + 1, times[index]
     return None
-
-
-def _planned(times: Sequence[float], now: float, index: int) -> int:
-    """How many moves were accepted when move `index` began."""
-    return max(bisect_left(times, now + 1e-6), index + 1)

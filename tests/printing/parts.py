@@ -8,7 +8,9 @@ from random import Random  # noqa: TID251 - seeded
 HEAT = "M140 S60\nM104 S200\nM190 S60\nM109 S200\n"
 
 
-def tower(layers: int, *, relative: bool = True, sides: int = 24, radius: float = 15.0, labels: bool = False) -> str:
+def tower(
+    layers: int, *, relative: bool = True, sides: int = 24, radius: float = 15.0, labels: bool = False
+) -> str:
     """Loops over each other around (100, 100), with an arc and a long line in each; E relative or absolute."""
     text = [HEAT + "G28", "G90", "M83" if relative else "M82", "G92 E0", "M106 S128"]
     e = 0.0
@@ -57,6 +59,8 @@ def scribble(seed: int, moves: int, *, relative: bool) -> str:
             text.append(f"G1 E{0.8 if relative else e:.5f} F1500")
         else:
             e += 0.03 * length
-            text.append(f"G1 X{nx:.3f} Y{ny:.3f} E{0.03 * length if relative else e:.5f} F{chance.randrange(1200, 4800)}")
+            text.append(
+                f"G1 X{nx:.3f} Y{ny:.3f} E{0.03 * length if relative else e:.5f} F{chance.randrange(1200, 4800)}"
+            )
         x, y = nx, ny
     return "\n".join(text) + "\n"

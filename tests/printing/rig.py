@@ -118,7 +118,9 @@ def _distance(point: Point, bead: Piece) -> float:
 
 def way(beads: list[Piece]) -> float:
     """Length of all beads, mm."""
-    return sum(sum((q - p) ** 2 for p, q in zip(start[:3], end[:3], strict=True)) ** 0.5 for start, end in beads)
+    return sum(
+        sum((q - p) ** 2 for p, q in zip(start[:3], end[:3], strict=True)) ** 0.5 for start, end in beads
+    )
 
 
 @dataclass
@@ -139,7 +141,9 @@ class Rig:
         with recording():
             self.printer = SimulatedPrinter(self.machine, self.front_end, on_executed=self.executed.append)
         self.port = VirtualPort(self.printer, baud=self.baud, latency=0.001)
-        self.commands = tuple(line.encode() for line in self.text.split("\n") if line.partition(";")[0].strip())
+        self.commands = tuple(
+            line.encode() for line in self.text.split("\n") if line.partition(";")[0].strip()
+        )
         self.journal = Journal(self.folder) if self.folder else None
 
     def connect(self, found: TakenUp | None = None) -> Conductor:

@@ -29,7 +29,18 @@ def test_numbers_lead_to_entries(tmp_path: Path) -> None:
     story = read_story(tmp_path)
 
     assert (story.line, story.entries) == (20, 17)
-    assert [story.entries_at(n) for n in (0, 1, 2, 3, 12, 14, 15, 16, 20, 22)] == [0, 0, 0, 1, 10, 12, 12, 13, 17, 19]
+    assert [story.entries_at(n) for n in (0, 1, 2, 3, 12, 14, 15, 16, 20, 22)] == [
+        0,
+        0,
+        0,
+        1,
+        10,
+        12,
+        12,
+        13,
+        17,
+        19,
+    ]
     assert story.commands == [(0, b"M115"), (0, b"M105"), (12, b"M117 5 > 4; \xe9")]
     assert story.accepted == [(10, 100.0), (17, 101.5)]
     assert story.stopped is None
@@ -79,7 +90,9 @@ def test_the_time_of_the_loss_is_the_first_one(tmp_path: Path) -> None:
 
 
 @given(cut=st.integers(0, 400), noise=st.binary(max_size=40))
-def test_a_torn_end_tells_all_that_is_whole(tmp_path_factory: pytest.TempPathFactory, cut: int, noise: bytes) -> None:
+def test_a_torn_end_tells_all_that_is_whole(
+    tmp_path_factory: pytest.TempPathFactory, cut: int, noise: bytes
+) -> None:
     folder = tmp_path_factory.mktemp("torn")
     written(folder).close()
     path = folder / "journal"

@@ -65,7 +65,9 @@ def test_the_part_is_the_same_after_ten_pauses(seed: int, now: bool, relative: b
         assert way(rig.beads) == pytest.approx(way(whole.beads), abs=0.03 * 10)
     else:
         assert_same_beads(rig.beads, whole.beads)
-    assert rig.printer._board.filament == pytest.approx(whole.printer._board.filament, abs=0.011 * 10 if now else 1e-3)
+    assert rig.printer._board.filament == pytest.approx(
+        whole.printer._board.filament, abs=0.011 * 10 if now else 1e-3
+    )
 
 
 def test_a_parked_nozzle_is_off_the_part_and_above_it() -> None:
