@@ -143,7 +143,7 @@ class Conductor:
             wishes.Speed: self._on_speed,
             wishes.Flow: self._on_flow,
             wishes.Heat: self._on_heat,
-            wishes.Fan: lambda wish: self._inject(b"M106 S%d" % round(wish.percent * 2.55)),
+            wishes.Fan: lambda wish: self._inject(b"M106 S%d" % round(wish.percent * 255 / 100)),
             wishes.BabyStep: self._on_baby_step,
             wishes.Say: self._on_say,
             wishes.Answer: self._on_answer,

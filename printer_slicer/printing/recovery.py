@@ -137,15 +137,15 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
     index, share = stopped_at(steps, story.accepted, lost, setup.limits)
     step = steps[index]
     stand = stand_at(step, share)
-    replay = [rest_of(step, share)] if share < 1.0 else []
+    rest = [rest_of(step, share)] if share < 1.0 else []
     for later in steps[index + 1 :]:
         if later.entry >= 0:
             entries = later.entry
             break
-        replay.append(later.command)
+        rest.append(later.command)
     else:
         entries = story.entries
-    return Point(entries, stand, tuple(replay))
+    return Point(entries, stand, tuple(rest))
 
 
 def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[bytes]:

@@ -101,26 +101,33 @@ class Attach:
     def _hear(self, reply: replies.Reply, now: float) -> None:
         if isinstance(reply, replies.Garbled):
             return
-        if not isinstance(reply, Temperature) or reply.waiting:
+        if (
+            not isinstance(reply, Temperature) or reply.waiting
+        ):  # others come by themselves, whatever is asked
             self._heard = now
-        if isinstance(reply, replies.Resend):
-            self._on_named(reply.number, now)
-        elif isinstance(reply, replies.LineError):
-            self._on_named(reply.wanted, now)
+        self._end_of(reply)
+        if isinstance(reply, replies.Resend | replies.LineError):
+            self._on_named(reply.number if isinstance(reply, replies.Resend) else reply.wanted, now)
         elif isinstance(reply, replies.Ok):
             self._on_ok(reply, now)
-        elif isinstance(reply, Temperature):
-            self.temperature = reply
-            if reply.waiting:  # others come by themselves, however long a question stays unanswered
-                self._busy(now)
-        elif isinstance(reply, Busy):
-            self._busy(now)
+        elif isinstance(reply, Busy | Temperature):
+            self._on_sign(reply, now)
         elif isinstance(reply, replies.Position) and self._asked == 1:
             self.position = (reply.x, reply.y, reply.z)
-        elif isinstance(reply, replies.Started):
+
+    def _end_of(self, reply: replies.Reply) -> None:
+        """Some answers leave nothing to ask."""
+        if isinstance(reply, replies.Started):
             self._fail("it has just started: it was reset")
         elif isinstance(reply, replies.Stopped):
             self._fail(f"it has stopped: {reply.text}")
+
+    def _on_sign(self, reply: Busy | Temperature, now: float) -> None:
+        """It lives."""
+        if isinstance(reply, Temperature):
+            self.temperature = reply
+        if isinstance(reply, Busy) or reply.waiting:
+            self._busy(now)
 
     def _busy(self, now: float) -> None:
         """It lives and cannot answer yet: asking again would only fill its buffer."""

@@ -237,7 +237,9 @@ def test_a_port_that_vanishes_ends_the_print_with_5_and_a_checkpoint(tmp_path: P
     (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
     with started("sim", "--pty", "port", "--speed", "0", cwd=tmp_path) as serving:
         heard(serving, b"ends it")
-        with started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing:
+        with started(
+            "print", "job.gcode", "--port", "port", "--json", "--reconnect", "1", *QUICK, cwd=tmp_path
+        ) as printing:
             said = heard(printing, b'"event": "progress"')
             serving.kill()  # as pulling the plug: nobody says goodbye
             out, err = printing.communicate(timeout=20)

@@ -156,9 +156,7 @@ class Rig:
             obeys=False,
             first=found.entries if found else 0,
         )
-        self.conductor = Conductor(
-            self.streamer, job, self.setup, journal=self.journal, listen=lambda event: self.hear(event)
-        )
+        self.conductor = Conductor(self.streamer, job, self.setup, journal=self.journal, listen=self.hear)
         if self.journal:
             self.journal.epoch(self.streamer.acknowledged)
         if found and (found.parked or found.replay):

@@ -1,4 +1,4 @@
-"""A host that is gone from one moment to the next, and another one that goes on: exact where the printer kept its state."""
+"""A host that is gone from one moment to the next, and another one that goes on where the printer kept its state."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_a_printer_that_was_reset_has_lost_its_state(tmp_path: Path) -> None:
         kill_after(rig, 150)
     rig.printer.reset(rig.port.now())
 
-    with pytest.raises(Lost, match="reset|took line"):
+    with pytest.raises(Lost, match=r"reset|took line"):
         found_by_next_host(rig)
 
 
