@@ -64,7 +64,7 @@ def _log(path: Path | None) -> IO[str] | None:
         ) from None
 
 
-def refuse_nothing(_: bytes) -> str:
+def _refuse_nothing(_: bytes) -> str:
     """The policy of a console whose owner has set none."""
     return ""
 
@@ -85,7 +85,7 @@ class Talk:
         *,
         timeout: float = 30.0,
         log: IO[str] | None = None,
-        allow: Callable[[bytes], str] = refuse_nothing,
+        allow: Callable[[bytes], str] = _refuse_nothing,
     ) -> None:
         self._port = port
         self._timeout = timeout

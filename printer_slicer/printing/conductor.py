@@ -1,13 +1,6 @@
 """What happens around the stream of a job: pauses, wishes of people, the printer's own questions, temperatures.
 
 Without I/O, clock or thread, like the streamer that it steers; `session.run` calls `on_turn`, `record` and `hear`.
-
-    phase       leads to
-    running     leaving (pause), stopping (pause now)
-    stopping    leaving, when the printer has said where it stopped
-    leaving     waiting, when it is off the part
-    waiting     returning (resume)
-    returning   running, when it is back at its place
 """
 
 from __future__ import annotations
@@ -16,8 +9,7 @@ import json
 import re
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 from math import inf
 from typing import Any, Final
 
@@ -27,7 +19,18 @@ from printer_slicer.printing.along import nearest, rest_of, stand_at
 from printer_slicer.printing.journal import Journal
 from printer_slicer.printing.modes import SCRIPT, Stand
 from printer_slicer.printing.objects import LiveJob
-from printer_slicer.printing.parking import Parked, come_back, end_script, leave, parking_place, pushed_by
+from printer_slicer.printing.orders import ORDERS, order_of
+from printer_slicer.printing.parking import (
+    Parked,
+    come_back,
+    end_script,
+    leave,
+    parked_at,
+    parking_place,
+    pushed_by,
+)
+from printer_slicer.printing.phases import Phase, Ticket
+from printer_slicer.printing.questions import REPORT, Prompts, Thermometer
 from printer_slicer.printing.setup import Setup
 from printer_slicer.stream import events as told
 from printer_slicer.stream.framing import check_commands, strip
@@ -35,11 +38,7 @@ from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.states import State
 
-__all__ = ["Conductor", "Phase", "Ticket"]
-
-_REPORT: Final = b"M155 S2"
-_POLL: Final = 5.0
-"""s between two questions for temperatures, where the firmware does not report them by itself."""
+__all__ = ["Conductor"]
 
 _PLACE: Final = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)\s+E:\s*(-?[\d.]+)")
 _OFF_PATH: Final = 0.5
@@ -50,31 +49,6 @@ _GIVE_UP: Final = 20.0
 
 _STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})
 """Firmwares that have M410."""
-
-_PERSON: Final = frozenset({b"M0", b"M1", b"M600", b"M601"})
-
-
-class Phase(Enum):
-    """Where a print is between running and waiting."""
-
-    RUNNING = "printing"
-    STOPPING = "stopping"
-    LEAVING = "parking"
-    WAITING = "paused"
-    RETURNING = "returning"
-
-
-@dataclass(slots=True)
-class Ticket:
-    """A wish on its way.
-
-    Attributes:
-        wish: what is wanted.
-        done: called with what became of it: words for a person, or the error.
-    """
-
-    wish: wishes.Wish
-    done: Callable[[str | UsageError], None] = lambda _: None
 
 
 class Conductor:
@@ -91,8 +65,8 @@ class Conductor:
     Attributes:
         phase: where the print is.
         parked: what it comes back to, while it is not running.
-        prompt: the question of the printer, None without one.
-        readings: temperatures as reported last.
+        prompts: the question of the printer.
+        heat: temperatures as reported last.
         wished_end: how often somebody wanted the end.
         ended: the last event, once there is one.
     """
@@ -109,8 +83,8 @@ class Conductor:
     ) -> None:
         self.phase = Phase.RUNNING
         self.parked: Parked | None = None
-        self.prompt: told.Prompt | None = None
-        self.readings: tuple[told.Reading, ...] = ()
+        self.prompts = Prompts()
+        self.heat = Thermometer()
         self.wished_end = 0
         self.ended: told.Finished | told.Halted | None = None
         self.speed = self.flow = 100.0
@@ -123,7 +97,6 @@ class Conductor:
         self._tickets: deque[Ticket] = deque()
         self._can: told.Identified | None = None
         self._now = 0.0
-        self._poll_at = inf
         self._pause = wishes.Pause()
         self._said_place: tuple[float, float, float, float] | None = None
         self._stop_due = inf
@@ -131,21 +104,18 @@ class Conductor:
         self._pushed = 0.0
         self._restore: tuple[Parked | None, float, tuple[str, ...], bool] | None = None
         self._waits_for_person = False
-        self._buttons: list[str] = []
         self._scripted: deque[bytes] = deque()
-        self._question = ""
         self._warned = False
-        self._handlers: dict[type, Callable[[Any], str]] = {
+        self._handlers = self._granting()
+
+    def _granting(self) -> dict[type, Callable[[Any], str]]:
+        """What grants each kind of wish."""
+        return {
+            **dict.fromkeys(ORDERS, self._on_order),
             wishes.Pause: self._on_pause,
             wishes.Resume: self._on_resume,
             wishes.Cancel: lambda _: self.cancel(),
             wishes.CancelObject: self._on_object,
-            wishes.Speed: self._on_speed,
-            wishes.Flow: self._on_flow,
-            wishes.Heat: self._on_heat,
-            wishes.Fan: lambda wish: self._inject(b"M106 S%d" % round(wish.percent * 255 / 100)),
-            wishes.BabyStep: self._on_baby_step,
-            wishes.Say: self._on_say,
             wishes.Answer: self._on_answer,
             wishes.Status: lambda _: json.dumps(self.status()),
             wishes.Stop: lambda _: self.halt(),
@@ -153,12 +123,12 @@ class Conductor:
 
     def status(self) -> dict[str, Any]:
         """How it stands, as JSON holds it."""
-        prompt = self.prompt
+        prompt = self.prompts.shown
         return {
             "state": self._state,
             "done": self._streamer.acknowledged,
             "total": len(self._job),
-            "temperatures": {one.name: [one.actual, one.target] for one in self.readings},
+            "temperatures": {one.name: [one.actual, one.target] for one in self.heat.readings},
             "speed_percent": self.speed,
             "flow_percent": self.flow,
             "objects": self._job.names,
@@ -189,7 +159,7 @@ class Conductor:
             self._change(Phase.WAITING)
         elif self.phase is Phase.RETURNING and not self._streamer.injected:
             self._go_on()
-        if now >= self._poll_at:
+        if now >= self.heat.due:
             self._poll()
 
     def record(self, events: Sequence[told.Event]) -> None:
@@ -231,8 +201,7 @@ class Conductor:
         if isinstance(event, told.Identified):
             self._identified(event)
         elif isinstance(event, told.Temperature):
-            self.readings = event.readings
-            self._poll_at = inf if self._reports else self._now + _POLL
+            self.heat.read(event, self._now)
         elif isinstance(event, told.Message):
             self._on_message(event)
         elif isinstance(event, told.Busy):
@@ -321,18 +290,7 @@ class Conductor:
         self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
 
     def _parked(self, stand: Stand) -> Parked:
-        modes, setup = self._job.modes, self._setup
-        z = stand.place[2]
-        return Parked(
-            entries=self._streamer.taken,
-            stand=stand,
-            park=self._pause.park and stand.known and modes.metric,
-            spot=parking_place(setup, modes.box),
-            safe=max(z, min(max(modes.highest, z) + setup.lift, setup.top)),
-            hotend=modes.hotend,
-            bed=modes.bed,
-            cold=self._pause.cold and modes.hotend > 0,
-        )
+        return parked_at(stand, self._job.modes, self._setup, self._pause, self._streamer.taken)
 
     def _leave(self, parked: Parked) -> None:
         self.parked = parked
@@ -433,35 +391,19 @@ class Conductor:
         self._listen(told.Note(f"{name} is not printed any further"))
         return f"{name} is given up"
 
-    def _on_speed(self, wish: wishes.Speed) -> str:
-        self.speed = wish.percent
-        return self._inject(b"M220 S%d" % round(wish.percent))
-
-    def _on_flow(self, wish: wishes.Flow) -> str:
-        self.flow = wish.percent
-        return self._inject(b"M221 S%d" % round(wish.percent))
-
-    def _on_heat(self, wish: wishes.Heat) -> str:
-        command = {"nozzle": b"M104 S%g", "bed": b"M140 S%g"}[wish.heater] % wish.celsius
-        if self.parked and wish.heater == "nozzle":
+    def _on_order(self, wish: Any) -> str:
+        command = order_of(wish, self._setup.flavour, self._can)
+        answer = self._inject(command)
+        if isinstance(wish, wishes.Speed):
+            self.speed = wish.percent
+        elif isinstance(wish, wishes.Flow):
+            self.flow = wish.percent
+        elif isinstance(wish, wishes.Heat) and self.parked and wish.heater == "nozzle":
             self.parked = replace(self.parked, hotend=wish.celsius)
-        return self._inject(command)
-
-    def _on_baby_step(self, wish: wishes.BabyStep) -> str:
-        step = b"%.3f" % wish.mm
-        if self._setup.flavour == "klipper":
-            return self._inject(b"SET_GCODE_OFFSET Z_ADJUST=%s MOVE=1" % step)
-        if self._setup.flavour == "reprapfirmware":
-            return self._inject(b"M290 S%s" % step)
-        if self._can is not None and ("BABYSTEPPING", False) in self._can.capabilities:
-            raise UsageError("this firmware has no baby-steps", remedy="build it with BABYSTEPPING")
-        return self._inject(b"M290 Z%s" % step)
-
-    def _on_say(self, wish: wishes.Say) -> str:
-        return self._inject(wish.command.encode("utf-8", "replace"))
+        return answer
 
     def _on_answer(self, wish: wishes.Answer) -> str:
-        if self.prompt is None:
+        if self.prompts.shown is None:
             raise UsageError("the printer asks nothing", remedy="see `status`")
         self._urge(b"M876 S%d" % wish.choice)
         return "answered"
@@ -506,20 +448,8 @@ class Conductor:
             self._streamer.resume()
         elif word == "cancel":
             self.cancel()
-        elif word.startswith("prompt_"):
-            self._on_prompt(word, rest)
-
-    def _on_prompt(self, word: str, rest: str) -> None:
-        if word == "prompt_begin":
-            self._question, self._buttons = rest, []
-        elif word in {"prompt_choice", "prompt_button"}:
-            self._buttons.append(rest)
-        elif word == "prompt_show":
-            self.prompt = told.Prompt(self._question, tuple(self._buttons))
-            self._listen(self.prompt)
-        elif word == "prompt_end" and self.prompt:
-            self.prompt = None
-            self._listen(told.Prompt("", ()))
+        elif word.startswith("prompt_") and (prompt := self.prompts.hear(word, rest)) is not None:
+            self._listen(prompt)
 
     def _on_message(self, message: told.Message) -> None:
         if found := _PLACE.search(message.text):
@@ -534,19 +464,13 @@ class Conductor:
 
     # Temperatures.
 
-    @property
-    def _reports(self) -> bool:
-        return self._can is not None and self._can.can("AUTOREPORT_TEMP")
-
     def _identified(self, who: told.Identified) -> None:
         self._can = who
-        if self._reports:
-            self._streamer.inject(_REPORT)
-        else:
-            self._poll_at = self._now + _POLL
+        if self.heat.identified(who, self._now):
+            self._streamer.inject(REPORT)
 
     def _poll(self) -> None:
         """Ask for temperatures, where that delays nothing and the last question was answered."""
-        self._poll_at = self._now + _POLL
+        self.heat.wait(self._now)
         if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected:
             self._streamer.inject(ASK)

@@ -11,7 +11,8 @@ from typing import Any
 
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor, Ticket
+from printer_slicer.printing.conductor import Conductor
+from printer_slicer.printing.phases import Ticket
 
 __all__ = ["Controls"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -17,10 +16,12 @@ from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
 from printer_slicer.printing import shelf as shelves
 from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor, Ticket
+from printer_slicer.printing.checkpoint import forget_checkpoint, write_checkpoint
+from printer_slicer.printing.conductor import Conductor
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.journal import LOST, Journal, read_story
 from printer_slicer.printing.objects import LiveJob, spans_of
+from printer_slicer.printing.phases import Ticket
 from printer_slicer.printing.setup import Setup, setup_of
 from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
 from printer_slicer.profile import Profile
@@ -228,7 +229,7 @@ class Keeper:
         finally:
             self._close()
         end = self._finished()
-        _forget(self._checkpoint, self._job)
+        forget_checkpoint(self._checkpoint, self._job)
         return Done(len(self._job.commands), monotonic() - begun, end.verified)
 
     def reattach(self, transport: SerialPort) -> TakenUp:
@@ -449,34 +450,4 @@ class Keeper:
         """Write the checkpoint; say why and where the print stopped."""
         done = self._streamer.acknowledged if self._streamer else self._done
         self._leave(keep=keep and done > 0, reason=reason)
-        return _checkpoint(self._job, done, self._checkpoint, reason)
-
-
-def _forget(checkpoint: Path | None, job: Job) -> None:
-    """A print that came to its end leaves no checkpoint, nor that of an earlier try."""
-    with suppress(OSError, ValueError, TypeError, KeyError):  # the print is good all the same
-        if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
-            checkpoint.unlink()
-
-
-def _checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) -> str:
-    """Write how far a print came; the same in words."""
-    layer = job.layer_of(done)
-    where = f"after {done} of {len(job.commands)} commands" + (f", in layer {layer}" if layer else "")
-    message = f"{job.name}: {reason} ({where})"
-    if checkpoint is None:
-        return message
-    state = {
-        "job": job.name,
-        "reason": reason,
-        "acknowledged": done,
-        "commands": len(job.commands),
-        "layer": layer,
-    }
-    if done < len(job.commands):
-        state["next"] = job.commands[done].decode("latin-1")
-    try:
-        checkpoint.write_text(json.dumps(state, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        return f"{message}; the checkpoint {checkpoint} could not be written: {error.strerror}"
-    return f"{message}; checkpoint: {checkpoint}"
+        return write_checkpoint(self._job, done, self._checkpoint, reason)

@@ -13,6 +13,7 @@ from typing import Any
 
 from printer_slicer.printing.modes import Modes, Stand, number
 from printer_slicer.printing.setup import Setup
+from printer_slicer.printing.wishes import Pause
 from printer_slicer.stream.tracker import parse
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "come_back",
     "end_script",
     "leave",
+    "parked_at",
     "parked_from",
     "parking_place",
     "pushed_by",
@@ -67,6 +69,29 @@ def parked_from(values: Mapping[str, Any]) -> Parked:
         "replay": tuple(values["replay"]),
     }
     return Parked(**{**values, **changed})
+
+
+def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:
+    """What a print comes back to that is left now.
+
+    Args:
+        stand: to come back to.
+        modes: of the printer.
+        setup: the printer.
+        pause: how a person wants it.
+        entries: of the job that have a number.
+    """
+    z = stand.place[2]
+    return Parked(
+        entries=entries,
+        stand=stand,
+        park=pause.park and stand.known and modes.metric,
+        spot=parking_place(setup, modes.box),
+        safe=max(z, min(max(modes.highest, z) + setup.lift, setup.top)),
+        hotend=modes.hotend,
+        bed=modes.bed,
+        cold=pause.cold and modes.hotend > 0,
+    )
 
 
 def parking_place(setup: Setup, box: tuple[float, float, float, float] | None) -> tuple[float, float]:

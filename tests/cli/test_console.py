@@ -53,7 +53,12 @@ def test_commands_of_the_command_line_are_sent_in_order_and_answered(tmp_path: P
 
     assert outcome.code == 0, outcome.err
     assert executed == ["G28", "M114"]
-    assert [line[:5] for line in outcome.out.splitlines() if "busy" not in line] == ["ok", "X:0.0", "ok"]
+    assert [line[:5] for line in outcome.out.splitlines() if "busy" not in line] == [
+        "X:0.0",
+        "ok",
+        "X:0.0",
+        "ok",
+    ]
 
 
 def piped(text: str, *arguments: object, monkeypatch: pytest.MonkeyPatch) -> Outcome:

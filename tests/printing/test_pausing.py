@@ -9,7 +9,7 @@ from parts import scribble, tower
 from rig import Rig, assert_same_beads, off_path, way
 
 from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Phase
+from printer_slicer.printing.phases import Phase
 from printer_slicer.stream.events import Finished, Paused, Resumed
 
 
