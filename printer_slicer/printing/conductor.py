@@ -41,14 +41,11 @@ from printer_slicer.stream.states import State
 __all__ = ["Conductor"]
 
 _PLACE: Final = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)\s+E:\s*(-?[\d.]+)")
-_OFF_PATH: Final = 0.5
-"""mm between where the printer says that it stopped and the commanded path."""
+_OFF_PATH: Final = 0.5  # mm between where the printer says that it stopped and the commanded path.
 
-_GIVE_UP: Final = 20.0
-"""s that M410 and the question behind it may take."""
+_GIVE_UP: Final = 20.0  # s that M410 and the question behind it may take.
 
-_STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})
-"""Firmwares that have M410."""
+_STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})  # Firmwares that have M410.
 
 
 class Conductor:
@@ -123,18 +120,9 @@ class Conductor:
 
     def status(self) -> dict[str, Any]:
         """How it stands, as JSON holds it."""
-        prompt = self.prompts.shown
-        return {
-            "state": self._state,
-            "done": self._streamer.acknowledged,
-            "total": len(self._job),
-            "temperatures": {one.name: [one.actual, one.target] for one in self.heat.readings},
-            "speed_percent": self.speed,
-            "flow_percent": self.flow,
-            "objects": self._job.names,
-            "cancelled": sorted(self._job.cancelled),
-            "prompt": {"text": prompt.text, "buttons": prompt.buttons} if prompt else None,
-        }
+        factors = {"speed_percent": self.speed, "flow_percent": self.flow}
+        done = {"state": self._state, "done": self._streamer.acknowledged, "total": len(self._job)}
+        return {**done, **self.heat.as_json(), **factors, **self._job.as_json(), **self.prompts.as_json()}
 
     # What the session calls.
 
@@ -226,7 +214,7 @@ class Conductor:
         if self._streamer.state is State.CANCELLING:
             return "already cancelling"
         if self.phase is Phase.STOPPING or self._waits_for_person:
-            self._urge(b"M108")
+            self._streamer.urge(b"M108")
         modes = self._job.follow(self._streamer.taken)
         if self._journal:
             self._journal.state({"phase": "cancelling", "parked": None})
@@ -265,7 +253,7 @@ class Conductor:
         """Throw the planned moves away once nothing is in flight that could be planned behind them."""
         streamer = self._streamer
         if not self._stop_sent and streamer.idle:
-            self._urge(b"M410")
+            self._streamer.urge(b"M410")
             streamer.inject(b"M400")
             streamer.inject(b"M114")
             self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
@@ -303,7 +291,7 @@ class Conductor:
 
     def _on_resume(self, _: wishes.Resume) -> str:
         if self._waits_for_person and self.phase is Phase.RUNNING:
-            self._urge(b"M108")
+            self._streamer.urge(b"M108")
             return "told the printer to go on"
         if self.phase in {Phase.RUNNING, Phase.RETURNING, Phase.STOPPING}:
             raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
@@ -405,7 +393,7 @@ class Conductor:
     def _on_answer(self, wish: wishes.Answer) -> str:
         if self.prompts.shown is None:
             raise UsageError("the printer asks nothing", remedy="see `status`")
-        self._urge(b"M876 S%d" % wish.choice)
+        self._streamer.urge(b"M876 S%d" % wish.choice)
         return "answered"
 
     def _inject(self, command: bytes) -> str:
@@ -418,9 +406,6 @@ class Conductor:
         check_commands([command])
         self._streamer.inject(command)
         return f"sent {command.decode(errors='replace')}"
-
-    def _urge(self, command: bytes) -> None:
-        self._streamer.urge(command)
 
     @property
     def _state(self) -> str:

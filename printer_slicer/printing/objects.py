@@ -13,7 +13,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, overload
+from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
 from printer_slicer.printing.modes import Modes, Stand, number
@@ -105,6 +105,10 @@ class LiveJob(Sequence[bytes]):
     def names(self) -> list[str]:
         """The things on the plate, in the order in which they come."""
         return list(dict.fromkeys(span.name for span in self._spans))
+
+    def as_json(self) -> dict[str, Any]:
+        """For the status."""
+        return {"objects": self.names, "cancelled": sorted(self.cancelled)}
 
     def __len__(self) -> int:
         """Entries of the job."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Final
+from typing import Any, Final
 
 from printer_slicer.stream.events import Identified, Prompt, Reading, Temperature
 
@@ -23,6 +23,11 @@ class Prompts:
         self.shown: Prompt | None = None
         self._text = ""
         self._buttons: list[str] = []
+
+    def as_json(self) -> dict[str, Any]:
+        """For the status."""
+        shown = self.shown
+        return {"prompt": {"text": shown.text, "buttons": shown.buttons} if shown else None}
 
     def hear(self, word: str, rest: str) -> Prompt | None:
         """One action of the printer; what a person shall see now, an empty prompt when the question is over."""
@@ -51,6 +56,10 @@ class Thermometer:
         self.readings: tuple[Reading, ...] = ()
         self.due = inf
         self._reports = False
+
+    def as_json(self) -> dict[str, Any]:
+        """For the status."""
+        return {"temperatures": {one.name: [one.actual, one.target] for one in self.readings}}
 
     def identified(self, who: Identified, now: float) -> bool:
         """Who the printer is; whether to tell it to report by itself."""

@@ -16,6 +16,7 @@ from threading import Thread
 from time import monotonic
 
 import pytest
+from parts import tower
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
@@ -366,6 +367,26 @@ def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path)
 
     assert not any(line.startswith("G") for line in executed)
     assert not left.running
+
+
+def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_path: Path) -> None:
+    text = tower(8)
+    with served(tmp_path / "port"):
+        printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 100)
+    printing.ended()
+    left = shelves.find(tmp_path / "prints", "", running=False)
+    asked: list[str] = []
+    with served(tmp_path / "port", speed=0) as executed:
+        done = resume_print(left, job_in(tmp_path, text), recover=lambda why: not asked.append(why))
+
+    assert "home x and y only" in asked[0]
+    assert "G28 X Y" in executed
+    assert "G28" not in executed
+    assert done.verified
+    commands = text.replace(";LAYER_CHANGE\n", "").split("\n")[:-1]
+    assert of_job(executed)[-80:] == commands[-80:]
+    assert list((tmp_path / "prints").iterdir()) == []
 
 
 # A disk that is full, a file that changes
