@@ -120,9 +120,9 @@ class Conductor:
 
     def status(self) -> dict[str, Any]:
         """How it stands, as JSON holds it."""
-        factors = {"speed_percent": self.speed, "flow_percent": self.flow}
-        done = {"state": self._state, "done": self._streamer.acknowledged, "total": len(self._job)}
-        return {**done, **self.heat.as_json(), **factors, **self._job.as_json(), **self.prompts.as_json()}
+        own = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
+        own |= {"done": self._streamer.acknowledged, "total": len(self._job)}
+        return own | self.heat.as_json() | self._job.as_json() | self.prompts.as_json()
 
     # What the session calls.
 
@@ -166,8 +166,7 @@ class Conductor:
                     journal.accepted(self._streamer.accepted_line, event.acknowledged, self._now)
         if journal and journal.failed and not self._warned:
             self._warned = True
-            text = f"the journal cannot be written ({journal.failed}): this print goes on, but could not be resumed"
-            self._listen(told.Note(text))
+            self._listen(told.Note(f"no journal ({journal.failed}): it goes on, but could not be resumed"))
 
     def _author(self, command: bytes) -> int:
         """Who wants a command that is not of the job: -1 a person, else a script of ours."""
