@@ -11,17 +11,28 @@ from pathlib import Path
 import numpy as np
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.gcode import FLAVOURS, Moves, read_moves
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import Limits
 from printer_slicer.pipeline import Report, gcode_of, quiet, slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.policy import Finding, check_names, scan
 from printer_slicer.profile import Profile
 from printer_slicer.stream.framing import check_commands, strip
 
-__all__ = ["GCODE_SUFFIXES", "Job", "commands_of", "is_gcode", "job_from", "job_of", "lines_of", "read_text"]
+__all__ = [
+    "GCODE_SUFFIXES",
+    "Job",
+    "commands_of",
+    "is_gcode",
+    "job_from",
+    "job_of",
+    "job_of_text",
+    "lines_of",
+    "read_text",
+]
 
 _MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
@@ -141,24 +152,53 @@ def job_of(
     return replace(job, repairs=stages.repairs)
 
 
-def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> Job:
+def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, float], flavour: str) -> Job:
+    """The job that a G-code text is, as it was looked at before: nothing is found in it.
+
+    Args:
+        name: what to call it.
+        text: the G-code.
+        limits: of the machine.
+        corner: front left of the bed, mm.
+        flavour: whose meanings commands have.
+
+    Raises:
+        UsageError: there is nothing in it, or something that can never be sent.
+    """
+    return _read(name, text, limits, corner, flavour)[0]
+
+
+def _read(
+    name: str, text: bytes, limits: Limits, corner: tuple[float, float], flavour: str
+) -> tuple[Job, Moves]:
+    """The job that a text is, and its moves."""
     commands, marks = commands_of(text)
     if not commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
     _refuse_unsendable(name, text, commands)
-    moves = read_moves(commands, profile.printer.corners[0], FLAVOURS[profile.printer.flavour])
+    moves = read_moves(commands, corner, FLAVOURS[flavour])
     end = moves.end[-1] if len(moves.end) else np.zeros(3)
-    findings = scan(commands, profile, moves=moves, marks=marks)
-    lines = lines_of(text, [one.index for one in findings])
-    return Job(
+    job = Job(
         name,
         text,
         tuple(commands),
-        moves.seconds(limits_of(profile.printer)),
+        moves.seconds(limits),
         tuple(moves.heights()),
         (float(end[0]), float(end[1]), float(end[2])),
-        program,
-        marks,
+        marks=marks,
+    )
+    return job, moves
+
+
+def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> Job:
+    """The job that a text is, with what is found in it."""
+    printer = profile.printer
+    job, moves = _read(name, text, limits_of(printer), printer.corners[0], printer.flavour)
+    findings = scan(job.commands, profile, moves=moves, marks=job.marks)
+    lines = lines_of(text, [one.index for one in findings])
+    return replace(
+        job,
+        program=program,
         findings=tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True)),
         allowed=_ASKED_FOR if program is not None else frozenset(),
     )

@@ -29,8 +29,8 @@ _LATENCY = 0.001  # s that an answer takes over USB
 _LONGEST = 30 * 86400.0  # s; no print takes that long, but a slip in a file may
 _PERSON = 60.0  # s until somebody answers a file that waits for a person
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
-_OURS = (b"M105", b"M110", b"M114", b"M115", b"M400")  # what the host asks on its own account
-_OTHERS = (b"M20", b"M21", b"M27", b"M113", b"M155")  # what other hosts ask on theirs
+_OURS = (b"M105", b"M110", b"M114", b"M115", b"M155", b"M400")  # what the host asks on its own account
+_OTHERS = (b"M20", b"M21", b"M27", b"M113")  # what other hosts ask on theirs
 _SHOWN = 20  # problems told in full
 
 

@@ -131,7 +131,7 @@ def job_of(folder: Path, text: str) -> Job:
 
 def wishes(lines: list[str]) -> list[str]:
     """What was executed of the job: not what the host asks on its own account."""
-    return [line for line in lines if not line.startswith(("M105", "M110", "M114", "M115", "M400"))]
+    return [line for line in lines if not line.startswith(("M105", "M110", "M114", "M115", "M155", "M400"))]
 
 
 # To the end

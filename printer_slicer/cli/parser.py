@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.cli.door_parsers import add_allow, add_beforehand, add_doctor, add_send
+from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
 from printer_slicer.cli.parsing import command as _command
 from printer_slicer.cli.parsing import later as _later
@@ -29,6 +30,8 @@ examples:
   printer-slicer print part.stl --port sim:          the same over the serial protocol, line by line
   printer-slicer ports                               which serial ports there are
   printer-slicer print part.stl --port /dev/ttyUSB0  print it
+  printer-slicer control pause                       have a wish for a running print
+  printer-slicer resume                              go on with a print that was broken off
 
 exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled, 7 verification failed
 """
@@ -52,6 +55,9 @@ def build_parser() -> argparse.ArgumentParser:
     _draw(commands)
     _dry_run(commands)
     _print(commands)
+    add_resume(commands)
+    add_control(commands)
+    add_console(commands)
     _sim(commands)
     add_send(commands)
     _ports(commands)
@@ -352,6 +358,7 @@ def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     )
     parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
     add_allow(parser)
+    add_print_flags(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "print_command"))
 

@@ -5,15 +5,24 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable, Collection
 from dataclasses import asdict
 from typing import Any
 
 from printer_slicer.cli.common import visible
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
-from printer_slicer.policy import insist, sentence
+from printer_slicer.policy import insist, scan, sentence
+from printer_slicer.profile import Profile
 
-__all__ = ["finding_facts", "finding_lines", "insist_on_policy", "insist_verified", "refused"]
+__all__ = [
+    "finding_facts",
+    "finding_lines",
+    "insist_on_policy",
+    "insist_verified",
+    "reason_against",
+    "refused",
+]
 
 _TOLD = 5  # without --verbose
 
@@ -71,3 +80,14 @@ def insist_verified(arguments: argparse.Namespace, job: Job) -> None:
     if wrong := refused(arguments, job):
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
         raise VerificationError(f"{job.name}: {wrong[0]}{more}", remedy="if it is meant: --allow NAME")
+
+
+def reason_against(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
+    """What refuses commands that a person types meanwhile: the reason, empty if there is none."""
+
+    def reason(command: bytes) -> str:
+        """The first thing that is refused and not allowed."""
+        wrong = (one for one in scan([command], profile) if one.refused and one.name not in allowed)
+        return next((f"{one.what}; {one.why} [{one.name}]" for one in wrong), "")
+
+    return reason

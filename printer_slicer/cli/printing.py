@@ -24,7 +24,14 @@ from printer_slicer.cli.common import (
     write_file,
 )
 from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
-from printer_slicer.cli.policy import finding_facts, finding_lines, insist_on_policy, insist_verified, refused
+from printer_slicer.cli.policy import (
+    finding_facts,
+    finding_lines,
+    insist_on_policy,
+    insist_verified,
+    reason_against,
+    refused,
+)
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from, job_of
@@ -35,18 +42,24 @@ from printer_slicer.stream.events import (
     Event,
     Identified,
     Message,
+    Note,
+    Numbered,
+    Paused,
+    Prompt,
     ResendAsked,
+    Resumed,
     Stopping,
     Temperature,
 )
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
+    from printer_slicer.printing import Done
     from printer_slicer.profile import Profile
     from printer_slicer.sim.tally import Report
     from printer_slicer.verdict import Comparison, Verdict
 
-__all__ = ["dry_run_command", "print_command", "sim_command"]
+__all__ = ["dry_run_command", "print_command", "print_with", "progress", "sim_command"]
 
 _SIMULATED = "sim:"
 
@@ -115,10 +128,42 @@ def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tup
 
 def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
     from printer_slicer.printing import print_job
+    from printer_slicer.printing.shelf import default_shelf
 
-    checkpoint = Path(f"{arguments.models[0].stem}.checkpoint.json")
-    with _progress(arguments, job, events=True) as tell:
-        done = print_job(job, profile, arguments.port, on_event=tell, checkpoint=checkpoint)
+    def begin(**common: Any) -> Done:
+        """Print from the beginning."""
+        return print_job(
+            job,
+            profile,
+            arguments.port,
+            shelf=default_shelf(),
+            discard=arguments.discard_unfinished,
+            allow=reason_against(profile, job.allowed),
+            dtr={"on": True, "off": False}.get(arguments.dtr),
+            **common,
+        )
+
+    return print_with(arguments, job, Path(f"{arguments.models[0].stem}.checkpoint.json"), begin)
+
+
+def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., Done]) -> int:
+    """Print with progress and keys, and say how it ended.
+
+    Args:
+        arguments: the command line.
+        job: what is printed.
+        checkpoint: where to write how far it came.
+        begin: prints; is given what `print_job` and `resume_print` have in common.
+
+    Raises:
+        VerificationError: the printer is not where the job ends.
+    """
+    from printer_slicer.cli.keys import keys
+    from printer_slicer.printing import Controls
+
+    controls = Controls()
+    with progress(arguments, job, events=True) as tell, keys(controls, wanted=not arguments.quiet):
+        done = begin(on_event=tell, checkpoint=checkpoint, controls=controls, reconnect=arguments.reconnect)
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
     if arguments.json:
         print(json.dumps({"event": "finished", **asdict(done)}))
@@ -138,7 +183,7 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
 def _simulate(arguments: argparse.Namespace, job: Job, profile: Profile, *, events: bool) -> Verdict:
     from printer_slicer.verdict import dry_run
 
-    with _progress(arguments, job, events=events) as tell:
+    with progress(arguments, job, events=events) as tell:
         return dry_run(job, profile, on_event=tell)
 
 
@@ -148,7 +193,7 @@ def _insist(verdict: Verdict) -> None:
         raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
 
 
-class _progress:  # noqa: N801 - used like a function
+class progress:  # noqa: N801 - used like a function
     """Turns events into a progress bar, or into JSON lines; neither where nobody would see it."""
 
     def __init__(self, arguments: argparse.Namespace, job: Job, *, events: bool) -> None:
@@ -196,17 +241,13 @@ class _progress:  # noqa: N801 - used like a function
     def _tell(self, event: Event) -> None:
         if isinstance(event, Accepted):
             self._advance(event.acknowledged)
-        elif self._json:
+        elif self._json and not isinstance(event, Numbered):
             print(
                 json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
             )
-        elif isinstance(event, Stopping) and not self._quiet:
-            print("stopping; Ctrl-C again halts the printer at once", file=sys.stderr)
-        elif isinstance(event, Identified) and event.advice and not self._quiet:
-            print(event.advice, file=sys.stderr)
-        elif isinstance(event, Action) and not self._quiet:
-            print(f"the printer asks: {visible(event.name)}", file=sys.stderr)
-        elif self._verbose and (text := _as_line(event)):
+        elif (not self._quiet and (text := _for_people(event))) or (
+            self._verbose and (text := _as_line(event))
+        ):
             print(visible(text), file=sys.stderr)
 
     def _advance(self, done: int) -> None:
@@ -223,6 +264,26 @@ class _progress:  # noqa: N801 - used like a function
             print(json.dumps(line), flush=True)
         elif self._bar:
             self._bar(done)
+
+
+def _for_people(event: Event) -> str:
+    """What a person must know of an event; empty for the rest."""
+    if isinstance(event, Stopping):
+        return "stopping; Ctrl-C again halts the printer at once"
+    if isinstance(event, Paused):
+        return f"paused: {event.reason}"
+    if isinstance(event, Resumed):
+        return "going on"
+    if isinstance(event, Note):
+        return event.text
+    if isinstance(event, Identified):
+        return event.advice
+    if isinstance(event, Prompt) and event.text + "".join(event.buttons):
+        buttons = ", ".join(f"{number} {button}" for number, button in enumerate(event.buttons))
+        return f"the printer asks: {event.text} [{buttons}]"
+    if isinstance(event, Action) and not event.name.startswith("prompt_"):
+        return f"the printer asks: {event.name}"
+    return ""
 
 
 def _as_line(event: Event) -> str:

@@ -15,8 +15,13 @@ __all__ = [
     "Halted",
     "Identified",
     "Message",
+    "Note",
+    "Numbered",
+    "Paused",
+    "Prompt",
     "Reading",
     "ResendAsked",
+    "Resumed",
     "Spot",
     "Stopping",
     "Temperature",
@@ -31,6 +36,21 @@ class Accepted:
     """The printer took more of the job: its first `acknowledged` entries."""
 
     acknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
+class Numbered:
+    """Line `number` is about to go out for the first time, and it is not just the next entry of the job.
+
+    Attributes:
+        number: of the line; a number lower than the last one means that counting began anew.
+        job: entries of the job that are accepted once the line is.
+        command: what it says, empty for an entry of the job behind others that were left out.
+    """
+
+    number: int
+    job: int
+    command: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +120,33 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
+class Prompt:
+    """The printer asks a person: text and buttons, both from outside; no text any more when it was answered."""
+
+    text: str
+    buttons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Paused:
+    """The print waits for a person; why."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """It goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """The host tells its owner something that is no reason to stop."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Message:
     """Anything else the printer said. Text from outside: never markup, never a command."""
 
@@ -140,6 +187,7 @@ class Finished:
 
 Event: TypeAlias = (
     Accepted
+    | Numbered
     | ResendAsked
     | Asked
     | Temperature
@@ -147,6 +195,10 @@ Event: TypeAlias = (
     | Identified
     | Action
     | Message
+    | Note
+    | Paused
+    | Resumed
+    | Prompt
     | Halted
     | Stopping
     | Finished

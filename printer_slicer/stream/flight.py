@@ -209,8 +209,12 @@ class Flight:
             return b""
         self._breaks += 1
         self._broken = now
-        self._unnumbered.append(self.ledger.cursor - 1)
+        self.expect_unnumbered()
         return _BREAK_WAIT
+
+    def expect_unnumbered(self) -> None:
+        """A command without number goes out now: its ok comes behind those of the lines in flight."""
+        self._unnumbered.append(self.ledger.cursor - 1)
 
     def accept(self, number: int, now: float, *, settled: bool = False) -> int:
         """Count the lines up to `number` as accepted; entries of the job done then."""

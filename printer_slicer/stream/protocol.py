@@ -24,11 +24,12 @@ from printer_slicer.stream import replies
 from printer_slicer.stream.dialects import UNKNOWN, dialect_named
 from printer_slicer.stream.doubt import Fate
 from printer_slicer.stream.flight import Flight
-from printer_slicer.stream.framing import check_commands, command_room
+from printer_slicer.stream.framing import command_room
 from printer_slicer.stream.greeting import Greeting
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.script import Script
-from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
+from printer_slicer.stream.standing import Standing
+from printer_slicer.stream.states import State, Trigger
 from printer_slicer.stream.window import Window
 
 if TYPE_CHECKING:
@@ -38,13 +39,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Streamer"]
 
-_EMERGENCY: Final = b"\nM112\n"
 _LONGEST_REPLY: Final = 1024
 _CAUSE_WITHIN: Final = 1.0
 """s before "halted" in which the printer has said why."""
 
 
-class Streamer:
+class Streamer(Standing):
     """Brings every line of a job to the printer once and in order, or says why not.
 
     Args:
@@ -56,6 +56,9 @@ class Streamer:
         dialect: name of the firmware's dialect, see `dialects.DIALECTS`; None goes by what it says.
         connect_timeout: s until a printer that never answers is given up.
         give_up: s until a printer that answers no question any more is given up.
+        obeys: whether it pauses and goes on as the printer asks; else that is its owner's to do.
+
+        first: entries of the job that the printer has already, from before.
 
     Raises:
         UsageError: an entry can never be sent, or there is no such dialect.
@@ -72,19 +75,18 @@ class Streamer:
         dialect: str | None = None,
         connect_timeout: float = 30.0,
         give_up: float = 30.0,
+        obeys: bool = True,
+        first: int = 0,
     ) -> None:
         self._dialect = dialect_named(dialect or UNKNOWN)
-        self._script = Script(commands, limits, self._dialect.longest)
         self._greeting = Greeting(connect_timeout, dialect)
-        self._acknowledged = 0
         self._window_rules = (window_lines, window_bytes, baud)
         self._give_up = give_up
-        self._flight = Flight(Window(*self._window_rules), give_up)
-        self._state = State.CONNECTING
-        self._ended = False
-        self._events: list[told.Event] = []
+        script = Script(commands, limits, self._dialect.longest)
+        super().__init__(script, Flight(Window(*self._window_rules), give_up), first)
+        self._numbered_job = self._first = first
+        self._obeys = obeys
         self._partial = b""
-        self._urgent = b""
         self._said: tuple[float, str] = (-inf, "")
         self._handlers: Mapping[type, Callable[[Any, float], None]] = {
             replies.Ok: self._on_ok,
@@ -104,61 +106,6 @@ class Streamer:
             told.Action: self._on_action,
             told.Message: self._on_text,
         }
-
-    @property
-    def state(self) -> State:
-        """What it is doing."""
-        return self._state
-
-    @property
-    def done(self) -> bool:
-        """Whether nothing is left to send or to wait for."""
-        return self._ended and not self._urgent
-
-    @property
-    def acknowledged(self) -> int:
-        """Entries of the job that the printer took: `commands[:acknowledged]` need not be sent again."""
-        return self._acknowledged
-
-    def events(self) -> list[told.Event]:
-        """What happened since the last call, in order."""
-        events, self._events = self._events, []
-        return events
-
-    def pause(self) -> None:
-        """Send no more of the job until `resume`; lines in flight are not taken back."""
-        self._apply(Trigger.PAUSE)
-
-    def resume(self) -> None:
-        """Go on after `pause`."""
-        self._apply(Trigger.RESUME)
-
-    def inject(self, command: bytes) -> None:
-        """Send a command ahead of the rest of the job, also while paused.
-
-        Raises:
-            UsageError: it can never be sent.
-        """
-        self._script.inject(command)
-
-    def cancel(self, end_script: Sequence[bytes] = ()) -> None:
-        """Drop the rest of the job, send the end script instead, and finish.
-
-        A line that waits for heat or for a person waits no longer.
-
-        Raises:
-            UsageError: a command of the script can never be sent.
-        """
-        check_commands(end_script)
-        if self._apply(Trigger.CANCEL):
-            self._script.cancel(end_script)
-            if self._ended:
-                self._events.append(told.Halted("cancelled before anything was printed", self._acknowledged))
-
-    def emergency_stop(self) -> None:
-        """Kill the printer: M112 goes out ahead of everything, and nothing after it."""
-        self._urgent = _EMERGENCY
-        self._halt("emergency stop")
 
     def receive(self, data: bytes, now: float) -> None:
         """Take what arrived."""
@@ -226,7 +173,7 @@ class Streamer:
         if not burst.end():
             self._halt(f"the printer does not accept line {wanted}, whatever is sent")
             return False
-        self._acknowledged = min(self._acknowledged, flight.go_back(wanted, now))
+        self._acknowledged = min(self._acknowledged, max(flight.go_back(wanted, now), self._first))
         self._events.append(told.ResendAsked(wanted))
         return True
 
@@ -296,6 +243,11 @@ class Streamer:
         self._apply(Trigger.ACCEPTED)
 
     def _number(self, command: bytes) -> None:
+        job = self._script.taken
+        if job != self._numbered_job + 1:
+            own = b"" if job > self._numbered_job else command
+            self._events.append(told.Numbered(self._flight.ledger.top, job, own))
+        self._numbered_job = job
         self._flight.add(command, self._script.taken, self._script.follow(command))
 
     # Receiving.
@@ -445,27 +397,12 @@ class Streamer:
         self._events.append(busy)
 
     def _on_action(self, action: told.Action, _: float) -> None:
-        if action.name in {"pause", "paused"}:
+        if self._obeys and action.name in {"pause", "paused"}:
             self.pause()
-        elif action.name in {"resume", "resumed"}:
+        elif self._obeys and action.name in {"resume", "resumed"}:
             self.resume()
         self._events.append(action)
 
     def _on_text(self, said: told.Message | replies.WithText, now: float) -> None:
         self._said = (now, said.text)
         self._events.append(told.Message(said.text))
-
-    # Changing state.
-
-    def _apply(self, trigger: Trigger) -> bool:
-        """Whether the trigger has an effect in this state, which it then has."""
-        state = TRANSITIONS[self._state].get(trigger)
-        if state is None:
-            return False
-        self._state = state
-        self._ended = state in ENDED
-        return True
-
-    def _halt(self, reason: str) -> None:
-        if self._apply(Trigger.HALT):
-            self._events.append(told.Halted(reason, self._acknowledged))

@@ -61,6 +61,11 @@ class Script:
         self._injected.append(command)
         self.reopen()
 
+    @property
+    def injected(self) -> int:
+        """Commands that a person wants and that were not given out yet."""
+        return len(self._injected)
+
     def cancel(self, end_script: Sequence[bytes]) -> None:
         """Give out the end script instead of the rest of the job."""
         self._end_script = deque(end_script)

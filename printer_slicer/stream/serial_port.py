@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import select
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,14 +18,17 @@ from typing import TYPE_CHECKING, Final
 import serial
 from serial.tools import list_ports as serial_list
 
+if sys.platform != "win32":
+    import termios
+
 from printer_slicer.errors import PortError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from serial.tools.list_ports_common import ListPortInfo
 
-__all__ = ["PortInfo", "SerialPort", "list_ports", "open_port"]
+__all__ = ["PortInfo", "SerialPort", "find_again", "identity", "list_ports", "open_port"]
 
 _BY_ID: Final = Path("/dev/serial/by-id")
 _WRITE_TIMEOUT: Final = 5.0
@@ -84,8 +89,39 @@ def _port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
     )
 
 
-def open_port(address: str, baud: int = 115200) -> SerialPort:
+def identity(address: str, ports: Sequence[PortInfo] | None = None) -> PortInfo | None:
+    """What is known about the board behind a device name; None for a URL, and for a device that is no USB board."""
+    there = list_ports() if ports is None else ports
+    real = os.path.realpath(address)
+    return next((port for port in there if real in {os.path.realpath(port.device), port.by_id}), None)
+
+
+def find_again(board: PortInfo, ports: Sequence[PortInfo] | None = None) -> str:
+    """Where a board is now, empty if it is not there: its device may have another name after the cable was pulled.
+
+    Args:
+        board: as `identity` knew it.
+        ports: what is plugged in; None looks.
+    """
+    there = list_ports() if ports is None else ports
+    for port in there:
+        if board.vid is not None and (port.vid, port.pid, port.serial) == (
+            board.vid,
+            board.pid,
+            board.serial,
+        ):
+            return port.device
+    return ""
+
+
+def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> SerialPort:
     """The port behind an address, for this program alone.
+
+    Args:
+        address: device, lasting name, or URL.
+        baud: its speed.
+        dtr: the wanted level of the line that resets many boards when it rises; None: as the system does, which raises
+            it. It is not let fall at the end, so the next one who opens the port resets nothing.
 
     Raises:
         PortError: it does not exist, is in use, may not be opened, or cannot do this speed.
@@ -94,14 +130,33 @@ def open_port(address: str, baud: int = 115200) -> SerialPort:
     exclusive = None if "://" in address else True
     try:
         port = serial.serial_for_url(
-            address, baudrate=baud, timeout=0, write_timeout=_WRITE_TIMEOUT, exclusive=exclusive
+            address,
+            baudrate=baud,
+            timeout=0,
+            write_timeout=_WRITE_TIMEOUT,
+            exclusive=exclusive,
+            do_not_open=True,
         )
+        if dtr is not None:
+            port.dtr = dtr
+        port.open()
     except (serial.SerialException, OSError, ValueError, TypeError) as error:
         raise _refused(address, error) from error
     # The usual 16 ms of a USB-UART would cost two thirds of the speed. Not every port has the switch.
     with contextlib.suppress(AttributeError, NotImplementedError, OSError, ValueError):
         port.set_low_latency_mode(True)
+    _keep_dtr(port)
     return SerialPort(port, address)
+
+
+def _keep_dtr(port: serial.Serial) -> None:
+    """Let DTR stay when the port is closed, or its owner killed: a printer must not be reset by a host that goes."""
+    if sys.platform == "win32":
+        return
+    with contextlib.suppress(AttributeError, OSError, ValueError, termios.error):
+        modes = termios.tcgetattr(port.fileno())
+        modes[2] &= ~termios.HUPCL
+        termios.tcsetattr(port.fileno(), termios.TCSANOW, modes)
 
 
 class SerialPort:
@@ -111,6 +166,20 @@ class SerialPort:
         self._port = port
         self._address = address
         self._descriptor = _descriptor(port)
+        self._ear, self._bell = os.pipe() if self._descriptor is not None else (-1, -1)
+        if self._bell >= 0:
+            os.set_blocking(self._ear, False)
+            os.set_blocking(self._bell, False)
+
+    def wake(self) -> None:
+        """End a `read` that waits, now or the next one. May be called by any thread, and by a signal handler."""
+        if self._bell >= 0:
+            # A full pipe wakes as well.
+            with contextlib.suppress(BlockingIOError, OSError):
+                os.write(self._bell, b"!")
+        else:
+            with contextlib.suppress(AttributeError, OSError, ValueError, TypeError):
+                self._port.cancel_read()
 
     def write(self, data: bytes) -> None:
         """Hand over all bytes.
@@ -130,8 +199,10 @@ class SerialPort:
         with self._gone():
             if self._descriptor is not None:
                 # Changing pyserial's own timeout would configure the port anew, each time.
-                ready, _, _ = select.select([self._descriptor], [], [], timeout)
-                return bytes(self._port.read(_CHUNK)) if ready else b""
+                ready, _, _ = select.select([self._descriptor, self._ear], [], [], timeout)
+                if self._ear in ready:
+                    os.read(self._ear, _CHUNK)
+                return bytes(self._port.read(_CHUNK)) if self._descriptor in ready else b""
             self._port.timeout = timeout
             first = bytes(self._port.read(1))
             return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
@@ -139,6 +210,9 @@ class SerialPort:
     def close(self) -> None:
         """Let go of the port."""
         self._descriptor = None
+        for end in {self._ear, self._bell} - {-1}:
+            os.close(end)
+        self._ear = self._bell = -1
         # A port whose cable was pulled may complain; there is nothing left to lose.
         with contextlib.suppress(OSError, ValueError):
             self._port.close()
@@ -174,7 +248,8 @@ def _refused(address: str, error: Exception) -> PortError:
         return PortError(f"{address}: you may not open it", remedy=remedy)
     if code in {errno.EBUSY, errno.EAGAIN}:
         remedy = "close the other program: a slicer, a monitor, a second copy of this one"
-        return PortError(f"{address} is in use by another program", remedy=remedy)
+        owner = _owner(address)
+        return PortError(f"{address} is in use by {owner or 'another program'}", remedy=remedy)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
         return PortError(f"there is no port {address}", remedy=_what_is_there(list_ports()))
     if code == errno.ENOTTY or "Inappropriate ioctl" in str(error):
@@ -185,6 +260,19 @@ def _refused(address: str, error: Exception) -> PortError:
         reason = "the port number is missing" if "NoneType" in str(error) else error
         return PortError(f"{address} cannot be opened: {reason}", remedy=remedy)
     return PortError(f"{address} cannot be opened: {error}", remedy="look at the name and the speed")
+
+
+def _owner(address: str, processes: Path = Path("/proc")) -> str:
+    """Name and number of the process that has a device open, empty where the system does not tell."""
+    real = os.path.realpath(address)
+    for process in processes.glob("[0-9]*"):
+        if process.name == str(os.getpid()):
+            continue
+        # Processes come and go, and those of others do not show what they have open.
+        with contextlib.suppress(OSError):
+            if any(str(link.readlink()) == real for link in (process / "fd").iterdir()):
+                return f"{(process / 'comm').read_text(encoding='utf-8').strip()} (process {process.name})"
+    return ""
 
 
 def _what_is_there(ports: list[PortInfo]) -> str:

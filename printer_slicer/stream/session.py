@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from printer_slicer.stream.events import Event
     from printer_slicer.stream.protocol import Streamer
@@ -14,12 +14,14 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 
-def run(
+def run(  # noqa: PLR0913 - all but three have a good default
     streamer: Streamer,
     transport: Transport,
     clock: Callable[[], float],
     *,
     on_event: Callable[[Event], None] = lambda _: None,
+    on_turn: Callable[[float], None] = lambda _: None,
+    record: Callable[[Sequence[Event]], None] = lambda _: None,
     longest_wait: float = 0.25,
 ) -> None:
     """Stream until the printer is done, or halted; `streamer.state` tells which.
@@ -32,16 +34,25 @@ def run(
         transport: whom to say it to.
         clock: seconds, from any beginning, never backwards.
         on_event: called with each event; it may call the methods of the streamer.
+        on_turn: called with the time before each sending: the place to grant what other threads wish.
+        record: called with the events, before the bytes that go with them are written.
         longest_wait: s after which a wish of another thread, to pause or to stop, is noticed.
 
     Raises:
         PortError: the cable is gone.
     """
     while True:
-        if data := streamer.send(clock()):
+        on_turn(clock())
+        data = streamer.send(clock())
+        events = streamer.events()
+        record(events)
+        if data:
             transport.write(data)
+        for event in events:
+            on_event(event)
         # A listener may end the print, and that is told too.
         while events := streamer.events():
+            record(events)
             for event in events:
                 on_event(event)
         if streamer.done:

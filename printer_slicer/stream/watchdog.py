@@ -15,7 +15,15 @@ from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.stream.events import Identified, Temperature
+from printer_slicer.stream.events import (
+    Accepted,
+    Action,
+    Busy,
+    Identified,
+    Message,
+    ResendAsked,
+    Temperature,
+)
 from printer_slicer.stream.tracker import parse
 
 if TYPE_CHECKING:
@@ -27,6 +35,9 @@ _SILENCE: Final = 10.0
 """s without an answer or a report while heaters are on; firmware that is busy says so every 2 s."""
 
 _HEATS: Final = {b"M104": "T", b"M109": "T", b"M140": "B", b"M190": "B", b"M141": "C", b"M191": "C"}
+_FROM_PRINTER: Final = (Accepted, Action, Busy, Identified, Message, ResendAsked, Temperature)
+"""Events that show that the printer lives; all others are the host's own."""
+
 _OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
 
 
@@ -99,8 +110,9 @@ class Watchdog:
         self._want(heater, wanted)
 
     def heard(self, event: Event, now: float) -> Unprotected | None:
-        """The printer said something; a warning if that gives reason for one."""
-        self.alive(now)
+        """Something happened; a warning if it gives reason for one."""
+        if isinstance(event, _FROM_PRINTER):
+            self.alive(now)
         if isinstance(event, Temperature):
             for reading in event.readings:
                 if reading.target is not None:

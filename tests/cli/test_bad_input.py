@@ -550,7 +550,7 @@ def test_no_setting_whatever_makes_a_traceback(tmp_path_factory: pytest.TempPath
 )
 def test_exit_codes_reach_the_shell(arguments: list[str], code: int, tmp_path: Path) -> None:
     (tmp_path / "empty.stl").touch()
-    (tmp_path / "x.gcode").write_text("G1 X500\n", encoding="utf-8")
+    (tmp_path / "x.gcode").write_text(f"G1 X{500 if code == 7 else 50}\n", encoding="utf-8")
     outcome = process(*arguments, "-q", cwd=tmp_path)
 
     refused(outcome, code) if code != 7 else is_message(outcome, "x.gcode")

@@ -78,7 +78,7 @@ def checkpoint_in(folder: Path) -> dict[str, Any]:
 
 def wishes(lines: list[str]) -> list[str]:
     """What was executed of the job: not what the host asks on its own account."""
-    return [line for line in lines if not line.startswith(("M105", "M110", "M114", "M115", "M400"))]
+    return [line for line in lines if not line.startswith(("M105", "M110", "M114", "M115", "M155", "M400"))]
 
 
 # The simulated port
@@ -237,7 +237,9 @@ def test_a_port_that_vanishes_ends_the_print_with_5_and_a_checkpoint(tmp_path: P
     (tmp_path / "job.gcode").write_text(LONG, encoding="utf-8")
     with started("sim", "--pty", "port", "--speed", "0", cwd=tmp_path) as serving:
         heard(serving, b"ends it")
-        with started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing:
+        with started(
+            "print", "job.gcode", "--port", "port", "--json", "--reconnect", "1", *QUICK, cwd=tmp_path
+        ) as printing:
             said = heard(printing, b'"event": "progress"')
             serving.kill()  # as pulling the plug: nobody says goodbye
             out, err = printing.communicate(timeout=20)

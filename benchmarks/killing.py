@@ -1,0 +1,172 @@
+"""Kills the printing host with SIGKILL at random instants, lets `resume` go on, and asks the printer what it executed.
+
+    python benchmarks/killing.py --kills 200 --seed 1
+
+The host is a process of its own, the simulated printer a device of the system. After each kill: what the journal names
+as accepted last, and what the printer had begun by then. At the end of each job: what was executed is what the file
+holds, once and in order.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random  # noqa: TID251 - seeded
+from threading import Event as Flag
+from threading import Thread
+from time import monotonic
+
+from printer_slicer.printing.journal import read_story
+from printer_slicer.profile import load_profile
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.pty_server import serve
+from printer_slicer.verdict import front_end_of, machine_of
+
+PRINTER = load_profile("marlin_220").printer
+OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
+ROOT = Path(__file__).parents[1]
+
+
+@dataclass
+class Outcome:
+    """One job.
+
+    Attributes:
+        kills: so many were made while lines went over the wire.
+        ahead: commands that the printer had begun beyond what the journal names, at each kill.
+        exact: executed = the file, once and in order.
+        what: what went wrong.
+    """
+
+    kills: int = 0
+    ahead: list[int] = field(default_factory=list)
+    exact: bool = False
+    what: str = ""
+
+
+@contextmanager
+def served(link: Path, speed: float) -> Iterator[list[str]]:
+    """A simulated printer; the list holds what it executes."""
+    ready, stop = Flag(), Flag()
+    executed: list[str] = []
+
+    def make() -> SimulatedPrinter:
+        return SimulatedPrinter(
+            machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append, boots=False
+        )
+
+    thread = Thread(
+        target=lambda: serve(make, link, speed=speed, stop=stop.is_set, ready=lambda _: ready.set())
+    )
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield executed
+    finally:
+        stop.set()
+        thread.join(10.0)
+
+
+def job_text(chance: Random, moves: int) -> str:
+    """Moves of all lengths, in which no two commands are alike."""
+    lines = ["G28", "G90", "M83", "G92 E0", "M302 S0"]
+    for number in range(moves):
+        x, y = 10 + chance.random() * 180, 10 + chance.random() * 180
+        lines.append(f"G1 X{x:.3f} Y{y:.3f} E0.{number % 9}1 F{chance.randrange(3000, 9000)}")
+        if number % 50 == 0:
+            lines.append(f"M117 line {number}")
+    return "\n".join(lines) + "\n"
+
+
+def of_job(executed: list[str]) -> list[str]:
+    """Without what hosts ask on their own account."""
+    return [line for line in executed if not line.startswith(OWN)]
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen[bytes]:
+    """A host."""
+    env = {**os.environ, "PRINTER_SLICER_STATE": str(folder / "state"), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "printer_slicer", *arguments]
+    with (folder / "said").open("ab") as said:
+        return subprocess.Popen(
+            command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+        )
+
+
+def one_job(seed: int, kills: int, folder: Path) -> Outcome:
+    """Print one job with some kills on the way."""
+    chance, outcome, never = Random(seed), Outcome(), Flag()
+    text = job_text(chance, 50 * kills)
+    wanted = text.split("\n")[:-1]
+    (folder / "job.gcode").write_text(text, encoding="utf-8")
+    speed = chance.choice([20.0, 50.0, 200.0])
+    with served(folder / "port", speed) as executed:
+        left = [folder]
+        arguments: tuple[str, ...] = ("print", "job.gcode", "--port", "port", "--printer", "marlin_220")
+        arguments += ("--reconnect", "0", "--allow", "cold", "--allow", "flow", "--allow", "feed")
+        while True:
+            begun, before = monotonic(), len(executed)
+            host = start(folder, *arguments)
+            arguments = ("resume", "--reconnect", "0")
+            while host.poll() is None and len(executed) == before and monotonic() - begun < 60:
+                never.wait(0.002)
+            if outcome.kills < kills:
+                # Greeting, lines in flight, a full planner: all of it lies within this time.
+                never.wait(chance.choice([0.02, 0.3, 1.5]) * chance.random())
+            if outcome.kills >= kills or host.poll() is not None:
+                break
+            host.kill()
+            host.wait()
+            left = list((folder / "state" / "prints").iterdir())
+            if not left:
+                break  # it had come to its end, and was on its way out
+            outcome.kills += 1
+            story = read_story(left[0])
+            outcome.ahead.append(len(of_job(executed)) - story.entries)
+        code = host.wait(timeout=600) if left else 0
+        outcome.exact = of_job(executed) == wanted and code == 0
+    if not outcome.exact:
+        outcome.what = _first_difference(of_job(executed), wanted) + f"; exit code {code}"
+        outcome.what += "\n" + (folder / "said").read_text(encoding="utf-8", errors="replace")[-600:]
+    return outcome
+
+
+def _first_difference(executed: list[str], wanted: list[str]) -> str:
+    for number, (one, other) in enumerate(zip(executed, wanted, strict=False)):
+        if one != other:
+            return f"command {number} is {one!r}, and should be {other!r}"
+    return f"{len(executed)} of {len(wanted)} commands"
+
+
+def main() -> int:
+    """Say how many kills were survived."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--per-job", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    made, good, ahead, seed = 0, 0, [], arguments.seed
+    while made < arguments.kills:
+        with tempfile.TemporaryDirectory() as folder:
+            outcome = one_job(seed, arguments.per_job, Path(folder))
+        made += outcome.kills
+        good += outcome.kills if outcome.exact else 0
+        ahead += outcome.ahead
+        print(f"seed {seed}: {outcome.kills} kills, {'exact' if outcome.exact else outcome.what}", flush=True)
+        seed += 1
+    print(f"{good} of {made} kills: executed = file, once and in order")
+    print(f"begun beyond what the journal names: {min(ahead)} to {max(ahead)} commands")
+    return 0 if good == made else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

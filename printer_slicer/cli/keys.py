@@ -1,0 +1,176 @@
+"""Keys that steer a print, where stdin is a terminal: read one by one, and the terminal is left as it was."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event as Flag
+from threading import Thread
+from time import monotonic
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.errors import UsageError
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import termios
+    import tty
+
+if TYPE_CHECKING:
+    from printer_slicer.printing import Controls
+
+__all__ = ["HELP", "Keyboard", "keys"]
+
+HELP: Final = (
+    "keys: p pause, n pause now, r resume, c c cancel, + - speed, > < flow, u d nozzle up and down, s status,"
+    " 0-9 answer, : G-code, ! ! emergency stop, ? help"
+)
+_TWICE: Final = 3.0
+"""s within which a key that cannot be taken back is pressed a second time."""
+
+_LOOK: Final = 0.1
+
+
+class Keyboard:
+    """What keys mean.
+
+    Args:
+        controls: of the print.
+        tell: shows a line to the person.
+        clock: s.
+    """
+
+    def __init__(
+        self, controls: Controls, tell: Callable[[str], None], clock: Callable[[], float] = monotonic
+    ) -> None:
+        self._controls = controls
+        self._tell = tell
+        self._clock = clock
+        self._line: str | None = None
+        self._first: tuple[str, float] = ("", 0.0)
+        self._percent = {"speed": 100, "flow": 100}
+
+    def press(self, key: str) -> None:
+        """One more key."""
+        if self._line is not None:
+            self._type(key)
+        elif key in {"c", "!"}:
+            self._twice(key)
+        elif key == ":":
+            self._line = ""
+            self._tell("G-code, ended by Enter:")
+        elif key == "?":
+            self._tell(HELP)
+        elif (line := self._meaning(key)) is not None:
+            self._wish(line)
+
+    def _meaning(self, key: str) -> str | None:
+        """The wish that a key stands for."""
+        if key.isdecimal() and key.isascii():
+            return f"answer {key}"
+        for name, more, less in (("speed", "+", "-"), ("flow", ">", "<")):
+            if key in {more, less}:
+                step = 5 if key == more else -5
+                self._percent[name] = min(max(self._percent[name] + step, 10), 300)
+                return f"{name} {self._percent[name]}"
+        simple = {"p": "pause", "n": "pause now", "r": "resume", "s": "status"}
+        return {**simple, "u": "babystep 0.02", "d": "babystep -0.02"}.get(key)
+
+    def _twice(self, key: str) -> None:
+        what = {"c": "cancel", "!": "stop"}[key]
+        now = self._clock()
+        if self._first[0] == key and now - self._first[1] <= _TWICE:
+            self._first = ("", 0.0)
+            self._wish(what)
+        else:
+            self._first = (key, now)
+            self._tell(f"{key} again within 3 s: {what}")
+
+    def _type(self, key: str) -> None:
+        assert self._line is not None
+        if key in {"\r", "\n"}:
+            line, self._line = self._line.strip(), None
+            if line:
+                self._wish(f"say {line}")
+        elif key == "\x1b":
+            self._line = None
+        elif key in {"\x7f", "\b"}:
+            self._line = self._line[:-1]
+        elif key.isprintable():
+            self._line += key
+
+    def _wish(self, line: str) -> None:
+        from printer_slicer.printing.wishes import Stop, read_wish
+
+        try:
+            wish = read_wish(line)
+            if isinstance(wish, Stop):
+                self._controls.stop()
+            else:
+                self._tell(self._controls.ask(wish))
+        except UsageError as error:
+            self._tell(str(error).splitlines()[0])
+
+
+@contextmanager
+def keys(controls: Controls, *, wanted: bool = True) -> Iterator[None]:
+    """Let keys steer the print for as long as the block runs; nothing happens where stdin is no terminal."""
+    if not wanted or not sys.stdin or not sys.stdin.isatty():
+        yield
+        return
+
+    def tell(text: str) -> None:
+        """A line for the person."""
+        sys.stderr.write(text + "\n")
+
+    tell(HELP)
+    stop = Flag()
+    with _single_keys():
+        keyboard = Keyboard(controls, tell)
+        thread = Thread(target=_listen, args=(keyboard, stop), name="keys", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join(1.0)
+
+
+if sys.platform == "win32":
+
+    @contextmanager
+    def _single_keys() -> Iterator[None]:
+        yield
+
+    def _listen(keyboard: Keyboard, stop: Flag) -> None:
+        while not stop.wait(_LOOK):
+            while msvcrt.kbhit():
+                keyboard.press(msvcrt.getwch())
+
+else:
+
+    @contextmanager
+    def _single_keys() -> Iterator[None]:
+        """Keys come at once and are not shown; Ctrl-C stays what it is."""
+        terminal = sys.stdin.fileno()
+        before = termios.tcgetattr(terminal)
+        try:
+            tty.setcbreak(terminal)
+            yield
+        finally:
+            termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+
+    def _listen(keyboard: Keyboard, stop: Flag) -> None:
+        terminal = sys.stdin.fileno()
+        while not stop.is_set():
+            if not select.select([terminal], [], [], _LOOK)[0]:
+                continue
+            pressed = os.read(terminal, 64)
+            if not pressed:
+                return
+            for key in pressed.decode(errors="replace"):
+                keyboard.press(key)

@@ -1,0 +1,133 @@
+"""`resume` and `control`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from printer_slicer.cli.common import say, visible
+from printer_slicer.errors import UsageError
+
+if TYPE_CHECKING:
+    from printer_slicer.printing import Done
+    from printer_slicer.printing.shelf import Print
+
+__all__ = ["control_command", "resume_command"]
+
+
+def resume_command(arguments: argparse.Namespace) -> int:
+    """Go on with an unfinished print."""
+    from printer_slicer.printing import shelf as shelves
+
+    shelf = shelves.default_shelf()
+    if arguments.list:
+        return _list(arguments, shelf)
+    found = shelves.find(shelf, arguments.name, running=False)
+    if arguments.discard:
+        found.forget()
+        say(arguments, f"{found.name}, begun {found.begun}, is forgotten")
+        return 0
+    return _resume(arguments, found)
+
+
+def _resume(arguments: argparse.Namespace, found: Print) -> int:
+    from printer_slicer.cli.printing import print_with
+    from printer_slicer.jobs import job_of_text
+    from printer_slicer.printing import resume_print
+
+    setup = found.setup
+    job = job_of_text(found.name, found.text, limits=setup.limits, corner=setup.low, flavour=setup.flavour)
+
+    def recover(why: str) -> bool:
+        """Whether the person wants what is told."""
+        if arguments.recover:
+            say(arguments, why)
+            return True
+        print(visible(why), file=sys.stderr)
+        if not (sys.stdin.isatty() and sys.stderr.isatty()):
+            print("nobody is here to ask: resume --recover does it without asking", file=sys.stderr)
+            return False
+        print(
+            "is the part still in its place, and the way free? [yes/no] ", end="", file=sys.stderr, flush=True
+        )
+        return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+    def go_on(**common: Any) -> Done:
+        """Print the rest."""
+        return resume_print(found, job, port=arguments.port, recover=recover, **common)
+
+    return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), go_on)
+
+
+def _list(arguments: argparse.Namespace, shelf: Path) -> int:
+    from printer_slicer.printing.journal import read_story
+    from printer_slicer.printing.shelf import on_shelf
+
+    left = [one for one in on_shelf(shelf) if not one.running]
+    rows = []
+    for one in left:
+        story = read_story(one.folder)
+        rows.append(
+            {
+                "job": one.name,
+                "id": one.folder.name,
+                "port": one.port,
+                "begun": one.begun,
+                "accepted": story.entries,
+                "reason": story.reason or "the host was ended",
+            }
+        )
+    if arguments.json:
+        print(json.dumps(rows))
+    elif not rows:
+        say(arguments, "no print is unfinished")
+    for row in [] if arguments.json else rows:
+        say(arguments, "{job}: begun {begun} on {port}, {accepted} commands, {reason} ({id})".format_map(row))
+    return 0
+
+
+def control_command(arguments: argparse.Namespace) -> int:
+    """Send a wish to the process that prints."""
+    from printer_slicer.printing.door import ask_door
+    from printer_slicer.printing.shelf import default_shelf, find
+    from printer_slicer.printing.wishes import Status, read_wish
+
+    line = " ".join(arguments.wish)
+    wish = read_wish(line)
+    found = find(default_shelf(), arguments.job, running=True)
+    answer = ask_door(found.folder, line)
+    if not answer["ok"]:
+        message, _, remedy = str(answer["answer"]).partition("\n  ")
+        raise UsageError(f"{answer['job']}: {message}", remedy=remedy)
+    if isinstance(wish, Status):
+        answer = {"ok": True, "job": answer["job"], **json.loads(answer["answer"])}
+    if arguments.json:
+        print(json.dumps(answer))
+    elif isinstance(wish, Status):
+        say(arguments, _status(answer))
+    else:
+        say(arguments, f"{answer['job']}: {answer['answer']}")
+    return 0
+
+
+def _status(status: dict[str, Any]) -> str:
+    """The status in words."""
+    heat = ", ".join(
+        f"{name} {actual:g}" + (f"/{target:g}" if target else "")
+        for name, (actual, target) in status["temperatures"].items()
+    )
+    lines = [f"{status['job']}: {status['state']}, {status['done']} of {status['total']} commands"]
+    lines += [f"{heat} °C"] if heat else []
+    lines.append(f"speed {status['speed_percent']:g} %, flow {status['flow_percent']:g} %")
+    if status["objects"]:
+        given_up = set(status["cancelled"])
+        lines.append(
+            "objects: " + ", ".join(n + (" (given up)" if n in given_up else "") for n in status["objects"])
+        )
+    if status["prompt"]:
+        buttons = ", ".join(f"{number} {text}" for number, text in enumerate(status["prompt"]["buttons"]))
+        lines.append(f"the printer asks: {status['prompt']['text']} [{buttons}]")
+    return "\n".join(lines)

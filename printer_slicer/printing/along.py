@@ -1,0 +1,128 @@
+"""Places within commanded moves: where a printer stopped, and what is left of the move."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from math import atan2, cos, hypot, pi, sin, sqrt
+
+from printer_slicer.printing.modes import Stand, Step, number
+from printer_slicer.stream.tracker import parse
+
+__all__ = ["nearest", "place_said", "rest_of", "stand_at"]
+
+_CHORDS = 64  # of an arc, when the place on it that is nearest to a point is looked for
+_PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)\s+E:\s*(-?[\d.]+)")
+Point = tuple[float, float, float, float]
+
+
+def place_said(text: str) -> Point | None:
+    """x, y, z and e of an answer to M114, None if it is something else."""
+    if found := _PLACE.search(text):
+        x, y, z, e = (float(value) for value in found.groups())
+        return x, y, z, e
+    return None
+
+
+def _ends(step: Step) -> tuple[Point, Point]:
+    x0, y0, z0 = step.before.place
+    x1, y1, z1 = step.after.place
+    return (x0, y0, z0, step.before.e), (x1, y1, z1, step.after.e)
+
+
+def _centre(step: Step) -> tuple[float, float, float] | None:
+    """Centre of an arc and the signed angle that it turns, rad; None for a straight move."""
+    word, values = parse(step.command)
+    if word not in {b"G2", b"G3"}:
+        return None
+    (x0, y0, *_), (x1, y1, *_) = _ends(step)
+    if b"R" in values:
+        x, y = (x1 - x0) / 2, (y1 - y0) / 2
+        half = hypot(x, y)
+        radius = values[b"R"]
+        away = sqrt(max(radius * radius - half * half, 0.0)) / (half or 1.0)
+        side = -1.0 if (word == b"G2") == (radius > 0) else 1.0
+        cx, cy = x0 + x - side * y * away, y0 + y + side * x * away
+    else:
+        cx, cy = x0 + values.get(b"I", 0.0), y0 + values.get(b"J", 0.0)
+    turn = (atan2(y1 - cy, x1 - cx) - atan2(y0 - cy, x0 - cx)) % (2 * pi)
+    turn = turn or 2 * pi
+    return cx, cy, turn if word == b"G3" else turn - 2 * pi if turn < 2 * pi else -2 * pi
+
+
+def _at(step: Step, share: float) -> Point:
+    """The place after a share of a move."""
+    start, end = _ends(step)
+    x, y, z, e = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+    arc = _centre(step)
+    if arc is not None:
+        cx, cy, turn = arc
+        radius = hypot(start[0] - cx, start[1] - cy)
+        angle = atan2(start[1] - cy, start[0] - cx) + share * turn
+        x, y = cx + radius * cos(angle), cy + radius * sin(angle)
+    return x, y, z, e
+
+
+def _project(a: Point, b: Point, point: Point) -> tuple[float, float]:
+    """Share of a straight line that is nearest to a point, and the square of the distance."""
+    along = [q - p for p, q in zip(a, b, strict=True)]
+    length = sum(d * d for d in along)
+    share = sum(d * (q - p) for d, p, q in zip(along, a, point, strict=True)) / length if length else 1.0
+    share = min(max(share, 0.0), 1.0)
+    return share, sum((p + share * d - q) ** 2 for p, d, q in zip(a, along, point, strict=True))
+
+
+def _nearest_on(step: Step, point: Point) -> tuple[float, float]:
+    """Share of a move nearest to a point, filament counted like a fourth axis, and the square of the distance."""
+    if _centre(step) is None:
+        return _project(*_ends(step), point)
+    best = (0.0, float("inf"))
+    for chord in range(_CHORDS):
+        share, off = _project(_at(step, chord / _CHORDS), _at(step, (chord + 1) / _CHORDS), point)
+        if off < best[1]:
+            best = (chord + share) / _CHORDS, off
+    return best
+
+
+def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
+    """Which of some moves passes nearest to a point: its index, the share of it that is done, how far off, mm."""
+    found = [
+        (off, -index, share) for index, step in enumerate(steps) for share, off in [_nearest_on(step, point)]
+    ]
+    least = min(off for off, _, _ in found)
+    # Neighbours meet in one point: the later one, of which nothing is done yet.
+    _, index, share = min((one for one in found if one[0] <= least + 1e-9), key=lambda one: one[1])
+    return -index, share, sqrt(least)
+
+
+def stand_at(step: Step, share: float) -> Stand:
+    """How the printer stands after a share of a move."""
+    x, y, z, e = _at(step, share)
+    pulled = max(step.before.pulled - (e - step.before.e), 0.0)
+    return replace(
+        step.before,
+        pulled=pulled,
+        x=round(x, 4),
+        y=round(y, 4),
+        z=round(z, 4),
+        e=round(e, 5),
+        speed=step.after.speed,
+    )
+
+
+def rest_of(step: Step, share: float) -> bytes:
+    """The command that makes the rest of a move from there."""
+    here, after = stand_at(step, share), step.after
+    words = [parse(step.command)[0]]
+    x, y, z = (value or 0.0 for value in (after.x, after.y, after.z))
+    at = here.place
+    for letter, goal, now in zip((b"X", b"Y", b"Z"), (x, y, z), at, strict=True):
+        if goal != now:
+            words.append(letter + number(goal - now if here.relative else goal))
+    arc = _centre(step)
+    if arc is not None:
+        words += [b"I" + number(arc[0] - at[0]), b"J" + number(arc[1] - at[1])]
+    if after.e != here.e:
+        words.append(b"E" + number(after.e - here.e if here.relative_e else after.e))
+    return b" ".join([*words, b"F" + number(after.speed * 60)] if after.speed else words)

@@ -1,0 +1,68 @@
+"""The way back into an unfinished part: from outside, over what is printed, as little of it as possible."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.jobs import Job
+from printer_slicer.model import Float
+from printer_slicer.printing.setup import Setup
+
+__all__ = ["approach_from", "laid_points"]
+
+_DIRECTIONS: Final = 72
+_BESIDE: Final = 1.5  # mm from the way within which a bead counts as under it
+_CLEAR: Final = 5.0  # mm outside of the part where the nozzle comes down
+_DEPTH: Final = 2.0  # mm below the nozzle that still count as printed part
+_SAMPLE: Final = 1.0  # mm between points on a bead
+
+
+def laid_points(job: Job, entries: int, setup: Setup) -> Float:
+    """(N, 3) points on all beads that the first entries of a job laid, mm."""
+    moves = read_moves(job.commands[:entries], setup.low, FLAVOURS[setup.flavour])
+    lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
+    ends, deltas = moves.end[lays], moves.delta[lays, :3]
+    pieces = np.maximum(np.ceil(np.hypot(deltas[:, 0], deltas[:, 1]) / _SAMPLE), 1).astype(int)
+    which = np.repeat(np.arange(len(pieces)), pieces)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = ((step + 0.5) / pieces[which])[:, None]
+    points: Float = ends[which] - deltas[which] * share
+    return points
+
+
+def approach_from(
+    points: Float, goal: tuple[float, float, float], setup: Setup
+) -> tuple[float, float] | None:
+    """Where to come down beside the part, on the way to a place in its last layer.
+
+    Args:
+        points: (N, 3) on everything laid, mm.
+        goal: the place, mm.
+        setup: the printer.
+
+    Returns:
+        x and y, mm; None if there is no such place on the bed, or something higher is in every way: then the nozzle
+        must come from above.
+    """
+    x, y, z = goal
+    near = points[points[:, 2] > z - _DEPTH]
+    away = near[:, :2] - (x, y)
+    higher = near[:, 2] > z + 0.05
+    best: tuple[float, float, float] | None = None
+    for number in range(_DIRECTIONS):
+        angle = 2 * pi * number / _DIRECTIONS
+        along = away @ (cos(angle), sin(angle))
+        beside = np.abs(away @ (-sin(angle), cos(angle)))
+        under = (along > 0) & (beside < _BESIDE)
+        out = float(along[under].max(initial=0.0)) + _CLEAR
+        if (higher & (along > -_CLEAR) & (along < out + _CLEAR) & (beside < _CLEAR)).any():
+            continue
+        at = x + out * cos(angle), y + out * sin(angle)
+        on_bed = all(low <= value <= high for low, value, high in zip(setup.low, at, setup.high, strict=True))
+        if on_bed and (best is None or out < best[0]):
+            best = (out, *at)
+    return best and best[1:]

@@ -1,0 +1,457 @@
+"""What happens around the stream of a job: pauses, wishes of people, the printer's own questions, temperatures.
+
+Without I/O, clock or thread, like the streamer that it steers; `session.run` calls `on_turn`, `record` and `hear`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any, Final
+
+from printer_slicer.errors import UsageError
+from printer_slicer.printing import wishes
+from printer_slicer.printing.along import nearest, place_said, rest_of, stand_at
+from printer_slicer.printing.journal import Journal
+from printer_slicer.printing.modes import SCRIPT, Stand
+from printer_slicer.printing.objects import LiveJob
+from printer_slicer.printing.orders import ORDERS, order_of
+from printer_slicer.printing.parking import (
+    Parked,
+    come_back,
+    end_script,
+    leave,
+    parked_at,
+    parking_place,
+    pushed_by,
+)
+from printer_slicer.printing.phases import Phase, Ticket
+from printer_slicer.printing.questions import REPORT, Prompts, Thermometer
+from printer_slicer.printing.setup import Setup
+from printer_slicer.stream import events as told
+from printer_slicer.stream.framing import check_commands, strip
+from printer_slicer.stream.ledger import ASK
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.states import State
+from printer_slicer.stream.watchdog import Watchdog
+
+__all__ = ["Conductor"]
+
+_OFF_PATH: Final = 0.5  # mm between where the printer says that it stopped and the commanded path.
+
+_GIVE_UP: Final = 20.0  # s that M410 and the question behind it may take.
+
+
+class Conductor:
+    """Steers one streamer.
+
+    Args:
+        streamer: made with `obeys=False` and the same entries as `job`.
+        job: the entries as they are sent.
+        setup: the printer.
+        journal: where to note what must survive; None for nowhere.
+        listen: is told what happens, the streamer's events and some more.
+        allow: a reason why a command that a person typed is refused, empty if it is not.
+
+    Attributes:
+        phase: where the print is.
+        parked: what it comes back to, while it is not running.
+        prompts: the question of the printer.
+        heat: temperatures as reported last.
+        wished_end: how often somebody wanted the end.
+        ended: the last event, once there is one.
+    """
+
+    def __init__(
+        self,
+        streamer: Streamer,
+        job: LiveJob,
+        setup: Setup,
+        *,
+        journal: Journal | None = None,
+        listen: Callable[[told.Event], None] = lambda _: None,
+        allow: Callable[[bytes], str] = lambda _: "",
+    ) -> None:
+        self.phase = Phase.RUNNING
+        self.parked: Parked | None = None
+        self.prompts = Prompts()
+        self.heat = Thermometer()
+        self._watchdog = Watchdog()
+        self.wished_end = 0
+        self.ended: told.Finished | told.Halted | None = None
+        self.speed = self.flow = 100.0
+        self._streamer = streamer
+        self._job = job
+        self._setup = setup
+        self._journal = journal
+        self._listen = listen
+        self._allow = allow
+        self._tickets: deque[Ticket] = deque()
+        self._can: told.Identified | None = None
+        self._now = 0.0
+        self._pause = wishes.Pause()
+        self._said_place: tuple[float, float, float, float] | None = None
+        self._stop_due = inf
+        self._stop_sent = 0
+        self._pushed = 0.0
+        self._restore: tuple[Parked | None, float, tuple[str, ...], bool] | None = None
+        self._waits_for_person = False
+        self._scripted: deque[bytes] = deque()
+        self._warned = False
+        self._handlers = self._granting()
+
+    def _granting(self) -> dict[type, Callable[[Any], str]]:
+        """What grants each kind of wish."""
+        return {
+            **dict.fromkeys(ORDERS, self._on_order),
+            wishes.Pause: self._on_pause,
+            wishes.Resume: self._on_resume,
+            wishes.Cancel: lambda _: self.cancel(),
+            wishes.CancelObject: self._on_object,
+            wishes.Answer: self._on_answer,
+            wishes.Status: lambda _: json.dumps(self.status()),
+            wishes.Stop: lambda _: self.halt(),
+        }
+
+    def status(self) -> dict[str, Any]:
+        """How it stands, as JSON holds it."""
+        own = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
+        own |= {"done": self._streamer.acknowledged, "total": len(self._job)}
+        return own | self.heat.as_json() | self._job.as_json() | self.prompts.as_json()
+
+    # What the session calls.
+
+    def want(self, ticket: Ticket) -> None:
+        """A wish, granted at the next turn. May be called by any thread."""
+        self._tickets.append(ticket)
+
+    def on_turn(self, now: float) -> None:
+        """Grant what is wished, and go on with what was begun."""
+        self._now = now
+        if self._restore is not None and self._streamer.state is State.STREAMING:
+            self._take_over()
+        while self._tickets:
+            ticket = self._tickets.popleft()
+            try:
+                ticket.done(self._handlers[type(ticket.wish)](ticket.wish))
+            except UsageError as error:
+                ticket.done(error)
+        if self.phase is Phase.STOPPING:
+            self._stop_moving()
+        elif self.phase is Phase.LEAVING and self._streamer.idle:
+            self._change(Phase.WAITING)
+        elif self.phase is Phase.RETURNING and not self._streamer.injected:
+            self._go_on()
+        if now >= self.heat.due:
+            self._poll()
+        if alarm := self._watchdog.check(now):
+            self._listen(told.Note(str(alarm)))
+
+    def record(self, events: Sequence[told.Event]) -> None:
+        """Note what must be known before the bytes that go with it are written."""
+        journal = self._journal
+        for event in events:
+            if isinstance(event, told.Numbered):
+                self._job.follow(event.job - (not event.command))
+                if event.command:
+                    self._job.modes.follow(event.command, self._author(event.command))
+                if journal:
+                    journal.numbered(event.number, event.job, event.command)
+            elif isinstance(event, told.Accepted):
+                self._job.follow(event.acknowledged)
+                if journal:
+                    journal.accepted(self._streamer.accepted_line, event.acknowledged, self._now)
+        if journal and journal.failed and not self._warned:
+            self._warned = True
+            self._listen(told.Note(f"no journal ({journal.failed}): it goes on, but could not be resumed"))
+
+    def _author(self, command: bytes) -> int:
+        """Who wants a command that is not of the job: -1 a person, else a script of ours."""
+        if self._scripted and self._scripted[0] == strip(command):
+            self._scripted.popleft()
+            return SCRIPT
+        return -1
+
+    def _perform(self, script: Sequence[bytes]) -> None:
+        """Send commands ahead of the job that belong to it from now on."""
+        for command in script:
+            self._scripted.append(command)
+            self._streamer.inject(command)
+
+    def hear(self, event: told.Event) -> None:
+        """Act on what the streamer tells, and pass it on."""
+        if isinstance(event, told.Numbered):
+            return
+        if warning := self._watchdog.heard(event, self._now):
+            self._listen(told.Note(str(warning)))
+        if isinstance(event, told.Identified):
+            self._identified(event)
+        elif isinstance(event, told.Temperature):
+            self.heat.read(event, self._now)
+        elif isinstance(event, told.Message):
+            self._on_message(event)
+        elif isinstance(event, told.Busy):
+            self._waits_for_person = event.reason.startswith("paused for")
+        elif isinstance(event, told.Accepted):
+            self._waits_for_person = False
+        elif isinstance(event, told.Finished | told.Halted):
+            self.ended = event
+        self._listen(event)
+        if isinstance(event, told.Action):
+            self._on_action(event)
+
+    # Ends.
+
+    def mute(self) -> None:
+        """Tell nobody any more: the listener has failed."""
+        self._listen = lambda _: None
+
+    def cancel(self) -> str:
+        """Drop the rest of the job, and run the end script."""
+        self.wished_end += 1
+        if self._streamer.state is State.CANCELLING:
+            return "already cancelling"
+        if self.phase is Phase.STOPPING or self._waits_for_person:
+            self._streamer.urge(b"M108")
+        modes = self._job.follow(self._streamer.taken)
+        if self._journal:
+            self._journal.state({"phase": "cancelling", "parked": None})
+        self._scripted.clear()
+        self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes.box)))
+        self.phase = Phase.RUNNING
+        self._listen(told.Stopping())
+        return "cancelled"
+
+    def halt(self) -> str:
+        """Emergency stop."""
+        self.wished_end += 1
+        self._streamer.emergency_stop()
+        return "the printer was told to halt"
+
+    # Pausing.
+
+    def _on_pause(self, wish: wishes.Pause) -> str:
+        if self._streamer.state is not State.STREAMING or self.phase is not Phase.RUNNING:
+            raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
+        self._streamer.pause()
+        self._pause = wish
+        if wish.now and self._setup.stoppable and self._job.follow(self._streamer.taken).stand.known:
+            self._said_place = None
+            self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
+            self._change(Phase.STOPPING)
+            return "stopping"
+        self._leave(self._parked(self._job.follow(self._streamer.taken).stand))
+        return "pausing behind the planned moves"
+
+    def _stop_moving(self) -> None:
+        """Throw the planned moves away once nothing is in flight that could be planned behind them."""
+        streamer = self._streamer
+        if not self._stop_sent and streamer.idle:
+            self._streamer.urge(b"M410")
+            streamer.inject(b"M400")
+            streamer.inject(b"M114")
+            self._stop_sent, self._stop_due = 1, self._now + _GIVE_UP
+        elif self._stop_sent and self._said_place and streamer.idle:
+            self._stopped_at(self._said_place)
+        elif self._stop_sent and self._now >= self._stop_due:
+            self._listen(told.Note("the printer does not say where it stopped"))
+            self._leave(self._parked(self._job.modes.stand))
+
+    def _stopped_at(self, place: tuple[float, float, float, float]) -> None:
+        """Find out what of the planned moves was not made."""
+        modes = self._job.follow(self._streamer.taken)
+        steps = list(modes.recent)
+        index, share, off = nearest(steps, place)
+        if off > _OFF_PATH:
+            self._listen(told.Note(f"it stopped {off:.2f} mm off its path"))
+        replay = [rest_of(steps[index], share)] if share < 1.0 else []
+        replay += [step.command for step in steps[index + 1 :]]
+        modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
+        here = stand_at(steps[index], share)
+        modes.stand = replace(modes.stand, x=here.x, y=here.y, z=here.z)
+        self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
+
+    def _parked(self, stand: Stand) -> Parked:
+        return parked_at(stand, self._job.modes, self._setup, self._pause, self._streamer.taken)
+
+    def _leave(self, parked: Parked) -> None:
+        self.parked = parked
+        script = leave(parked, self._job.modes, self._setup)
+        self._pushed = 0.0
+        self._note_phase(Phase.LEAVING)
+        self._pushed = pushed_by(script)
+        self._perform(script)
+        self._change(Phase.LEAVING)
+
+    def _on_resume(self, _: wishes.Resume) -> str:
+        if self._waits_for_person and self.phase is Phase.RUNNING:
+            self._streamer.urge(b"M108")
+            return "told the printer to go on"
+        if self.phase in {Phase.RUNNING, Phase.RETURNING, Phase.STOPPING}:
+            raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
+        assert self.parked is not None
+        self.come_back(self._pushed)
+        return "resuming"
+
+    def come_back(self, pushed: float) -> None:
+        """Return to the place that was left, and go on.
+
+        Args:
+            pushed: mm of filament since then; negative for what is pulled back.
+        """
+        parked = self.parked
+        assert parked is not None
+        self._pushed = pushed
+        self._note_phase(Phase.RETURNING)
+        replay = [text.encode("latin-1") for text in parked.replay]
+        self._perform([*come_back(parked, self._setup, pushed), *replay])
+        self._change(Phase.RETURNING)
+
+    def restore(self, parked: Parked | None, pushed: float, replay: Sequence[str], *, waits: bool) -> None:
+        """Take over a print that another host left while it was paused, or on its way, once it is connected.
+
+        Args:
+            parked: what it comes back to; None: it is there.
+            pushed: mm of filament since it was left.
+            replay: thrown-away moves that are still to be made.
+            waits: whether it goes on waiting for a person.
+        """
+        self._restore = (parked, pushed, tuple(replay), waits)
+
+    def _take_over(self) -> None:
+        assert self._restore is not None
+        parked, self._pushed, replay, waits = self._restore
+        self._restore = None
+        self.parked = parked and replace(parked, replay=replay)
+        self._streamer.pause()
+        if parked and waits:
+            self._note_phase(Phase.LEAVING)
+            self._change(Phase.WAITING)
+        elif parked:
+            self.come_back(self._pushed)
+        else:
+            self._perform([text.encode("latin-1") for text in replay])
+            self._change(Phase.RETURNING)
+
+    def _go_on(self) -> None:
+        self.parked = None
+        self._note_phase(Phase.RUNNING)
+        self._streamer.resume()
+        self._change(Phase.RUNNING)
+
+    def _change(self, phase: Phase) -> None:
+        self.phase = phase
+        if phase is Phase.WAITING:
+            self._listen(told.Paused("resume, or cancel"))
+        elif phase is Phase.RUNNING:
+            self._listen(told.Resumed())
+
+    def _note_phase(self, phase: Phase) -> None:
+        if self._journal:
+            parked = self.parked.as_json() if self.parked else None
+            line = self._streamer.next_line
+            self._journal.state(
+                {
+                    "phase": phase.value,
+                    "parked": parked,
+                    "pushed": self._pushed,
+                    "line": line,
+                    "recovering_at": None,
+                }
+            )
+
+    # Other wishes.
+
+    def _on_object(self, wish: wishes.CancelObject) -> str:
+        job = self._job
+        name = job.cancel(wish.name, self._streamer.taken)
+        if self._setup.flavour == "klipper" and job.marked_for_klipper:
+            job.cancelled.discard(name)
+            self._inject(b"EXCLUDE_OBJECT NAME=%s" % name.encode())
+        elif self._journal:
+            self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
+        self._listen(told.Note(f"{name} is not printed any further"))
+        return f"{name} is given up"
+
+    def _on_order(self, wish: Any) -> str:
+        command = order_of(wish, self._setup.flavour, self._can)
+        answer = self._inject(command)
+        if isinstance(wish, wishes.Speed):
+            self.speed = wish.percent
+        elif isinstance(wish, wishes.Flow):
+            self.flow = wish.percent
+        elif isinstance(wish, wishes.Heat) and self.parked and wish.heater == "nozzle":
+            self.parked = replace(self.parked, hotend=wish.celsius)
+        return answer
+
+    def _on_answer(self, wish: wishes.Answer) -> str:
+        if self.prompts.shown is None:
+            raise UsageError("the printer asks nothing", remedy="see `status`")
+        self._streamer.urge(b"M876 S%d" % wish.choice)
+        return "answered"
+
+    def _inject(self, command: bytes) -> str:
+        if self._streamer.state not in {State.STREAMING, State.PAUSED}:
+            raise UsageError(f"not now: it is {self._state}", remedy="wait until it prints")
+        if reason := self._allow(command):
+            raise UsageError(
+                f"{command.decode(errors='replace')}: {reason}", remedy="allow it by name, or leave it"
+            )
+        check_commands([command])
+        self._streamer.inject(command)
+        return f"sent {command.decode(errors='replace')}"
+
+    @property
+    def _state(self) -> str:
+        return self.phase.value if self.phase is not Phase.RUNNING else self._streamer.state.value
+
+    # The printer's wishes.
+
+    def _on_action(self, action: told.Action) -> None:
+        word, _, rest = action.name.partition(" ")
+        running = self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING
+        if word in {"pause", "filament_runout", "out_of_filament"} and running:
+            if word != "pause":
+                self._listen(told.Note("the filament has run out: put in a new one, then resume"))
+            self._on_pause(wishes.Pause())
+        elif word == "paused" and running:
+            # It has parked by itself, and comes back by itself.
+            self._streamer.pause()
+            self._listen(told.Paused(rest or "the printer waits for a person"))
+        elif word == "resumed" and self.phase is Phase.RUNNING:
+            self._streamer.resume()
+            self._listen(told.Resumed())
+        elif word == "resume" and self.phase in {Phase.LEAVING, Phase.WAITING}:
+            self.come_back(self._pushed)
+        elif word == "resume" and self.phase is Phase.RUNNING:
+            self._streamer.resume()
+        elif word == "cancel":
+            self.cancel()
+        elif word.startswith("prompt_") and (prompt := self.prompts.hear(word, rest)) is not None:
+            self._listen(prompt)
+
+    def _on_message(self, message: told.Message) -> None:
+        self._said_place = place_said(message.text) or self._said_place
+        unknown = re.search(r'Unknown command:\s*"(M600|M601)\b', message.text)
+        if unknown and self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING:
+            self._listen(
+                told.Note(f"this firmware does not know {unknown[1]}: change the filament, then resume")
+            )
+            self._on_pause(wishes.Pause())
+
+    # Temperatures.
+
+    def _identified(self, who: told.Identified) -> None:
+        self._can = who
+        if self.heat.identified(who, self._now):
+            self._streamer.inject(REPORT)
+
+    def _poll(self) -> None:
+        """Ask for temperatures, where that delays nothing and the last question was answered."""
+        self.heat.wait(self._now)
+        if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected:
+            self._streamer.inject(ASK)

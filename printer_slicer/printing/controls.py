@@ -1,0 +1,124 @@
+"""Wishes of other threads and processes for a running print."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable
+from threading import Event as Flag
+from threading import Lock
+from typing import Any
+
+from printer_slicer.errors import UsageError
+from printer_slicer.printing import wishes
+from printer_slicer.printing.conductor import Conductor
+from printer_slicer.printing.phases import Ticket
+
+__all__ = ["Controls"]
+
+_PATIENCE = 10.0
+
+
+class Controls:
+    """The handle of a print: make one, give it to `print_job`, call it from any other thread."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._early: deque[Ticket] = deque()
+        self._conductor: Conductor | None = None
+        self._wake: Callable[[], None] = lambda: None
+        self.wanted = Flag()
+        """Set when something is wanted while there is no printer to tell it to."""
+
+    def bind(self, conductor: Conductor | None, wake: Callable[[], None] = lambda: None) -> None:
+        """From now on wishes go to this conductor, those that came too early first; None: there is none for now."""
+        with self._lock:
+            self._conductor, self._wake = conductor, wake
+            while conductor is not None and self._early:
+                conductor.want(self._early.popleft())
+            self.wanted.clear()
+
+    def want(self, ticket: Ticket) -> None:
+        """Wish, and do not wait."""
+        with self._lock:
+            if self._conductor is None:
+                self._early.append(ticket)
+                self.wanted.set()
+                return
+            self._conductor.want(ticket)
+            wake = self._wake
+        wake()
+
+    @property
+    def wants_end(self) -> bool:
+        """Whether somebody who was not heard yet wants the print to end."""
+        with self._lock:
+            return any(isinstance(ticket.wish, wishes.Cancel | wishes.Stop) for ticket in self._early)
+
+    def ask(self, wish: wishes.Wish, timeout: float = _PATIENCE) -> str:
+        """Wish, and wait for the answer.
+
+        Raises:
+            UsageError: it cannot be granted, or nobody answers.
+        """
+        answered, answers = Flag(), list[str | UsageError]()
+
+        def done(answer: str | UsageError) -> None:
+            """The session has answered."""
+            answers.append(answer)
+            answered.set()
+
+        self.want(Ticket(wish, done))
+        if not answered.wait(timeout):
+            raise UsageError("the print does not answer", remedy="is the printer connected?")
+        if isinstance(answers[0], UsageError):
+            raise answers[0]
+        return answers[0]
+
+    def pause(self, *, now: bool = False, cold: bool = False, park: bool = True) -> None:
+        """Pause, see `wishes.Pause`."""
+        self.ask(wishes.Pause(now=now, cold=cold, park=park))
+
+    def resume(self) -> None:
+        """Go on."""
+        self.ask(wishes.Resume())
+
+    def cancel(self) -> None:
+        """Drop the rest, run the end script."""
+        self.ask(wishes.Cancel())
+
+    def cancel_object(self, name: str) -> None:
+        """Print no more of one thing on the plate."""
+        self.ask(wishes.CancelObject(name))
+
+    def speed(self, percent: float) -> None:
+        """Percent of the file's speeds."""
+        self.ask(wishes.Speed(percent))
+
+    def flow(self, percent: float) -> None:
+        """Percent of the file's filament."""
+        self.ask(wishes.Flow(percent))
+
+    def heat(self, heater: str, celsius: float) -> None:
+        """Another temperature for nozzle or bed."""
+        self.ask(wishes.Heat(heater, celsius))
+
+    def baby_step(self, mm: float) -> None:
+        """Nozzle up, or down."""
+        self.ask(wishes.BabyStep(mm))
+
+    def say(self, command: str) -> None:
+        """One line of G-code."""
+        self.ask(wishes.Say(command))
+
+    def answer(self, choice: int) -> None:
+        """A button of the printer's question."""
+        self.ask(wishes.Answer(choice))
+
+    def status(self) -> dict[str, Any]:
+        """How it stands."""
+        return dict(json.loads(self.ask(wishes.Status())))
+
+    def stop(self) -> None:
+        """Emergency stop; it waits for nothing."""
+        self.want(Ticket(wishes.Stop()))

@@ -1,0 +1,160 @@
+"""A local socket through which another process of the same user has wishes for a running print.
+
+One request per connection: a line as `wishes.read_wish` reads it, answered with one line of JSON. On systems with Unix
+sockets only their owner can open it; elsewhere it is a TCP port of this computer alone, and a secret that stands in a
+file for the owner's eyes comes first.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import os
+import secrets
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from printer_slicer.errors import PortError, UsageError
+from printer_slicer.printing.controls import Controls
+from printer_slicer.printing.wishes import read_wish
+
+__all__ = ["ask_door", "open_door"]
+
+_ADDRESS = "control.json"
+_LONGEST = 4096
+_PATIENCE = 12.0
+_PATH_LIMIT = 100  # bytes; the name of a socket may be no longer than 104 on some systems
+_HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
+
+
+@contextmanager
+def open_door(folder: Path, controls: Controls, name: str) -> Iterator[None]:
+    """Answer for as long as the block runs; a door that cannot be opened is none, the print goes on.
+
+    Args:
+        folder: of the print, for its owner alone; holds the address.
+        controls: of the print.
+        name: of the job.
+    """
+    try:
+        listener, address = _listener(folder)
+        _write_private(folder / _ADDRESS, json.dumps(address))
+    except OSError:
+        yield
+        return
+    token = address.get("token", "")
+    thread = Thread(target=_serve, args=(listener, controls, name, token), name="control", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        # Closing does not wake `accept`; shutting down does, on every system that has Unix sockets.
+        with suppress(OSError):
+            listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        thread.join(_PATIENCE)
+        with suppress(OSError):
+            Path(address["path"]).unlink() if "path" in address else None
+        with suppress(OSError):
+            (folder / _ADDRESS).unlink()
+
+
+def _listener(folder: Path) -> tuple[socket.socket, dict[str, Any]]:
+    """A listening socket, and where it is."""
+    if not _HAS_UNIX:
+        listener = socket.create_server(("127.0.0.1", 0))
+        return listener, {"port": listener.getsockname()[1], "token": secrets.token_urlsafe(32)}
+    path = folder / "control.sock"
+    if len(os.fsencode(path)) > _PATH_LIMIT:
+        path = Path(tempfile.mkdtemp(prefix="printer-slicer-")) / "control.sock"
+    with suppress(FileNotFoundError):
+        path.unlink()  # of a process that was killed: the print is ours, so nobody listens there
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        before = os.umask(0o177)
+        try:
+            listener.bind(str(path))
+        finally:
+            os.umask(before)
+        listener.listen(8)
+    except OSError:
+        listener.close()
+        raise
+    return listener, {"path": str(path)}
+
+
+def _write_private(path: Path, text: str) -> None:
+    """A file that only its owner reads."""
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+
+
+def _serve(listener: socket.socket, controls: Controls, name: str, token: str) -> None:
+    """Answer one after the other, until the socket is closed."""
+    while True:
+        try:
+            connection, _ = listener.accept()
+        except OSError:
+            return
+        # One thread each: a process that connects and says nothing must not keep an emergency stop waiting.
+        Thread(target=_answer, args=(connection, controls, name, token), daemon=True).start()
+
+
+def _answer(connection: socket.socket, controls: Controls, name: str, token: str) -> None:
+    with connection, suppress(OSError, ValueError):
+        connection.settimeout(_PATIENCE)
+        line = _read_line(connection)
+        if token:
+            given, _, line = line.partition(" ")
+            if not hmac.compare_digest(given, token):
+                return
+        try:
+            answer: dict[str, Any] = {"ok": True, "job": name, "answer": controls.ask(read_wish(line))}
+        except UsageError as error:
+            answer = {"ok": False, "job": name, "answer": str(error)}
+        connection.sendall(json.dumps(answer).encode() + b"\n")
+
+
+def _read_line(connection: socket.socket) -> str:
+    """A line, without its end.
+
+    Raises:
+        ValueError: it has none, or is too long.
+    """
+    data = b""
+    while not data.endswith(b"\n"):
+        part = connection.recv(_LONGEST)
+        if not part or len(data) > 1 << 20:
+            raise ValueError("no line")
+        data += part
+    return data.decode("utf-8").rstrip("\n")
+
+
+def ask_door(folder: Path, line: str) -> dict[str, Any]:
+    """Ask a running print; its answer: ok, job, answer.
+
+    Raises:
+        PortError: nobody answers.
+    """
+    try:
+        address = json.loads((folder / _ADDRESS).read_text(encoding="utf-8"))
+        if "path" in address:
+            connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            connection.settimeout(_PATIENCE)
+            connection.connect(address["path"])
+        else:
+            connection = socket.create_connection(("127.0.0.1", address["port"]), timeout=_PATIENCE)
+            line = f"{address['token']} {line}"
+        with connection:
+            connection.sendall(line.encode() + b"\n")
+            return dict(json.loads(_read_line(connection)))
+    except (OSError, ValueError, KeyError) as error:
+        raise PortError(
+            f"the print does not answer: {error}", remedy="if its process is gone: printer-slicer resume"
+        ) from None

@@ -1,0 +1,438 @@
+"""Print a job over a serial port: wishes, Ctrl-C, a journal, and a checkpoint if it does not come to its end."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from threading import Event as Flag
+from threading import Thread, current_thread, main_thread
+from time import monotonic
+from typing import Any, Unpack
+
+from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
+from printer_slicer.jobs import Job
+from printer_slicer.policy import insist
+from printer_slicer.printing import shelf as shelves
+from printer_slicer.printing import wishes
+from printer_slicer.printing.checkpoint import forget_checkpoint, write_checkpoint
+from printer_slicer.printing.conductor import Conductor
+from printer_slicer.printing.controls import Controls
+from printer_slicer.printing.journal import LOST, Journal, read_story
+from printer_slicer.printing.objects import LiveJob, spans_of
+from printer_slicer.printing.options import Done, Options
+from printer_slicer.printing.phases import Ticket
+from printer_slicer.printing.setup import Setup, setup_of
+from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
+from printer_slicer.profile import Profile
+from printer_slicer.stream.events import Event, Finished, Halted, Note
+from printer_slicer.stream.link_meter import LinkMeter, Metered
+from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.serial_port import PortInfo, SerialPort, find_again, identity, open_port
+from printer_slicer.stream.session import run
+
+__all__ = ["Keeper", "print_job", "resume_print"]
+
+# Ctrl-C, a computer that shuts down, and a terminal that is closed (which Windows does not have).
+_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_OFF = "heaters and fan are off"
+_LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
+_SYNC = 1.0
+"""s between two times that the journal is brought to the disk."""
+
+_LOOK_FOR_PORT = 0.5
+
+
+def print_job(
+    job: Job, profile: Profile, port: str, *, baud: int | None = None, **options: Unpack[Options]
+) -> Done:
+    """Send a job to a printer, line by line, and wait until it has executed all of it.
+
+    Args:
+        job: what to print.
+        profile: on which printer.
+        port: device or pyserial URL.
+        baud: None takes the profile's.
+        **options: `on_event` is told what happens; `checkpoint` is where to write how far the print came, if it does
+            not come to its end; `controls` is for other threads, to pause, change and cancel; `shelf` is the folder
+            for what must be known to resume the print after anything, without one it cannot be; with `discard` an
+            unfinished print on this port is forgotten; `reconnect` says how many s to wait for a printer whose cable
+            was pulled, and needs a shelf; `dtr` is the level of the line that resets many boards, None: as the system
+            does; `allow` gives a reason why a command that a person types is refused, empty if it is not.
+
+    Raises:
+        PolicyError: the job holds what was not allowed, see `Job.allowing`; nothing was sent.
+        PortError: the port cannot be opened.
+        UsageError: a print on this port is unfinished.
+        PrintError: the printer stopped, or the port went away; the checkpoint is written.
+        Cancelled: Ctrl-C, SIGTERM, SIGHUP or the printer's own wish; heaters are off. A second one halts the printer.
+    """
+    insist(job.findings, job.allowed, name=job.name)
+    setup = setup_of(profile.printer)
+    speed = baud or setup.baud
+    shelf = options.get("shelf")
+    if shelf is not None:
+        _insist_on_finished(shelf, port, discard=options.get("discard", False))
+    transport = open_port(port, speed, dtr=options.get("dtr"))
+    print_ = None
+    try:
+        if shelf is not None:
+            print_ = shelves.begin(shelf, job.name, job.text, shelves.Place(port, speed), setup)
+    except BaseException:
+        transport.close()
+        raise
+    return Keeper(job, setup, shelves.Place(port, speed), print_, options).go(transport, None)
+
+
+def resume_print(
+    print_: shelves.Print,
+    job: Job,
+    *,
+    port: str | None = None,
+    recover: Callable[[str], bool] = lambda _: False,
+    **options: Unpack[Options],
+) -> Done:
+    """Go on with an unfinished print.
+
+    If the printer has kept its state, at the next line; else, with consent, at the place where it stopped, after homing
+    x and y, heating, and coming to it from outside the part.
+
+    Args:
+        print_: from the shelf.
+        job: made of its text.
+        port: where the printer is now, None: where it was.
+        recover: is told why the printer cannot just go on and what would be done; whether to do it.
+        **options: as for `print_job`.
+
+    Raises:
+        As `print_job`; UsageError: somebody prints it already; PrintError: no consent.
+    """
+    from printer_slicer.printing.recovery import recovery  # noqa: PLC0415 - rarely needed
+
+    if not print_.hold():
+        raise UsageError(f"{print_.name}: is being printed", remedy="see `printer-slicer control status`")
+    place = shelves.Place(port or print_.port, print_.baud)
+    transport = None
+    try:
+        transport = open_port(place.port, place.baud)
+        keeper = Keeper(job, print_.setup, place, print_, options)
+        try:
+            found = keeper.reattach(transport)
+            found = replace(found, phase="returning" if found.waits else found.phase)
+        except Lost as lost:
+            plan = recovery(print_, job)
+            if not recover(f"the printer cannot just go on: {lost}.\n{plan.told}"):
+                message = f"{job.name}: not resumed: {lost}"
+                raise PrintError(
+                    message, remedy="printer-slicer resume --recover does what was told"
+                ) from None
+            found = plan
+    except BaseException:
+        if transport is not None:
+            transport.close()
+        print_.release()
+        raise
+    return keeper.go(transport, found)
+
+
+def _insist_on_finished(shelf: Path, port: str, *, discard: bool) -> None:
+    """Never start over an unfinished print without a word.
+
+    Raises:
+        UsageError: there is one.
+    """
+    while (left := shelves.unfinished(shelf, port)) is not None:
+        if not discard:
+            raise UsageError(
+                f"{left.name}, begun {left.begun} on this port, is unfinished",
+                remedy="printer-slicer resume goes on with it; print --discard-unfinished forgets it",
+            )
+        left.forget()
+
+
+def _nobody(_: Event) -> None:
+    """Is told what happens."""
+
+
+def _anything(_: bytes) -> str:
+    """Is allowed."""
+    return ""
+
+
+class Keeper:
+    """One print, from its first byte to its last, over as many connections as it takes."""
+
+    def __init__(
+        self, job: Job, setup: Setup, place: shelves.Place, print_: shelves.Print | None, options: Options
+    ) -> None:
+        self._job, self._setup, self._print = job, setup, print_
+        self._port, self._baud = place.port, place.baud
+        self._listen = options.get("on_event", _nobody)
+        self._checkpoint = options.get("checkpoint")
+        self._controls = options.get("controls") or Controls()
+        self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
+        self._allow = options.get("allow", _anything)
+        self._journal = Journal(print_.folder) if print_ else None
+        self._meter = LinkMeter(setup.limits)
+        self._spans = spans_of(job.text)
+        self._board: PortInfo | None = None
+        self._transport: SerialPort | None = None
+        self._conductor: Conductor | None = None
+        self._streamer: Streamer | None = None
+        self._done = 0
+        self._interrupts = 0
+
+    def go(self, transport: SerialPort, found: TakenUp | None) -> Done:
+        """Print to the end.
+
+        Args:
+            transport: the open port.
+            found: where to go on, None at the beginning.
+
+        Raises:
+            As `print_job`.
+        """
+        begun = monotonic()
+        try:
+            with self._signals(), self._synced(), self._answering():
+                self._connections(transport, found)
+        except PortError as error:
+            raise PrintError(self._stopped(str(error).splitlines()[0]), remedy=self._look()) from None
+        except Exception as error:
+            why = "nobody reads the output any more" if isinstance(error, BrokenPipeError) else repr(error)
+            raise PrintError(self._stopped(f"{why}; {_OFF}"), remedy=self._look()) from error
+        finally:
+            self._close()
+        end = self._finished()
+        forget_checkpoint(self._checkpoint, self._job)
+        return Done(len(self._job.commands), monotonic() - begun, end.verified, self._meter.seen())
+
+    def reattach(self, transport: SerialPort) -> TakenUp:
+        """Ask the printer whether it has kept its state, and where it stands.
+
+        Raises:
+            Lost: it has not.
+            PortError: the cable is gone.
+        """
+        assert self._print is not None
+        assert self._journal is not None
+        if not self._print.same_boot:
+            raise Lost("the computer was restarted, and the end of the journal may be missing")
+        story = read_story(self._print.folder)
+        attach = ask_printer(transport, monotonic, story, self._journal)
+        found = take_up(story, attach, self._job.commands, self._spans, self._setup)
+        last = attach.questions()[-1][0]
+        self._journal.accepted(last, found.entries, monotonic())
+        return found
+
+    # One connection after the other.
+
+    def _connections(self, transport: SerialPort, found: TakenUp | None) -> None:
+        while True:
+            try:
+                self._connect(transport, found)
+            except PortError as error:
+                transport, found = self._again(error)
+            else:
+                return
+
+    def _connect(self, transport: SerialPort, found: TakenUp | None) -> None:
+        """Stream over one connection until the end; if a listener fails, end the print in good order first."""
+        self._transport = transport
+        self._board = identity(self._port) or self._board
+        live = found.job if found else LiveJob(self._job.commands, self._spans)
+        streamer = Streamer(
+            live,
+            limits=self._setup.limits,
+            window_bytes=self._setup.window_bytes,
+            baud=self._baud,
+            obeys=False,
+            first=found.entries if found else 0,
+        )
+        conductor = Conductor(
+            streamer, live, self._setup, journal=self._journal, listen=self._listen, allow=self._allow
+        )
+        self._conductor, self._streamer = conductor, streamer
+        if self._journal:
+            self._journal.epoch(streamer.acknowledged)
+        if found and found.phase == "recovering" and self._journal:
+            self._journal.state({"phase": "recovering", "recovering_at": found.point})
+        if found and found.phase == "cancelling":
+            conductor.want(Ticket(wishes.Cancel()))
+        elif found and (found.parked or found.replay):
+            conductor.restore(found.parked, found.pushed, found.replay, waits=found.waits)
+        self._controls.bind(conductor, transport.wake)
+        try:
+            self._run(conductor)
+        except PortError:
+            raise
+        except Exception:
+            conductor.mute()
+            conductor.cancel()
+            self._run(conductor)
+            raise
+
+    def _run(self, conductor: Conductor) -> None:
+        """Run on through interruptions: they are wishes like the signals."""
+        assert self._streamer is not None
+        assert self._transport is not None
+        cable = Metered(self._transport, self._meter, monotonic)
+
+        def hear(event: Event) -> None:
+            """Tell the meter, and whoever acts on it."""
+            self._meter.heard(event)
+            conductor.hear(event)
+
+        while True:
+            try:
+                run(
+                    self._streamer,
+                    cable,
+                    monotonic,
+                    on_event=hear,
+                    on_turn=conductor.on_turn,
+                    record=conductor.record,
+                )
+            except KeyboardInterrupt:
+                self._interrupt()
+            else:
+                return
+
+    def _again(self, error: PortError) -> tuple[SerialPort, TakenUp]:
+        """Wait until the printer is plugged in again, and take it up.
+
+        Raises:
+            PortError: it is not, or it has lost its state.
+        """
+        self._controls.bind(None)
+        self._done = self._streamer.acknowledged if self._streamer else self._done
+        if self._transport is not None:
+            self._transport.close()
+        if self._print is None or self._journal is None:
+            raise error
+        reason = str(error).splitlines()[0]
+        self._journal.ended(f"{LOST}{reason}", monotonic())
+        if not self._reconnect or self._journal.failed:
+            raise error
+        self._listen(Note(f"{reason}: waiting {self._reconnect:g} s for it to come back"))
+        transport = self._wait_for_port(error)
+        try:
+            found = self.reattach(transport)
+        except Lost as lost:
+            transport.close()
+            raise PortError(f"{reason}; it is back, but {lost}", remedy="printer-slicer resume") from None
+        self._listen(Note(f"it is back, and has kept its state after {found.entries} commands"))
+        return transport, found
+
+    def _wait_for_port(self, error: PortError) -> SerialPort:
+        give_up = monotonic() + self._reconnect
+        while monotonic() < give_up and not self._controls.wants_end and not self._interrupts:
+            self._controls.wanted.wait(_LOOK_FOR_PORT)
+            self._controls.wanted.clear()
+            address = (find_again(self._board) if self._board else "") or self._port
+            with suppress(PortError):
+                transport = open_port(address, self._baud, dtr=self._dtr)
+                self._port = address
+                return transport
+        raise error
+
+    # Signals, the disk, other processes.
+
+    @contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Count the signals instead of being interrupted by them; only the main thread gets any."""
+        if current_thread() is not main_thread():
+            yield
+            return
+        before: list[Any] = [signal.signal(number, self._on_signal) for number in _SIGNALS]
+        try:
+            yield
+        finally:
+            for number, handler in zip(_SIGNALS, before, strict=True):
+                signal.signal(number, handler)
+
+    def _on_signal(self, _number: int, _frame: object) -> None:
+        self._interrupt()
+
+    def _interrupt(self) -> None:
+        """The first one ends the print in good order, the second one halts the printer at once."""
+        self._interrupts += 1
+        if self._conductor is not None:
+            self._conductor.want(Ticket(wishes.Cancel() if self._interrupts == 1 else wishes.Stop()))
+        if self._transport is not None:
+            self._transport.wake()
+
+    @contextmanager
+    def _synced(self) -> Iterator[None]:
+        """Bring the journal to the disk once a second, where that delays no line."""
+        journal, stop = self._journal, Flag()
+        if journal is None:
+            yield
+            return
+
+        def work() -> None:
+            """Until the print has ended."""
+            while not stop.wait(_SYNC):
+                journal.sync()
+
+        thread = Thread(target=work, name="journal", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+
+    @contextmanager
+    def _answering(self) -> Iterator[None]:
+        """Let other processes of this user have wishes."""
+        if self._print is None:
+            yield
+            return
+        from printer_slicer.printing.door import open_door  # noqa: PLC0415 - sockets are only needed here
+
+        with open_door(self._print.folder, self._controls, self._job.name):
+            yield
+
+    # The end.
+
+    def _close(self) -> None:
+        self._controls.bind(None)
+        if self._transport is not None:
+            self._transport.close()
+
+    def _finished(self) -> Finished:
+        """The end of a print that was neither halted nor cancelled."""
+        conductor = self._conductor
+        assert conductor is not None
+        end = conductor.ended
+        if isinstance(end, Finished):
+            if not end.cancelled:
+                self._leave(keep=False, reason="done")
+                return end
+            raise Cancelled(self._stopped(f"cancelled, {_OFF}", keep=False))
+        assert isinstance(end, Halted)
+        kind = Cancelled if conductor.wished_end else PrintError
+        raise kind(self._stopped(end.reason), remedy=self._look())
+
+    def _look(self) -> str:
+        return _LOOK if self._print is None else f"{_LOOK}; printer-slicer resume goes on with it"
+
+    def _leave(self, *, keep: bool, reason: str) -> None:
+        """Close the journal, and keep it only if the print can be resumed."""
+        if self._journal is not None:
+            self._journal.ended(reason, monotonic())
+            self._journal.close()
+        if self._print is not None:
+            if keep:
+                self._print.release()
+            else:
+                self._print.forget()
+
+    def _stopped(self, reason: str, *, keep: bool = True) -> str:
+        """Write the checkpoint; say why and where the print stopped."""
+        done = self._streamer.acknowledged if self._streamer else self._done
+        self._leave(keep=keep and done > 0, reason=reason)
+        return write_checkpoint(self._job, done, self._checkpoint, reason)

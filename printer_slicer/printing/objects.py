@@ -1,0 +1,224 @@
+"""Several things on one plate: which entries print which, and how one of them is left out.
+
+Its moves are not sent; everything else between its marks is, so that heat, fan and limits stay as the file wants them.
+In the places of the last moves stand the few commands that make height, filament and modes those that the file counts
+on behind the thing. The nozzle stays where it was until the next thing's first move, which follows at once.
+
+Sources: OctoPrint's comments (`; printing object`), Marlin's and Duet3D's M486, Klipper's EXCLUDE_OBJECT.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, overload
+
+from printer_slicer.errors import UsageError
+from printer_slicer.printing.modes import Modes, Stand, number
+from printer_slicer.stream.framing import strip
+from printer_slicer.stream.tracker import parse
+
+__all__ = ["LiveJob", "Span", "spans_of"]
+
+_COMMENT: Final = re.compile(rb"\s*;\s*(stop )?printing object (.+?)\s*$")
+_M486: Final = re.compile(rb"M486\s+([STAC])\s*(.*)")
+_WORDS: Final = re.compile(rb"EXCLUDE_OBJECT_(START|END)(?:\s+NAME=(\S+))?")
+_HINTS: Final = (b"printing object", b"M486", b"EXCLUDE_OBJECT_START")
+_MOVES: Final = frozenset({b"G0", b"G1", b"G2", b"G3", b"G10", b"G11", b"G92"})
+_LOOK_AHEAD: Final = 40
+_NEAR: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Entries `first` to before `end` of the job print the thing `name`."""
+
+    name: str
+    first: int
+    end: int
+
+
+def spans_of(text: bytes) -> tuple[Span, ...]:
+    """The marks of a G-code text; none where it has no marks."""
+    if not any(hint in text for hint in _HINTS):
+        return ()
+    spans: list[Span] = []
+    names: dict[str, str] = {}
+    open_: tuple[str, int] | None = None
+    count = 0
+    for line in text.removeprefix(b"\xef\xbb\xbf").split(b"\n"):
+        mark = _mark(line, names, open_[0] if open_ else "")
+        if mark is not None:
+            if open_ and open_[1] < count:
+                spans.append(Span(*open_, count))
+            open_ = (mark, count) if mark else None
+        count += bool(strip(line))
+    if open_ and open_[1] < count:
+        spans.append(Span(*open_, count))
+    return tuple(Span(names.get(span.name, span.name), span.first, span.end) for span in spans)
+
+
+def _mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
+    """The thing that begins in this line, empty where one ends, None in any other line."""
+    if found := _COMMENT.match(line):
+        return "" if found[1] else found[2].decode(errors="replace")
+    if found := _WORDS.match(line):
+        return "" if found[1] == b"END" else (found[2] or b"").decode(errors="replace")
+    if found := _M486.match(line):
+        value = found[2].strip().strip(b'"').decode(errors="replace")
+        if found[1] == b"S":
+            which, _, rest = value.partition(" ")
+            if rest.startswith("A"):
+                names[which] = rest[1:].strip('"')
+            return "" if which.startswith("-") else which
+        if found[1] == b"A" and inside:
+            names[inside] = value
+    return None
+
+
+class LiveJob(Sequence[bytes]):
+    """The entries of a job as they are sent: without the things that were given up.
+
+    Attributes:
+        modes: of the printer behind the entries that were followed so far, and behind what else was sent.
+        followed: so many entries.
+        cancelled: names of things given up.
+        cancelled_at: the entry from which on each of them is.
+        marked_for_klipper: whether the firmware knows the things, too.
+    """
+
+    def __init__(self, commands: Sequence[bytes], spans: Sequence[Span] = (), first: int = 0) -> None:
+        self.modes = Modes()
+        self.followed = 0
+        self.cancelled: set[str] = set()
+        self.cancelled_at: dict[str, int] = {}
+        self.marked_for_klipper = any(command.startswith(b"EXCLUDE_OBJECT") for command in commands[:1000])
+        self._commands = commands
+        self._spans = spans
+        self._begins = [span.first for span in spans]
+        self._changed: dict[int, bytes] = {}
+        self._looked = first  # entries before are sent, and stay as they are
+
+    @property
+    def names(self) -> list[str]:
+        """The things on the plate, in the order in which they come."""
+        return list(dict.fromkeys(span.name for span in self._spans))
+
+    def as_json(self) -> dict[str, Any]:
+        """For the status."""
+        return {"objects": self.names, "cancelled": sorted(self.cancelled)}
+
+    def __len__(self) -> int:
+        """Entries of the job."""
+        return len(self._commands)
+
+    @overload
+    def __getitem__(self, index: int) -> bytes: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[bytes]: ...
+    def __getitem__(self, index: int | slice) -> bytes | Sequence[bytes]:
+        """An entry as it is sent, empty if it is not."""
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if self.cancelled and index >= self._looked:
+            self._look(index)
+        return self._changed.get(index, self._commands[index]) if self._changed else self._commands[index]
+
+    def __iter__(self) -> Iterator[bytes]:
+        """All entries, without deciding anything about those to come."""
+        return iter(self._commands)
+
+    def cancel(self, name: str, taken: int) -> str:
+        """Give up a thing from entry `taken` on; its name.
+
+        Raises:
+            UsageError: there is no such thing.
+        """
+        names = self.names
+        if name not in names and name.isdecimal() and int(name) < len(names):
+            name = names[int(name)]
+        if name not in names:
+            there = ", ".join(names) if names else "the file marks none"
+            raise UsageError(f"no object {name!r}", remedy=f"there are: {there}")
+        self.cancelled.add(name)
+        self.cancelled_at.setdefault(name, taken)
+        self._looked = max(self._looked, taken)
+        return name
+
+    def follow(self, until: int) -> Modes:
+        """Follow the entries before `until`; the modes then."""
+        for index in range(self.followed, until):
+            self.modes.follow(self[index], index)
+        self.followed = max(self.followed, until)
+        return self.modes
+
+    def _look(self, index: int) -> None:
+        """Decide about the span that holds an entry, if it belongs to a thing that was given up."""
+        at = bisect_right(self._begins, index) - 1
+        if at < 0:
+            self._looked = index
+            return
+        span = self._spans[at]
+        if index < span.end and span.name in self.cancelled:
+            self._leave_out(index, span.end)
+            self._looked = span.end
+        else:
+            self._looked = index + 1
+
+    def _leave_out(self, first: int, end: int) -> None:
+        """Send no moves from `first` to before `end`, and make up for what else they did."""
+        self._looked = end  # what follows asks for entries, too
+        before = self.follow(first)
+        after = Modes()
+        after.stand = before.stand
+        moves = []
+        for index in range(first, end):
+            command = self._commands[index]
+            after.follow(command)
+            if parse(command)[0] in _MOVES:
+                moves.append(index)
+        amends = _amends(before, after, self._comes_anyway(end, after.stand))
+        if len(amends) > len(moves):
+            return
+        self._changed |= dict.fromkeys(moves, b"")
+        self._changed |= dict(zip(moves[len(moves) - len(amends) :], amends, strict=True))
+
+    def _comes_anyway(self, end: int, stand: Stand) -> bool:
+        """Whether the first move behind leads to a place of its own without laying plastic."""
+        for index in range(end, min(end + _LOOK_AHEAD, len(self._commands))):
+            word, values = parse(self._commands[index])
+            if word in {b"G0", b"G1"} and (b"X" in values or b"Y" in values):
+                return {b"X", b"Y"} <= set(values) and b"E" not in values and not stand.relative
+            if word in {b"G28", b"G2", b"G3", b"G91"}:
+                return word == b"G28"
+        return False
+
+
+def _amends(before: Modes, after: Modes, comes_anyway: bool) -> list[bytes]:
+    """What makes the state before a thing the one behind it; modes were sent already."""
+    old, new = before.stand, after.stand
+    script: list[bytes] = []
+    moves: list[bytes] = []
+    risen = (new.z or 0.0) - (old.z or 0.0)
+    if new.z is not None and abs(risen) > _NEAR:
+        moves.append(b"G1 Z%s" % number(new.z))
+    if not comes_anyway and new.known and (new.x, new.y) != (old.x, old.y):
+        travel = b"G1 X%s Y%s F6000" % (number(new.x or 0.0), number(new.y or 0.0))
+        moves.insert(len(moves) if risen > 0 else 0, travel)
+    if moves:
+        script += [b"G90", *moves] if new.relative else moves
+    if (pull := old.pulled - new.pulled) and abs(pull) > _NEAR:
+        script += [b"M83", b"G1 E%s F1500" % number(pull)]
+    if old.retracted != new.retracted:
+        script.append(b"G10" if new.retracted else b"G11")
+    if abs(new.e - old.e) > _NEAR or b"M83" in script:
+        script.append(b"G92 E%s" % number(new.e))
+    if b"G90" in script:
+        script.append(b"G91")
+    if b"M83" in script or b"G91" in script:
+        script.append(b"M83" if new.relative_e else b"M82")
+    if new.speed and (new.speed != old.speed or moves or b"M83" in script):
+        script.append(b"G1 F%s" % number(new.speed * 60))
+    return script

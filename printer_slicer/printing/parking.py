@@ -1,0 +1,199 @@
+"""Leaving the part and coming back: what is sent when a print pauses, and what brings it back to the same place.
+
+pause    pull back filament - lift over everything printed - go off the part (- cool down)
+resume   (heat up - push out what became old) - go over the place - down - push forward what was pulled back -
+         E, modes and speed as they were
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from printer_slicer.printing.modes import Modes, Stand, number
+from printer_slicer.printing.setup import Setup
+from printer_slicer.printing.wishes import Pause
+from printer_slicer.stream.tracker import parse
+
+__all__ = [
+    "Parked",
+    "as_it_was",
+    "come_back",
+    "end_script",
+    "leave",
+    "parked_at",
+    "parked_from",
+    "parking_place",
+    "pushed_by",
+]
+
+_NEAR = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class Parked:
+    """A print that was left: where to come back to, and how.
+
+    Attributes:
+        entries: of the job that had a number when it was left.
+        stand: to come back to.
+        park: whether the nozzle leaves the place.
+        spot: where it waits, x and y.
+        safe: z of the way there and back.
+        hotend, bed: °C that the print wants.
+        cold: whether the nozzle cools down meanwhile.
+        replay: commands of planned moves that were thrown away, to be sent after coming back.
+    """
+
+    entries: int
+    stand: Stand
+    park: bool
+    spot: tuple[float, float] = (0.0, 0.0)
+    safe: float = 0.0
+    hotend: float = 0.0
+    bed: float = 0.0
+    cold: bool = False
+    replay: tuple[str, ...] = field(default=())
+
+    def as_json(self) -> dict[str, Any]:
+        """As the journal holds it."""
+        return asdict(self)
+
+
+def parked_from(values: Mapping[str, Any]) -> Parked:
+    """What `as_json` gave."""
+    changed = {
+        "stand": Stand(**values["stand"]),
+        "spot": tuple(values["spot"]),
+        "replay": tuple(values["replay"]),
+    }
+    return Parked(**{**values, **changed})
+
+
+def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:
+    """What a print comes back to that is left now.
+
+    Args:
+        stand: to come back to.
+        modes: of the printer.
+        setup: the printer.
+        pause: how a person wants it.
+        entries: of the job that have a number.
+    """
+    z = stand.place[2]
+    return Parked(
+        entries=entries,
+        stand=stand,
+        park=pause.park and stand.known and modes.metric,
+        spot=parking_place(setup, modes.box),
+        safe=max(z, min(max(modes.highest, z) + setup.lift, setup.top)),
+        hotend=modes.hotend,
+        bed=modes.bed,
+        cold=pause.cold and modes.hotend > 0,
+    )
+
+
+def parking_place(setup: Setup, box: tuple[float, float, float, float] | None) -> tuple[float, float]:
+    """The corner of the bed that is farthest from the part.
+
+    Args:
+        setup: the printer.
+        box: x from, y from, x to, y to of everything that the job lays; None if that is not known.
+    """
+    (left, front), (right, back) = setup.low, setup.high
+    inset = min(5.0, (right - left) / 4, (back - front) / 4)
+    corners = [(x, y) for y in (back - inset, front + inset) for x in (left + inset, right - inset)]
+    if box is None:
+        return corners[0]
+
+    def off(corner: tuple[float, float]) -> float:
+        """How far a corner is from the box, mm; negative for how deep inside."""
+        beside = [box[axis] - corner[axis] for axis in (0, 1)] + [
+            corner[axis] - box[axis + 2] for axis in (0, 1)
+        ]
+        return max(beside)
+
+    return max(corners, key=off)
+
+
+def leave(parked: Parked, modes: Modes, setup: Setup) -> list[bytes]:
+    """The commands that take the nozzle off the part."""
+    script: list[bytes] = []
+    if parked.park:
+        if modes.hotend >= setup.coldest:
+            script += [b"M83", b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
+        script += [b"G90", b"G1 Z%s F%d" % (number(parked.safe), setup.lift_speed * 60)]
+        x, y = parked.spot
+        script.append(b"G1 X%s Y%s F%d" % (number(x), number(y), setup.travel_speed * 60))
+    if parked.cold:
+        script.append(b"M104 S0")
+    return script
+
+
+def come_back(parked: Parked, setup: Setup, pushed: float) -> list[bytes]:
+    """The commands that bring the nozzle back.
+
+    Args:
+        parked: where to.
+        setup: the printer.
+        pushed: mm of filament pushed forward since it was left; negative for what is pulled back.
+    """
+    script: list[bytes] = []
+    if parked.cold and parked.hotend:
+        script += [b"M104 S%s" % number(parked.hotend), b"M109 S%s" % number(parked.hotend)]
+    stand = parked.stand
+    if parked.park:
+        warm = parked.hotend >= setup.coldest
+        if parked.cold and warm:
+            script += [
+                b"M83",
+                b"G1 E%s F300" % number(setup.purge),
+                b"G1 E-%s F300" % number(setup.purge / 10),
+            ]
+            pushed = stand.pulled - setup.purge / 10
+        x, y, z = (number(value) for value in stand.place)
+        script += [
+            b"G90",
+            b"G1 Z%s F%d" % (number(parked.safe), setup.lift_speed * 60),
+            b"G1 X%s Y%s F%d" % (x, y, setup.travel_speed * 60),
+            b"G1 Z%s F%d" % (z, setup.lift_speed * 60),
+        ]
+        if warm and abs(pushed) > _NEAR:
+            script += [b"M83", b"G1 E%s F%d" % (number(-pushed), setup.deretract_speed * 60)]
+    return script + as_it_was(stand)
+
+
+def as_it_was(stand: Stand) -> list[bytes]:
+    """Modes, filament count and speed."""
+    script = [
+        b"G92 E%s" % number(stand.e),
+        b"G91" if stand.relative else b"G90",
+        b"M83" if stand.relative_e else b"M82",
+    ]
+    return script + ([b"G1 F%s" % number(stand.speed * 60)] if stand.speed else [])
+
+
+def pushed_by(commands: Sequence[bytes]) -> float:
+    """mm of filament that commands pushed forward which count E from where it is."""
+    moved = 0.0
+    for command in commands:
+        word, values = parse(command)
+        if word == b"G1":
+            moved += values.get(b"E", 0.0)
+    return moved
+
+
+def end_script(modes: Modes, setup: Setup, spot: tuple[float, float]) -> list[bytes]:
+    """What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle away, motors off."""
+    script = [b"M104 S0", b"M140 S0", b"M107"]
+    if modes.chamber:
+        script.append(b"M141 S0")
+    stand = modes.stand
+    script += [b"G91", b"G1 Z5 F300", b"G90"]
+    if stand.known and modes.metric and modes.box:
+        x, y = spot
+        if modes.highest + 5 > stand.place[2] + 5:
+            script.append(b"G1 Z%s F300" % number(modes.highest + 5))
+        script.append(b"G1 X%s Y%s F%d" % (number(x), number(y), setup.travel_speed * 60))
+    return [*script, b"M84"]

@@ -1,0 +1,184 @@
+"""Going on with a print on a printer that has lost its state: what is sent before the rest of the job.
+
+soften the nozzle - z as the journal has it - lift over everything printed - home x and y - heat - prime beside the
+part - come down outside of it - over the place - down - filament, modes and speed as they were - the rest
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+from printer_slicer.errors import PrintError
+from printer_slicer.jobs import Job
+from printer_slicer.printing.along import rest_of, stand_at
+from printer_slicer.printing.approach import approach_from, laid_points
+from printer_slicer.printing.journal import LOST, Story, read_story
+from printer_slicer.printing.modes import Modes, Stand, number
+from printer_slicer.printing.objects import LiveJob, spans_of
+from printer_slicer.printing.parking import Parked, as_it_was, parked_from, parking_place
+from printer_slicer.printing.setup import Setup
+from printer_slicer.printing.shelf import Print
+from printer_slicer.printing.stopped_at import stopped_at
+from printer_slicer.printing.take_up import TakenUp, rebuild
+
+__all__ = ["Point", "Recovery", "point_of_loss", "recovery", "recovery_script"]
+
+_SOFT: Final = 150.0
+"""°C at which plastic lets go of a nozzle that stuck in it, and does not drip yet."""
+
+_OVER: Final = 1.0
+"""mm over the layer at which the nozzle comes in from outside."""
+
+_REMEDY: Final = "print it anew: printer-slicer print --discard-unfinished"
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Where a print is taken up again.
+
+    Attributes:
+        entries: of the job that are not sent again.
+        stand: of the printer there.
+        replay: commands to be sent first, such as the rest of a move.
+    """
+
+    entries: int
+    stand: Stand
+    replay: tuple[bytes, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """As the journal holds it."""
+        replay = [command.decode("latin-1") for command in self.replay]
+        return {"entries": self.entries, "stand": asdict(self.stand), "replay": replay}
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery(TakenUp):
+    """What will be done. See `TakenUp`.
+
+    Attributes:
+        told: the same in words.
+    """
+
+    told: str = ""
+
+
+def recovery(print_: Print, job: Job) -> Recovery:
+    """What it takes to go on with a print whose printer has lost its state.
+
+    Raises:
+        PrintError: it cannot be done: too early, or where the nozzle was is not known.
+    """
+    story = read_story(print_.folder)
+    lost = _lost(story, same_boot=print_.same_boot)
+    live = rebuild(story, story.line, job.commands, spans_of(job.text))
+    point = point_of_loss(story, live, lost, print_.setup)
+    modes = live.modes
+    if not point.stand.known or not modes.metric or modes.box is None:
+        raise PrintError(f"{job.name}: nothing was printed yet", remedy=_REMEDY)
+    script = recovery_script(job, point, modes, print_.setup)
+    z, layer = point.stand.place[2], job.layer_of(point.entries)
+    x, y, _ = point.stand.place
+    told = (
+        f"Recovery: warm the nozzle to {_SOFT:g} °C, take z for {z:g} mm, lift, home x and y only, heat to"
+        f" {modes.hotend:g} and {modes.bed:g} °C, prime beside the part, and go on at x {x:.1f} y {y:.1f}"
+        + (f" in layer {layer}" if layer else "")
+        + f", behind {point.entries} of {len(job.commands)} commands."
+    )
+    rest = LiveJob(job.commands, spans_of(job.text), point.entries)
+    rest.modes, rest.followed = modes, point.entries
+    for name in live.cancelled:
+        rest.cancel(name, point.entries)
+    return Recovery(
+        point.entries,
+        rest,
+        "recovering",
+        None,
+        0.0,
+        tuple(command.decode("latin-1") for command in (*script, *point.replay)),
+        point.as_json(),
+        told,
+    )
+
+
+def _lost(story: Story, *, same_boot: bool) -> float | None:
+    """When the printer was lost, s; None: long after the host was, so it made all it had planned."""
+    if story.stopped is not None and story.reason.startswith(LOST):
+        return story.stopped
+    if story.stopped is None and same_boot:
+        return None
+    # Silence, a reset that was noticed later, a computer without power: soon after the last answer.
+    return story.accepted[-1][1] if story.accepted else None
+
+
+def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) -> Point:
+    """Where the nozzle was, and what is left to do there.
+
+    Args:
+        story: of the journal.
+        job: the entries as they were sent; is followed as far as they were accepted.
+        lost: when the printer was lost, s; None: it made all it had planned.
+        setup: the printer.
+    """
+    if values := story.states.get("recovering_at"):
+        replay = tuple(text.encode("latin-1") for text in values["replay"])
+        job.follow(int(values["entries"]))
+        return Point(int(values["entries"]), Stand(**values["stand"]), replay)
+    if values := story.states.get("parked"):
+        job.follow(story.entries)
+        parked: Parked = parked_from(values)
+        job.modes.hotend, job.modes.bed = parked.hotend, parked.bed
+        return Point(parked.entries, parked.stand, tuple(text.encode("latin-1") for text in parked.replay))
+    modes = job.follow(story.entries)
+    steps = [step for step in modes.recent if step.entry < story.entries]
+    if not steps:
+        return Point(story.entries, modes.stand)
+    index, share = stopped_at(steps, story.accepted, lost, setup.limits)
+    step = steps[index]
+    stand = stand_at(step, share)
+    rest = [rest_of(step, share)] if share < 1.0 else []
+    for later in steps[index + 1 :]:
+        if later.entry >= 0:
+            entries = later.entry
+            break
+        rest.append(later.command)
+    else:
+        entries = story.entries
+    return Point(entries, stand, tuple(rest))
+
+
+def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[bytes]:
+    """The commands before the rest of the job."""
+    x, y, z = point.stand.place
+    safe = max(min(max(modes.highest, z) + setup.lift, setup.top), z)
+    spot = parking_place(setup, modes.box)
+    lift = b" F%d" % (setup.lift_speed * 60)
+    travel = b" F%d" % (setup.travel_speed * 60)
+    script = [b"G21", *_settings(modes), b"M140 S%s" % number(modes.bed)]
+    script += [b"M109 S%s" % number(min(_SOFT, modes.hotend))] if modes.hotend else []
+    script += [b"SET_KINEMATIC_POSITION Z=%s" % number(z)] if setup.flavour == "klipper" else []
+    script += [b"G90", b"G92 Z%s" % number(z), b"G1 Z%s" % number(safe) + lift, b"G28 X Y"]
+    script += [b"G1 X%s Y%s" % (number(spot[0]), number(spot[1])) + travel]
+    script += [b"M190 S%s" % number(modes.bed)] if modes.bed else []
+    if modes.hotend:
+        script.append(b"M109 S%s" % number(modes.hotend))
+    warm = modes.hotend >= setup.coldest
+    if warm:
+        prime = [b"M83", b"G1 E%s F300" % number(setup.purge + setup.retract)]
+        script += [*prime, b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
+    script.append(b"M106 S%d" % modes.fan if modes.fan else b"M107")
+    beside = approach_from(laid_points(job, point.entries, setup), (x, y, z), setup)
+    if beside is not None:
+        script.append(b"G1 X%s Y%s" % (number(round(beside[0], 3)), number(round(beside[1], 3))) + travel)
+        script.append(b"G1 Z%s" % number(min(z + _OVER, safe)) + lift)
+    script += [b"G1 X%s Y%s" % (number(x), number(y)) + travel, b"G1 Z%s" % number(z) + lift]
+    forward = setup.retract - point.stand.pulled
+    if warm and forward:
+        script.append(b"G1 E%s F%d" % (number(forward), setup.deretract_speed * 60))
+    return script + as_it_was(point.stand)
+
+
+def _settings(modes: Modes) -> list[bytes]:
+    """What was set and stays, said again."""
+    return [*([modes.tool] if modes.tool else []), *modes.sticky.values()]

@@ -1,0 +1,93 @@
+"""What of a profile the host needs once a job is made: kept in the journal, so that profiles may change meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Final
+
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import Limits
+from printer_slicer.profile import Printer
+
+__all__ = ["Setup", "setup_from", "setup_of"]
+
+_STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The printer, as the host sees it. Lengths mm, speeds mm/s.
+
+    Attributes:
+        flavour: of its firmware.
+        limits: of its motion.
+        window_bytes: most bytes in flight.
+        baud: of the port.
+        low, high: front left and back right corner of the bed.
+        top: greatest z.
+        retract, retract_speed, deretract_speed: of the filament around a pause.
+        travel_speed, lift_speed: of moves to and from the parking place.
+        lift: of the nozzle over the part.
+        purge: mm of filament pushed out and lost after the nozzle was cold.
+        coldest: °C below which the extruder must not turn.
+    """
+
+    flavour: str
+    limits: Limits
+    window_bytes: int
+    baud: int
+    low: tuple[float, float]
+    high: tuple[float, float]
+    top: float
+    retract: float
+    retract_speed: float
+    deretract_speed: float
+    travel_speed: float
+    lift_speed: float
+    lift: float = 5.0
+    purge: float = 10.0
+    coldest: float = 170.0
+
+    @property
+    def stoppable(self) -> bool:
+        """Whether the firmware has M410, which throws away what is planned."""
+        return self.flavour in _STOPPABLE
+
+    def as_json(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        return asdict(self)
+
+
+def setup_of(printer: Printer) -> Setup:
+    """What the profile of a printer says."""
+    low, high = printer.corners
+    return Setup(
+        flavour=printer.flavour,
+        limits=limits_of(printer),
+        window_bytes=printer.receive_buffer - 1,
+        baud=printer.baud,
+        low=low,
+        high=high,
+        top=printer.bed_z,
+        retract=min(max(printer.retract_length, 0.5), 6.0),
+        retract_speed=printer.retract_speed,
+        deretract_speed=printer.deretract_speed,
+        travel_speed=min(100.0, printer.max_speed_x, printer.max_speed_y),
+        lift_speed=min(10.0, printer.max_speed_z),
+    )
+
+
+def setup_from(values: Mapping[str, Any]) -> Setup:
+    """What `as_json` gave.
+
+    Raises:
+        KeyError, TypeError: it is something else.
+    """
+    known = {field.name for field in fields(Setup)}
+    kept: dict[str, Any] = {key: value for key, value in values.items() if key in known}
+    limits: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in kept["limits"].items()
+    }
+    kept |= {"limits": Limits(**limits), "low": tuple(kept["low"]), "high": tuple(kept["high"])}
+    return Setup(**kept)

@@ -1,0 +1,221 @@
+"""The folder of prints that are running or unfinished."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.printing.setup import Setup, setup_from
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+__all__ = ["Place", "Print", "Shelf", "begin", "default_shelf", "find", "on_shelf", "same_port", "unfinished"]
+
+_HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
+Shelf = Path
+
+
+def default_shelf() -> Path:
+    """Where prints are kept: $PRINTER_SLICER_STATE, else the place for such things on this system."""
+    if named := os.environ.get("PRINTER_SLICER_STATE"):
+        return Path(named) / "prints"
+    from platformdirs import user_state_path  # noqa: PLC0415 - slow, and only needed here
+
+    return Path(user_state_path("printer-slicer", appauthor=False)) / "prints"
+
+
+@dataclass(slots=True)
+class Print:
+    """A print on the shelf.
+
+    Attributes:
+        folder: with `head.json`, `job.gcode`, `journal`.
+        name: of the job.
+        port, baud: where it was printed.
+        begun: when, as people write it.
+        boot: which run of the computer that was.
+    """
+
+    folder: Path
+    name: str
+    port: str
+    baud: int
+    begun: str
+    boot: str
+    setup: Setup
+    _lock: int = -1
+
+    @property
+    def text(self) -> bytes:
+        """The G-code as it was when the print began."""
+        return (self.folder / _JOB).read_bytes()
+
+    @property
+    def same_boot(self) -> bool:
+        """Whether the computer has run since the print began: only then the last second of the journal is there."""
+        return bool(self.boot) and self.boot == _boot()
+
+    def hold(self) -> bool:
+        """Make it this process's print; whether it was nobody else's."""
+        handle = os.open(self.folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            if sys.platform == "win32":
+                msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+            else:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(handle)
+            return False
+        self._lock = handle
+        return True
+
+    def release(self) -> None:
+        """Let others have it."""
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    @property
+    def running(self) -> bool:
+        """Whether a process prints it just now."""
+        if self._lock >= 0:
+            return True
+        if not self.hold():
+            return True
+        self.release()
+        return False
+
+    def forget(self) -> None:
+        """Take it off the shelf."""
+        self.release()
+        rmtree(self.folder, ignore_errors=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A port and its speed."""
+
+    port: str
+    baud: int
+
+
+def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> Print:
+    """Put a new print on the shelf, held by this process.
+
+    Raises:
+        OutputError: it cannot be put there.
+    """
+    now = datetime.now(UTC).astimezone()
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:40]
+    folder = shelf / f"{now:%Y%m%d-%H%M%S-%f}-{plain}"
+    head = {
+        "version": 1,
+        "name": name,
+        "port": _lasting(place.port),
+        "baud": place.baud,
+        "begun": f"{now:%Y-%m-%d %H:%M}",
+        "boot": _boot(),
+        "setup": setup.as_json(),
+    }
+    try:
+        shelf.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder.mkdir(mode=0o700)
+        (folder / _JOB).write_bytes(text)
+        (folder / _HEAD).write_text(json.dumps(head), encoding="utf-8")
+        (folder / "journal").touch(mode=0o600)
+    except OSError as error:
+        rmtree(folder, ignore_errors=True)
+        raise OutputError(
+            f"{shelf}: the print cannot be noted there: {error.strerror}",
+            remedy="make room, or set PRINTER_SLICER_STATE to another folder",
+        ) from None
+    made = _read(folder)
+    assert made is not None
+    made.hold()
+    return made
+
+
+def on_shelf(shelf: Shelf) -> Iterator[Print]:
+    """All prints there, the oldest first."""
+    if not shelf.is_dir():
+        return
+    for folder in sorted(shelf.iterdir()):
+        if found := _read(folder):
+            yield found
+
+
+def _read(folder: Path) -> Print | None:
+    """A print, None if the folder holds none."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        head: dict[str, Any] = json.loads((folder / _HEAD).read_text(encoding="utf-8"))
+        return Print(
+            folder,
+            head["name"],
+            head["port"],
+            int(head["baud"]),
+            head["begun"],
+            head["boot"],
+            setup_from(head["setup"]),
+        )
+    return None
+
+
+def same_port(one: str, other: str) -> bool:
+    """Whether two addresses mean the same port."""
+    return one == other or ("://" not in one and os.path.realpath(one) == os.path.realpath(other))
+
+
+def unfinished(shelf: Shelf, port: str) -> Print | None:
+    """A print on this port that ended before its end, and that nobody prints now."""
+    for one in on_shelf(shelf):
+        if same_port(one.port, port) and not one.running:
+            return one
+    return None
+
+
+def find(shelf: Shelf, name: str, *, running: bool) -> Print:
+    """The print of this name, or the only one.
+
+    Args:
+        shelf: where to look.
+        name: of the job or its folder, empty for the only one.
+        running: whether it must be running, or must not be.
+
+    Raises:
+        UsageError: there is none, or more than one.
+    """
+    known = [one for one in on_shelf(shelf) if one.running is running]
+    named = [one for one in known if name in {"", one.name, one.folder.name}]
+    if len(named) == 1:
+        return named[0]
+    kind = "running" if running else "unfinished"
+    what = f"no {kind} print" if not named else f"{len(named)} {kind} prints"
+    there = "; ".join(f"{one.name} on {one.port}, begun {one.begun} ({one.folder.name})" for one in known)
+    raise UsageError(
+        what + (f" {name}" if name else ""), remedy=f"there are: {there}" if there else "there is none at all"
+    )
+
+
+def _lasting(port: str) -> str:
+    """An address that another process in another folder understands."""
+    return port if "://" in port else str(Path(port).absolute())
+
+
+def _boot() -> str:
+    """Which run of the computer this is."""
+    with suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    return ""

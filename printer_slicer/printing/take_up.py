@@ -1,0 +1,171 @@
+"""Taking up a print that another host, or this one before the cable was pulled, had to leave.
+
+The journal says what the last lines were, the printer says which of them it took, and where its plan ends. If that
+agrees, the printer has kept its state: nothing is sent again, and nothing is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from printer_slicer.printing.journal import Journal, Story
+from printer_slicer.printing.modes import SCRIPT, Modes
+from printer_slicer.printing.objects import LiveJob, Span
+from printer_slicer.printing.parking import Parked, come_back, parked_from
+from printer_slicer.printing.setup import Setup
+from printer_slicer.stream.attach import Attach
+from printer_slicer.stream.events import Spot
+from printer_slicer.stream.tracker import parse
+from printer_slicer.stream.transport import Transport
+
+__all__ = ["Lost", "TakenUp", "ask_printer", "rebuild", "take_up"]
+
+_BEHIND: Final = 8
+"""Lines that may count as accepted on record and were not: an ok too many on a bad cable."""
+
+_BEYOND: Final = 64
+_QUESTIONS: Final = ("M105", "M114", "M115", "M155", "M400")
+_SAME_PLACE: Final = 0.06
+
+
+class Lost(Exception):  # noqa: N818 - not a fault: what the printer knew is gone
+    """The printer has not kept its state; says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakenUp:
+    """Where to go on.
+
+    Attributes:
+        entries: of the job that the printer has.
+        job: the entries, followed up to there.
+        phase: what the host was doing: "printing", "parking", "returning", "cancelling"...
+        parked: what to come back to, None while printing and when it has come back.
+        pushed: mm of filament since it was left.
+        replay: what is left of thrown-away moves, or what is sent before the rest.
+        point: where a printer that had lost its state is brought to, as the journal holds it.
+    """
+
+    entries: int
+    job: LiveJob
+    phase: str
+    parked: Parked | None
+    pushed: float
+    replay: tuple[str, ...] = ()
+    point: Mapping[str, Any] | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether it was paused, and waits for a person."""
+        return self.phase == "parking"
+
+
+def ask_printer(
+    transport: Transport, clock: Callable[[], float], story: Story, journal: Journal | None = None
+) -> Attach:
+    """Ask the printer what it took, and wait for its answers.
+
+    Raises:
+        PortError: the cable is gone.
+    """
+    last = max([story.line, story.before, *(record.number for record in story.lines[-1:])])
+    attach = Attach(last)
+    noted = False
+    while not attach.done:
+        if attach.line is not None and not noted and journal is not None:
+            noted = True
+            for number, question in attach.questions():
+                journal.numbered(number, story.entries_at(attach.line), question)
+        if data := attach.send(clock()):
+            transport.write(data)
+        due = attach.wakeup()
+        attach.receive(transport.read(0.25 if due is None else min(max(due - clock(), 0.0), 0.25)), clock())
+    return attach
+
+
+def take_up(
+    story: Story, attach: Attach, commands: tuple[bytes, ...], spans: tuple[Span, ...], setup: Setup
+) -> TakenUp:
+    """Where to go on, after the printer has answered.
+
+    Raises:
+        Lost: it has not kept its state.
+    """
+    line = attach.line
+    if story.states.get("phase") == "recovering":
+        raise Lost("it was being brought back to its place")
+    if attach.reason or line is None:
+        raise Lost(attach.reason or "it does not say which line it took")
+    entries = _entries(story, line)
+    job = rebuild(story, line, commands, spans)
+    job.follow(entries)
+    parked, pushed, replay = _parked(story, line, setup)
+    _insist_on_place(job.modes, attach.position)
+    phase = str(story.states.get("phase", "printing"))
+    if phase == "returning" and parked is None:
+        phase = "printing"
+    return TakenUp(entries, job, phase, parked, pushed, replay)
+
+
+def _entries(story: Story, line: int) -> int:
+    if story.line == 0 and line in {story.before, 0, 1, 2}:
+        # Numbers had just begun anew, or were about to: nothing of the job went out since.
+        return story.base
+    if line < 1 or not story.line - _BEHIND <= line <= story.line + _BEYOND:
+        raise Lost(f"it took line {line} last, and line {story.line} is on record")
+    return story.entries_at(line)
+
+
+def rebuild(story: Story, line: int, commands: tuple[bytes, ...], spans: tuple[Span, ...]) -> LiveJob:
+    """The job as it was sent so far: what was said between, what was given up; not followed beyond the last of that."""
+    job = LiveJob(commands, spans)
+    given_up = sorted((at, name) for name, at in dict(story.states.get("cancelled_at", {})).items())
+    happened = [(at, 0, name) for at, name in given_up]
+    happened += [(entries, 1, command.decode("latin-1")) for entries, command in story.others_until(line)]
+    for entries, kind, text in sorted(happened, key=lambda one: one[:2]):
+        if kind == 0:
+            job.cancel(text, entries)
+        else:
+            job.follow(entries)
+            job.modes.follow(text.encode("latin-1"), -1 if text.startswith(_QUESTIONS) else SCRIPT)
+    return job
+
+
+def _parked(story: Story, line: int, setup: Setup) -> tuple[Parked | None, float, tuple[str, ...]]:
+    """What it has to come back to, and how much of that has happened."""
+    values = story.states.get("parked")
+    if not values:
+        return None, 0.0, ()
+    parked, pushed = parked_from(values), float(story.states.get("pushed", 0.0))
+    first = int(story.states.get("line", 0))
+    since = [one.command for one in story.lines if first <= one.number <= line and one.command]
+    back = come_back(parked, setup, pushed) if story.states.get("phase") == "returning" else []
+    left = list(parked.replay)
+    for command in since:
+        word, values_ = parse(command)
+        if back and command == back[0]:
+            back.pop(0)
+        elif (
+            story.states.get("phase") == "returning"
+            and not back
+            and left
+            and command == left[0].encode("latin-1")
+        ):
+            left.pop(0)
+            continue
+        if word == b"G1":
+            pushed += values_.get(b"E", 0.0)
+    returned = story.states.get("phase") == "returning" and not back
+    return None if returned else parked, pushed, tuple(left)
+
+
+def _insist_on_place(modes: Modes, said: Spot | None) -> None:
+    """The plan must end where the commands lead."""
+    stand = modes.stand
+    if said is None or not modes.metric:
+        return
+    for name, is_at, to_be in zip("xyz", said, (stand.x, stand.y, stand.z), strict=True):
+        if is_at is not None and to_be is not None and abs(is_at - to_be) > _SAME_PLACE:
+            raise Lost(f"its {name} is {is_at:g}, and should be {to_be:g}")

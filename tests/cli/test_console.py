@@ -1,0 +1,123 @@
+"""The console: lines go out one by one, answers are shown, a person and a pipe."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from pathlib import Path
+from threading import Event as Flag
+from threading import Thread
+
+import pytest
+from command_line import Outcome, typed
+
+if sys.platform == "win32":
+    pytest.skip("there are no pseudo-terminals", allow_module_level=True)
+
+from printer_slicer.cli.console import Talk
+from printer_slicer.errors import PortError, UsageError
+from printer_slicer.profile import load_profile
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.pty_server import serve
+from printer_slicer.stream.serial_port import open_port
+from printer_slicer.verdict import front_end_of, machine_of
+
+PRINTER = load_profile("marlin_220").printer
+
+
+@contextmanager
+def served(link: Path) -> Iterator[list[str]]:
+    ready, stop = Flag(), Flag()
+    executed: list[str] = []
+
+    def make() -> SimulatedPrinter:
+        return SimulatedPrinter(
+            machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append, boots=False
+        )
+
+    thread = Thread(target=lambda: serve(make, link, speed=0, stop=stop.is_set, ready=lambda _: ready.set()))
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield executed
+    finally:
+        stop.set()
+        thread.join(10.0)
+
+
+def test_commands_of_the_command_line_are_sent_in_order_and_answered(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as executed:
+        outcome = typed("console", tmp_path / "port", "--command", "G28", "--command", "M114 ; where")
+
+    assert outcome.code == 0, outcome.err
+    assert executed == ["G28", "M114"]
+    assert [line[:5] for line in outcome.out.splitlines() if "busy" not in line] == [
+        "X:0.0",
+        "ok",
+        "X:0.0",
+        "ok",
+    ]
+
+
+def piped(text: str, *arguments: object, monkeypatch: pytest.MonkeyPatch) -> Outcome:
+    monkeypatch.setattr(sys, "stdin", StringIO(text))
+    return typed("console", *arguments)
+
+
+def test_a_pipe_is_sent_line_by_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served(tmp_path / "port") as executed:
+        outcome = piped(
+            "M118 one\n\n; note\n.temp\n.quit\nM118 two\n", tmp_path / "port", monkeypatch=monkeypatch
+        )
+
+    assert outcome.code == 0, outcome.err
+    assert executed == ["M118 one", "M105"]
+    assert outcome.out.startswith("one\nok\nok T:21.00")
+
+
+def test_the_log_holds_both_sides(tmp_path: Path) -> None:
+    with served(tmp_path / "port"):
+        typed("console", tmp_path / "port", "--command", "M118 hello", "--log", tmp_path / "log")
+
+    assert (tmp_path / "log").read_text(encoding="utf-8") == "> M118 hello\n< hello\n< ok\n"
+
+
+def test_an_emergency_stop_waits_for_nothing_and_a_dead_printer_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(tmp_path / "port"):
+        outcome = piped(".stop\nM105\n", tmp_path / "port", monkeypatch=monkeypatch)
+
+    assert outcome.code == 4
+    assert "has stopped" in outcome.err
+
+
+def test_what_cannot_be_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served(tmp_path / "port") as executed:
+        assert piped("M117 " + "x" * 200, tmp_path / "port", monkeypatch=monkeypatch).code == 2
+        assert piped(".dance\n", tmp_path / "port", monkeypatch=monkeypatch).code == 2
+    assert executed == []
+    assert typed("console", tmp_path / "nowhere").code == 4
+
+
+def test_a_policy_can_refuse_a_command(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as executed:
+        port = open_port(str(tmp_path / "port"))
+        talk = Talk(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
+        with pytest.raises(UsageError, match="EEPROM"):
+            talk.say("M500")
+        port.close()
+    assert executed == []
+
+
+def test_a_printer_that_says_nothing_is_not_waited_for(tmp_path: Path) -> None:
+    with served(tmp_path / "port"):
+        port = open_port(str(tmp_path / "port"))
+        talk = Talk(port, timeout=0.3)
+        talk.say(".stop")
+        port.read(0.5)
+        with pytest.raises(PortError, match="no answer"):
+            talk.say("M105")
+        port.close()

@@ -1,0 +1,155 @@
+"""Keys that steer a print: what they mean, and a real terminal that is left as it was."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import sys
+from pathlib import Path
+from threading import Event as Flag
+from threading import Thread
+from time import monotonic
+
+import pytest
+
+if sys.platform == "win32":
+    pytest.skip("there are no pseudo-terminals", allow_module_level=True)
+
+import pty
+import termios
+
+from printer_slicer.cli.keys import HELP, Keyboard
+from printer_slicer.errors import UsageError
+from printer_slicer.printing import Controls, wishes
+from printer_slicer.profile import load_profile
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.pty_server import serve
+from printer_slicer.verdict import front_end_of, machine_of
+
+ROOT = Path(__file__).parents[2]
+
+
+class Heard(Controls):
+    """Takes every wish."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wishes: list[wishes.Wish] = []
+
+    def ask(self, wish: wishes.Wish, timeout: float = 0.0) -> str:
+        self.wishes.append(wish)
+        if wish == wishes.Resume():
+            raise UsageError("it cannot resume", remedy="wait")
+        return "granted"
+
+    def stop(self) -> None:
+        self.wishes.append(wishes.Stop())
+
+
+def pressed(keys: str, *, seconds_between: float = 0.1) -> tuple[list[wishes.Wish], list[str]]:
+    controls, shown, now = Heard(), list[str](), [0.0]
+    keyboard = Keyboard(controls, shown.append, lambda: now[0])
+    for key in keys:
+        now[0] += seconds_between
+        keyboard.press(key)
+    return controls.wishes, shown
+
+
+@pytest.mark.parametrize(
+    ("keys", "wanted"),
+    [
+        ("p", [wishes.Pause()]),
+        ("n", [wishes.Pause(now=True)]),
+        ("s", [wishes.Status()]),
+        ("++-", [wishes.Speed(105), wishes.Speed(110), wishes.Speed(105)]),
+        ("<", [wishes.Flow(95)]),
+        ("ud", [wishes.BabyStep(0.02), wishes.BabyStep(-0.02)]),
+        ("1", [wishes.Answer(1)]),
+        ("cc", [wishes.Cancel()]),
+        ("!!", [wishes.Stop()]),
+        ("c!c", []),
+        (":M117 pX\x7f\x7fhi\r", [wishes.Say("M117 hi")]),
+        (":M500\x1bp", [wishes.Pause()]),
+        (":\r", []),
+        ("xyz\x00é", []),
+    ],
+)
+def test_keys_have_meanings(keys: str, wanted: list[wishes.Wish]) -> None:
+    assert pressed(keys)[0] == wanted
+
+
+def test_what_cannot_be_taken_back_is_pressed_twice_within_3_s() -> None:
+    assert pressed("cc", seconds_between=4.0)[0] == []
+    assert "again within 3 s" in pressed("!")[1][0]
+
+
+def test_a_wish_that_is_refused_says_why() -> None:
+    assert pressed("r")[1] == ["it cannot resume"]
+
+
+def test_help_is_one_key_away() -> None:
+    assert pressed("?")[1] == [HELP]
+
+
+def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) -> None:
+    printer = load_profile("marlin_220").printer
+    executed: list[str] = []
+    ready, stop = Flag(), Flag()
+
+    def make() -> SimulatedPrinter:
+        return SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=executed.append)
+
+    thread = Thread(
+        target=lambda: serve(
+            make, tmp_path / "port", speed=3.0, stop=stop.is_set, ready=lambda _: ready.set()
+        )
+    )
+    thread.start()
+    assert ready.wait(10.0)
+    lines = "G28\nG90\nG1 Z1 F600\n" + "".join(f"G1 X{10 + i % 60} Y9 F3000\n" for i in range(200))
+    (tmp_path / "job.gcode").write_text(lines, encoding="utf-8")
+    master, slave = pty.openpty()
+    before = termios.tcgetattr(slave)
+    env = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "PRINTER_SLICER_STATE": str(tmp_path / "state"),
+        "TERM": "dumb",
+    }
+    command = [sys.executable, "-m", "printer_slicer", "print", "job.gcode", "--port", "port"]
+    said = b""
+
+    def hear(word: bytes) -> None:
+        nonlocal said
+        give_up = monotonic() + 30
+        while word not in said:
+            assert monotonic() < give_up, said
+            if select.select([master], [], [], 0.1)[0]:
+                said += os.read(master, 4096)
+        said = said[said.index(word) + len(word) :]
+
+    try:
+        with subprocess.Popen(
+            command, cwd=tmp_path, env=env, stdin=slave, stdout=slave, stderr=slave
+        ) as host:
+            hear(b"keys: p pause")
+            give_up = monotonic() + 30
+            while not any(line.startswith("G1 X") for line in executed) and monotonic() < give_up:
+                ready.wait(0.01)
+            os.write(master, b"p")
+            hear(b"paused")
+            os.write(master, b"r")
+            hear(b"going on")
+            os.write(master, b"+")
+            hear(b"M220 S105")
+            hear(b"done:")
+            assert host.wait(30) == 0
+            assert termios.tcgetattr(slave) == before
+    finally:
+        os.close(master)
+        os.close(slave)
+        stop.set()
+        thread.join(10.0)
+    assert "G1 X5 Y215 F6000" in executed
+    assert "M220 S105" in executed

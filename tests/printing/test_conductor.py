@@ -1,0 +1,405 @@
+"""Wishes, the printer's own questions, temperatures, things that are given up."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from parts import tower
+from rig import SETUP, Rig, laid
+
+from printer_slicer.errors import UsageError
+from printer_slicer.printing import wishes
+from printer_slicer.printing.objects import LiveJob, spans_of
+from printer_slicer.printing.phases import Phase
+from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1
+from printer_slicer.stream.events import (
+    Action,
+    Event,
+    Finished,
+    Halted,
+    Message,
+    Note,
+    Paused,
+    Prompt,
+    Resumed,
+    Temperature,
+)
+
+LINES = "G28\nG90\nM83\nG1 Z1 F600\n" + "".join(
+    f"G1 X{10 + i % 60} Y{10 + i % 7} F6000\n" for i in range(400)
+)
+
+
+def run_with(rig: Rig, at: dict[int, wishes.Wish]) -> Rig:
+    """Print, and wish something when so many commands were accepted."""
+    rig.connect()
+    left = dict(at)
+
+    def turn(_: float) -> None:
+        for entries in [n for n in left if rig.streamer.acknowledged >= n]:
+            rig.wish(left.pop(entries))
+
+    rig.run(turn)
+    assert not left
+    return rig
+
+
+@pytest.mark.parametrize(
+    ("wish", "command"),
+    [
+        (wishes.Speed(80), "M220 S80"),
+        (wishes.Flow(95), "M221 S95"),
+        (wishes.Heat("nozzle", 205), "M104 S205"),
+        (wishes.Heat("bed", 55), "M140 S55"),
+        (wishes.Fan(50), "M106 S128"),
+        (wishes.Say("M117 hello"), "M117 hello"),
+    ],
+)
+def test_a_wish_becomes_a_command_in_the_middle_of_the_job(wish: wishes.Wish, command: str) -> None:
+    rig = run_with(Rig(LINES), {100: wish})
+    where = rig.of_job().index(command)
+
+    assert 100 <= where <= 110
+    assert [line for line in rig.of_job() if line != command] == LINES.split("\n")[:-1]
+
+
+def test_baby_steps_are_refused_by_a_firmware_that_says_it_has_none_and_are_words_of_klipper() -> None:
+    refused = run_with(Rig(LINES), {50: wishes.BabyStep(0.02)})
+    klipper = run_with(Rig(LINES, setup=replace(SETUP, flavour="klipper")), {50: wishes.BabyStep(-0.02)})
+
+    assert isinstance(refused.answers[0], UsageError)
+    assert "SET_GCODE_OFFSET Z_ADJUST=-0.020 MOVE=1" in klipper.of_job()
+
+
+def test_cancelling_runs_the_end_script_off_the_part() -> None:
+    rig = run_with(Rig(tower(6)), {90: wishes.Cancel()})
+    end = rig.events[-1]
+
+    assert isinstance(end, Finished)
+    assert end.cancelled
+    assert rig.of_job()[-8:] == [
+        "M104 S0",
+        "M140 S0",
+        "M107",
+        "G91",
+        "G1 Z5 F300",
+        "G90",
+        "G1 X5 Y215 F6000",
+        "M84",
+    ]
+
+
+def test_a_policy_may_refuse_what_a_person_types() -> None:
+    rig = Rig(LINES)
+    rig.connect()
+    rig.conductor._allow = lambda command: "not here" if command.startswith(b"M500") else ""
+    rig.wish(wishes.Say("M500"))
+
+    def later(_: float) -> None:
+        if rig.streamer.acknowledged == 20:
+            rig.wish(wishes.Say("M500"))
+
+    rig.run(later)
+
+    assert any("not here" in str(answer) for answer in rig.answers)
+    assert "M500" not in rig.executed
+
+
+def test_an_emergency_stop_goes_out_with_a_full_window_and_a_full_planner() -> None:
+    rig = run_with(Rig(LINES), {100: wishes.Stop()})
+
+    assert isinstance(rig.events[-1], Halted)
+    rig.port.read(1.0)
+    assert rig.printer.report().killed
+
+
+def test_the_status_tells_what_a_person_wants_to_know() -> None:
+    rig = run_with(Rig(tower(4, labels=True)), {60: wishes.Status()})
+    status = json.loads(str(rig.answers[0]))
+
+    assert status["state"] == "streaming"
+    assert status["total"] == len(rig.commands)
+    assert 60 <= status["done"] <= 70
+    assert status["temperatures"]["T"][1] == 200
+    assert status["objects"] == ["tower id:0 copy 0"]
+
+
+# Temperatures
+
+
+def seconds_of(rig: Rig, *, quiet: bool = False) -> float:
+    """How long a print takes, with or without anybody asking for temperatures."""
+    rig.connect()
+    if quiet:
+        rig.conductor._identified = lambda _: None  # type: ignore[method-assign]
+    rig.run()
+    assert rig.of_job() == rig.text.split("\n")[:-1]
+    return rig.port.now()
+
+
+NO_REPORTS = replace(MARLIN_2_0_AVR, name="without reports")
+
+
+@pytest.mark.parametrize("baud", [115_200, 250_000])
+@pytest.mark.parametrize("reports", [True, False], ids=["reported", "asked for"])
+def test_temperatures_cost_less_than_2_percent(
+    reports: bool, baud: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "".join(f"M117 a line of the usual length {i:05d}\n" for i in range(6000))
+    if not reports:
+        monkeypatch.setattr("printer_slicer.sim.front_end._PRESENT", frozenset())
+    watched = Rig(text, MARLIN_2_0_AVR, baud=baud)
+
+    with_ = seconds_of(watched)
+    without = seconds_of(Rig(text, MARLIN_2_0_AVR, baud=baud), quiet=True)
+
+    assert with_ > 12
+    assert sum(isinstance(event, Temperature) for event in watched.events) >= with_ / 6
+    assert with_ / without < 1.02
+
+
+# The printer's wishes
+
+
+def told(rig: Rig, *events: Event) -> None:
+    """The printer says something, at command 50 of the job."""
+    rig.connect()
+    left = list(events)
+
+    def turn(now: float) -> None:
+        if rig.streamer.acknowledged >= 50 and left:
+            rig.conductor._now = now
+            while left:
+                rig.conductor.hear(left.pop(0))
+        if rig.conductor.phase is Phase.WAITING:
+            rig.wish(wishes.Resume())
+
+    rig.run(turn)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        Action("pause"),
+        Action("filament_runout T0"),
+        Action("out_of_filament"),
+        Message('echo:Unknown command: "M600"'),
+    ],
+    ids=str,
+)
+def test_a_printer_that_wants_a_pause_gets_one_off_the_part(event: Event) -> None:
+    rig = Rig(tower(4))
+    told(rig, event)
+
+    assert sum(isinstance(one, Paused) for one in rig.events) == 1
+    assert "G1 X5 Y215 F6000" in rig.of_job()
+    assert isinstance(rig.events[-1], Finished)
+    if event != Action("pause"):
+        assert any(isinstance(one, Note) and "filament" in one.text for one in rig.events)
+
+
+def test_a_printer_that_has_parked_by_itself_goes_on_by_itself() -> None:
+    rig = Rig(LINES)
+    rig.connect()
+    said: list[str] = []
+
+    def turn(now: float) -> None:
+        if rig.streamer.acknowledged >= 50 and not said:
+            said.append("paused")
+            rig.conductor.hear(Action("paused filament_runout 0"))
+        elif said == ["paused"] and now > 20:
+            said.append("resumed")
+            rig.conductor.hear(Action("resumed"))
+
+    rig.run(turn)
+
+    assert rig.of_job() == LINES.split("\n")[:-1]
+    assert any(isinstance(event, Resumed) for event in rig.events)
+
+
+def test_a_prompt_is_shown_with_its_buttons_and_answered_at_once() -> None:
+    rig = Rig(LINES)
+    rig.connect()
+    asked = [
+        Action("prompt_begin Filament runout T0"),
+        Action("prompt_button Purge More"),
+        Action("prompt_button Continue"),
+        Action("prompt_show"),
+    ]
+
+    def turn(_: float) -> None:
+        if rig.streamer.acknowledged >= 50 and asked:
+            while asked:
+                rig.conductor.hear(asked.pop(0))
+            rig.wish(wishes.Answer(1))
+
+    rig.run(turn)
+    (prompt,) = (event for event in rig.events if isinstance(event, Prompt))
+
+    assert prompt == Prompt("Filament runout T0", ("Purge More", "Continue"))
+    assert "M876 S1" in rig.executed
+    assert [line for line in rig.of_job() if line != "M876 S1"] == LINES.split("\n")[:-1]
+
+
+def test_nobody_is_answered_who_does_not_ask() -> None:
+    rig = run_with(Rig(LINES), {50: wishes.Answer(0)})
+
+    assert isinstance(rig.answers[0], UsageError)
+
+
+# Things that are given up
+
+MARKS = {
+    "octoprint": ("; printing object {0} id:{1} copy 0", "; stop printing object {0} id:{1} copy 0"),
+    "m486": ("M486 S{1}\nM486 A{0}", "M486 S-1"),
+    "exclude_object": ("EXCLUDE_OBJECT_START NAME={0}", "EXCLUDE_OBJECT_END NAME={0}"),
+}
+
+
+def three_posts(layers: int, marks: str, *, relative: bool) -> str:
+    """Three square posts, each marked, with retracted travels between them."""
+    begin, end = MARKS[marks]
+    text = ["M104 S200", "M109 S200", "G28", "G90", "M83" if relative else "M82", "G92 E0", "G1 E2 F300"]
+    e = 2.0
+
+    def forward(length: float) -> str:
+        nonlocal e
+        e += length
+        return f"E{length if relative else e:.5f}"
+
+    for layer in range(layers):
+        text.append(f"G1 Z{0.2 * (layer + 1):.1f} F600")
+        for post, x in enumerate((40, 100, 160)):
+            text.append(f"G1 {forward(-0.8)} F2100")
+            text.append(f"G1 X{x} Y50 F7200")
+            text += begin.format(f"post{post}", post).split("\n")
+            text.append(f"G1 {forward(0.8)} F1500")
+            text.append(f"M106 S{100 + layer}")
+            text.append("G1 F2400")
+            text += [
+                f"G1 X{x + dx} Y{50 + dy} {forward(0.3)}"
+                for dx, dy in ((5, 0), (10, 0), (10, 5), (10, 10), (5, 10), (0, 10), (0, 5), (0, 0))
+            ]
+            text.append(end.format(f"post{post}", post))
+    return "\n".join([*text, "M107", "M104 S0"]) + "\n"
+
+
+@pytest.mark.parametrize("relative", [True, False], ids=["relative E", "absolute E"])
+@pytest.mark.parametrize("marks", MARKS)
+def test_a_thing_that_is_given_up_is_printed_no_further_and_the_others_as_if_it_were_there(
+    marks: str, relative: bool
+) -> None:
+    text = three_posts(6, marks, relative=relative)
+    front_end = replace(MARLIN_2_1, ignores_extended=True)
+    whole = Rig(text, front_end)
+    whole.connect()
+    whole.run()
+    name = spans_of(text.encode())[1].name
+
+    rig = run_with(Rig(text, front_end), {150: wishes.CancelObject(name)})
+
+    done = [bead for bead in rig.beads if 95 < bead[1][0] < 115]
+    all_of_it = [bead for bead in whole.beads if 95 < bead[1][0] < 115]
+    others = [bead for bead in rig.beads if not 95 < bead[1][0] < 115]
+    assert 0 < len(done) < len(all_of_it)
+    assert done[:-1] == all_of_it[: len(done) - 1]
+    assert len(others) == len(all_of_it) * 2
+    expected = laid([bead for bead in whole.beads if not 95 < bead[1][0] < 115])
+    for one, other in zip(laid(others), expected, strict=True):
+        assert one[0][:3] == pytest.approx(other[0][:3], abs=1e-6)
+        assert one[1][:3] == pytest.approx(other[1][:3], abs=1e-6)
+        assert one[1][3] - one[0][3] == pytest.approx(other[1][3] - other[0][3], abs=1e-5)
+    assert isinstance(rig.events[-1], Finished)
+    assert rig.events[-1].verified
+    # Never still above the thing that was left.
+    assert rig.printer._board.tally.n_violations == 0
+
+
+def test_the_nozzle_does_not_wait_on_the_part_while_lines_are_left_out() -> None:
+    """Without the lines, the next thing's first move follows within the time of a few lines."""
+    text = three_posts(40, "octoprint", relative=True)
+    rig = Rig(text)
+    rig.connect()
+    turns: list[tuple[float, int]] = []
+
+    def turn(now: float) -> None:
+        if rig.streamer.acknowledged >= 150 and not rig.conductor._job.cancelled:
+            rig.wish(wishes.CancelObject("post1 id:1 copy 0"))
+        turns.append((now, rig.streamer.acknowledged))
+
+    rig.run(turn)
+    jumps = [(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(turns) if b[1] - a[1] > 3]
+
+    assert jumps
+    assert rig.printer.report().starvations <= 2
+
+
+def test_a_thing_that_is_not_there_is_refused_with_those_that_are() -> None:
+    rig = run_with(Rig(three_posts(3, "m486", relative=True)), {20: wishes.CancelObject("cube")})
+
+    assert isinstance(rig.answers[0], UsageError)
+    assert "post0, post1, post2" in str(rig.answers[0])
+
+
+def test_klipper_leaves_things_out_by_itself() -> None:
+    text = three_posts(3, "exclude_object", relative=True).replace(
+        "M109 S200\n", "M109 S200\nEXCLUDE_OBJECT_DEFINE NAME=post0\n"
+    )
+    rig = Rig(text, replace(MARLIN_2_1, ignores_extended=True), setup=replace(SETUP, flavour="klipper"))
+    run_with(rig, {30: wishes.CancelObject("post1")})
+
+    assert "EXCLUDE_OBJECT NAME=post1" in rig.of_job()
+    assert len(rig.of_job()) == len(rig.commands) + 1
+
+
+def test_a_file_without_marks_has_no_things() -> None:
+    job = LiveJob([b"G28"], spans_of(b"G28\n"))
+
+    assert job.names == []
+    with pytest.raises(UsageError, match="no object"):
+        job.cancel("0", 0)
+
+
+# How wishes are typed
+
+
+@pytest.mark.parametrize(
+    ("line", "wish"),
+    [
+        ("pause", wishes.Pause()),
+        ("pause now cold", wishes.Pause(now=True, cold=True)),
+        ("pause here", wishes.Pause(park=False)),
+        (" resume ", wishes.Resume()),
+        ("object my part", wishes.CancelObject("my part")),
+        ("speed 80", wishes.Speed(80)),
+        ("nozzle 210.5", wishes.Heat("nozzle", 210.5)),
+        ("babystep -0.02", wishes.BabyStep(-0.02)),
+        ("say M117 hello", wishes.Say("M117 hello")),
+    ],
+)
+def test_wishes_are_read(line: str, wish: wishes.Wish) -> None:
+    assert wishes.read_wish(line) == wish
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "",
+        "dance",
+        "pause soon",
+        "resume now",
+        "speed",
+        "speed fast",
+        "speed nan",
+        "speed 5",
+        "say",
+        "say a\x07",
+    ],
+)
+def test_nonsense_is_refused_with_a_remedy(line: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        wishes.read_wish(line)
+    assert caught.value.remedy

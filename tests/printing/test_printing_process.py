@@ -1,0 +1,465 @@
+"""Prints over a real device of the system: other processes steer them, cables come and go, hosts are killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Event as Flag
+from threading import Thread
+from time import monotonic
+
+import pytest
+from parts import tower
+
+if sys.platform == "win32":
+    pytest.skip("there are no pseudo-terminals", allow_module_level=True)
+
+import pty
+import tty
+
+from benchmarks.killing import one_job
+from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
+from printer_slicer.jobs import Job, job_from
+from printer_slicer.printing import Controls, print_job, resume_print
+from printer_slicer.printing import shelf as shelves
+from printer_slicer.printing.door import ask_door
+from printer_slicer.printing.journal import read_story
+from printer_slicer.profile import load_profile
+from printer_slicer.sim.link import Cable
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.sim.pty_server import serve
+from printer_slicer.stream.events import Accepted, Event, Note, Paused
+from printer_slicer.verdict import front_end_of, machine_of
+
+ROOT = Path(__file__).parents[2]
+PROFILE = load_profile("marlin_220", "pla", "standard")
+OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
+LINES = "G28\nG90\nM83\nG1 Z1 F600\n" + "".join(
+    f"G1 X{10 + i % 60} Y{10 + i % 7} F6000\n" for i in range(600)
+)
+PATIENCE = 20.0
+
+
+@contextmanager
+def served(link: Path, speed: float = 20.0, executed: list[str] | None = None) -> Iterator[list[str]]:
+    """A simulated printer; the list holds what it executes."""
+    ready, stop = Flag(), Flag()
+    lines: list[str] = [] if executed is None else executed
+
+    def make() -> SimulatedPrinter:
+        return SimulatedPrinter(
+            machine_of(PROFILE.printer), front_end_of(PROFILE.printer), on_executed=lines.append, boots=False
+        )
+
+    thread = Thread(
+        target=lambda: serve(make, link, speed=speed, stop=stop.is_set, ready=lambda _: ready.set())
+    )
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield lines
+    finally:
+        stop.set()
+        thread.join(10.0)
+
+
+def job_in(folder: Path, text: str = LINES) -> Job:
+    path = folder / "job.gcode"
+    path.write_text(text, encoding="utf-8")
+    return job_from(path, PROFILE)
+
+
+def of_job(executed: list[str]) -> list[str]:
+    return [line for line in executed if not line.startswith(OWN)]
+
+
+def until(what: Callable[[], object]) -> None:
+    """Wait until something is so."""
+    never, give_up = Flag(), monotonic() + PATIENCE
+    while not what():
+        assert monotonic() < give_up, "it never happened"
+        never.wait(0.005)
+
+
+class Background:
+    """A print in a thread of its own."""
+
+    def __init__(self, job: Job, port: Path, shelf: Path, *, reconnect: float = 0.0) -> None:
+        self.controls = Controls()
+        self.events: list[Event] = []
+        self.error: Exception | None = None
+        self.done = False
+
+        def run() -> None:
+            try:
+                print_job(
+                    job,
+                    PROFILE,
+                    str(port),
+                    controls=self.controls,
+                    shelf=shelf,
+                    on_event=self.events.append,
+                    reconnect=reconnect,
+                )
+                self.done = True
+            except Exception as error:  # noqa: BLE001 - looked at by the test
+                self.error = error
+
+        self.thread = Thread(target=run)
+        self.thread.start()
+
+    @property
+    def accepted(self) -> int:
+        return max((event.acknowledged for event in self.events if isinstance(event, Accepted)), default=0)
+
+    def ended(self) -> None:
+        self.thread.join(PATIENCE)
+        assert not self.thread.is_alive()
+
+
+# From another thread, from another process
+
+
+def test_another_thread_pauses_changes_and_goes_on(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as executed:
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "shelf")
+        until(lambda: printing.accepted > 50)
+        printing.controls.pause()
+        until(lambda: any(isinstance(event, Paused) for event in printing.events))
+        printing.controls.speed(120)
+        assert printing.controls.status()["state"] == "paused"
+        printing.controls.resume()
+        printing.ended()
+
+    assert printing.done, printing.error
+    assert of_job(executed)[-450:] == LINES.split("\n")[-451:-1]
+    assert "M220 S120" in executed
+    assert list((tmp_path / "shelf").iterdir()) == []
+
+
+def control(folder: Path, *words: str) -> tuple[int, str, str]:
+    """The command, in a process of its own."""
+    env = {**os.environ, "PRINTER_SLICER_STATE": str(folder), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "printer_slicer", "control", *words]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=30, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_another_process_sees_and_steers_the_print(tmp_path: Path) -> None:
+    long = LINES + "G4 S5\n" * 20
+    with served(tmp_path / "port", speed=1.0) as executed:
+        printing = Background(job_in(tmp_path, long), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 20)
+        code, out, err = control(tmp_path, "status", "--json")
+        assert code == 0, err
+        assert json.loads(out)["job"] == "job.gcode"
+        assert control(tmp_path, "say", "M117 hello")[0] == 0
+        assert control(tmp_path, "speed", "900")[0] == 2
+        assert control(tmp_path, "object", "7")[0] == 2
+        assert control(tmp_path, "pause", "--job", "other.gcode")[0] == 2
+        code, out, err = control(tmp_path, "cancel")
+        assert code == 0, err
+        printing.ended()
+
+    assert isinstance(printing.error, Cancelled)
+    assert {"M117 hello", "M104 S0", "M140 S0", "M84"} <= set(executed)
+    code, _, err = control(tmp_path, "status")
+    assert code == 2
+    assert "no running print" in err
+
+
+def test_only_its_owner_can_open_the_door_and_a_stale_one_is_replaced(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as _:
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 5)
+        (folder,) = (tmp_path / "prints").iterdir()
+        where = Path(json.loads((folder / "control.json").read_text(encoding="utf-8"))["path"])
+        assert where.stat().st_mode & 0o777 == 0o600
+        assert (folder / "control.json").stat().st_mode & 0o777 == 0o600
+        assert folder.stat().st_mode & 0o777 == 0o700
+        # Somebody who connects and says nothing keeps nobody waiting.
+        with socket.socket(socket.AF_UNIX) as silent:
+            silent.connect(str(where))
+            assert ask_door(folder, "status")["ok"]
+            assert not ask_door(folder, "nonsense")["ok"]
+        printing.controls.stop()
+        printing.ended()
+
+    assert not where.exists()
+    with pytest.raises(PortError, match="does not answer"):
+        ask_door(folder, "status")
+
+
+def test_an_emergency_stop_is_on_the_wire_within_10_ms(tmp_path: Path) -> None:
+    """The request comes from another thread while the host waits for the printer."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    answered = 0
+    seen: list[float] = []
+
+    def printer() -> None:
+        nonlocal answered
+        rest = b""
+        while not seen and select.select([master], [], [], PATIENCE)[0]:
+            data = os.read(master, 4096)
+            if b"M112" in data:
+                seen.append(monotonic())
+            *lines, rest = (rest + data).split(b"\n")
+            for line in filter(None, lines):
+                answered += 1
+                if answered < 60:
+                    heat = b" T:20 /0" if b"M105" in line else b""
+                    os.write(
+                        master, (b"FIRMWARE_NAME:x\n" if b"M115" in line else b"") + b"ok" + heat + b"\n"
+                    )
+
+    thread = Thread(target=printer)
+    thread.start()
+    printing = Background(job_in(tmp_path), Path(os.ttyname(slave)), tmp_path / "prints")
+    until(lambda: answered >= 61)
+    Flag().wait(0.3)  # it waits for an answer that does not come
+    asked = monotonic()
+    printing.controls.stop()
+    thread.join(PATIENCE)
+    printing.ended()
+    os.close(master)
+    os.close(slave)
+
+    assert seen[0] - asked < 0.010
+
+
+# A cable that is pulled
+
+
+class Pluggable:
+    """A printer with a life of its own, twenty times as fast, behind a device that comes and goes.
+
+    Attributes:
+        executed: what it executes.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self.executed: list[str] = []
+        printer = SimulatedPrinter(
+            machine_of(PROFILE.printer),
+            front_end_of(PROFILE.printer),
+            on_executed=self.executed.append,
+            boots=False,
+        )
+        self._cable, self._link, self._began = Cable(printer), link, monotonic()
+        self._end: tuple[int, int] | None = None
+
+    def plug(self) -> None:
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        self._link.unlink(missing_ok=True)
+        self._link.symlink_to(os.ttyname(slave))
+        self._end = master, slave
+
+    def pull(self) -> None:
+        assert self._end is not None
+        self._link.unlink()
+        (master, slave), self._end = self._end, None
+        os.close(master)
+        os.close(slave)
+
+    def carry(self, stop: Flag) -> None:
+        """Live, until told to stop."""
+        while not stop.wait(0.001):
+            now = (monotonic() - self._began) * 20
+            end = self._end
+            # The cable may be pulled at any moment.
+            with suppress(OSError, ValueError):
+                if end and select.select([end[0]], [], [], 0)[0]:
+                    self._cable.write(os.read(end[0], 4096), now)
+            said = b""
+            while (due := self._cable.due()) <= now:
+                said += self._cable.read(due)
+            said += self._cable.read(now)
+            with suppress(OSError):
+                if said and end:
+                    os.write(end[0], said)
+
+
+@contextmanager
+def pluggable(link: Path) -> Iterator[tuple[list[str], Callable[[], None], Callable[[], None]]]:
+    """A printer whose cable can be pulled: what it executes, how to pull, how to plug in again."""
+    printer, stop = Pluggable(link), Flag()
+    printer.plug()
+    thread = Thread(target=printer.carry, args=(stop,))
+    thread.start()
+    try:
+        yield printer.executed, printer.pull, printer.plug
+    finally:
+        stop.set()
+        thread.join()
+        if link.is_symlink():
+            printer.pull()
+
+
+def test_a_cable_that_is_pulled_and_plugged_in_again_costs_nothing(tmp_path: Path) -> None:
+    with pluggable(tmp_path / "port") as (executed, pull, plug):
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints", reconnect=15.0)
+        until(lambda: printing.accepted > 100)
+        pull()
+        until(lambda: any(isinstance(event, Note) and "waiting" in event.text for event in printing.events))
+        Flag().wait(0.3)
+        plug()
+        printing.ended()
+
+    assert printing.done, printing.error
+    assert any(isinstance(event, Note) and "kept its state" in event.text for event in printing.events)
+    assert of_job(executed) == LINES.split("\n")[:-1]
+
+
+def test_a_cable_that_stays_away_leaves_a_print_that_can_be_resumed(tmp_path: Path) -> None:
+    with pluggable(tmp_path / "port") as (executed, pull, plug):
+        job = job_in(tmp_path)
+        printing = Background(job, tmp_path / "port", tmp_path / "prints", reconnect=0.2)
+        until(lambda: printing.accepted > 100)
+        pull()
+        printing.ended()
+        assert isinstance(printing.error, PrintError)
+        plug()
+
+        with pytest.raises(UsageError, match="unfinished"):
+            print_job(job, PROFILE, str(tmp_path / "port"), shelf=tmp_path / "prints")
+        left = shelves.find(tmp_path / "prints", "", running=False)
+        # The file may be gone meanwhile.
+        (tmp_path / "job.gcode").unlink()
+        done = resume_print(left, job)
+
+    assert done.verified
+    assert of_job(executed) == LINES.split("\n")[:-1]
+    assert list((tmp_path / "prints").iterdir()) == []
+
+
+def test_an_unfinished_print_is_forgotten_only_when_that_is_said(tmp_path: Path) -> None:
+    with pluggable(tmp_path / "port") as (_, pull, plug):
+        job = job_in(tmp_path)
+        printing = Background(job, tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 50)
+        pull()
+        printing.ended()
+        plug()
+        print_job(job, PROFILE, str(tmp_path / "port"), shelf=tmp_path / "prints", discard=True)
+
+    assert list((tmp_path / "prints").iterdir()) == []
+
+
+def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path) -> None:
+    with served(tmp_path / "port"):
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 60)
+    printing.ended()
+    left = shelves.find(tmp_path / "prints", "", running=False)
+    asked: list[str] = []
+    with served(tmp_path / "port") as executed, pytest.raises(PrintError):
+        resume_print(left, job_in(tmp_path), recover=lambda why: bool(asked.append(why)))
+
+    assert not any(line.startswith("G") for line in executed)
+    assert not left.running
+
+
+def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_path: Path) -> None:
+    text = tower(8)
+    with served(tmp_path / "port"):
+        printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 100)
+    printing.ended()
+    left = shelves.find(tmp_path / "prints", "", running=False)
+    asked: list[str] = []
+    with served(tmp_path / "port", speed=0) as executed:
+        done = resume_print(left, job_in(tmp_path, text), recover=lambda why: not asked.append(why))
+
+    assert "home x and y only" in asked[0]
+    assert "G28 X Y" in executed
+    assert "G28" not in executed
+    assert done.verified
+    commands = text.replace(";LAYER_CHANGE\n", "").split("\n")[:-1]
+    assert of_job(executed)[-80:] == commands[-80:]
+    assert list((tmp_path / "prints").iterdir()) == []
+
+
+# A disk that is full, a file that changes
+
+
+def test_a_full_disk_does_not_stop_the_print(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no full disk here")
+    begin = shelves.begin
+
+    def full(*arguments: object) -> shelves.Print:
+        made = begin(*arguments)  # type: ignore[arg-type]
+        (made.folder / "journal").unlink()
+        (made.folder / "journal").symlink_to("/dev/full")
+        return made
+
+    monkeypatch.setattr(shelves, "begin", full)
+    with served(tmp_path / "port", speed=0) as executed:
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
+        printing.ended()
+
+    assert printing.done, printing.error
+    assert of_job(executed) == LINES.split("\n")[:-1]
+    assert any(isinstance(event, Note) and "could not be resumed" in event.text for event in printing.events)
+
+
+def test_a_file_that_is_changed_or_deleted_meanwhile_is_printed_as_it_was(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as executed:
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 50)
+        (tmp_path / "job.gcode").write_text("M112\n", encoding="utf-8")
+        (tmp_path / "job.gcode").unlink()
+        printing.ended()
+
+    assert printing.done, printing.error
+    assert of_job(executed) == LINES.split("\n")[:-1]
+
+
+def test_a_place_where_nothing_can_be_written_is_refused_before_the_first_byte(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with served(tmp_path / "port") as executed, pytest.raises(Exception, match="cannot be noted"):
+        print_job(job_in(tmp_path), PROFILE, str(tmp_path / "port"), shelf=tmp_path / "file" / "prints")
+
+    assert executed == []
+
+
+# A host that is killed
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_a_killed_host_is_taken_up_exactly(seed: int, tmp_path: Path) -> None:
+    """More of this: benchmarks/killing.py."""
+    outcome = one_job(seed, 3, tmp_path)
+
+    assert outcome.exact, outcome.what
+    assert all(0 <= ahead <= 3 for ahead in outcome.ahead)
+
+
+def test_what_is_left_can_be_listed_and_forgotten(tmp_path: Path) -> None:
+    with served(tmp_path / "port"):
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 30)
+    printing.ended()
+    env = {**os.environ, "PRINTER_SLICER_STATE": str(tmp_path), "PYTHONPATH": str(ROOT)}
+
+    def resume(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "printer_slicer", "resume", *words]
+        return subprocess.run(command, env=env, capture_output=True, text=True, timeout=30, check=False)
+
+    (row,) = json.loads(resume("--list", "--json").stdout)
+    (folder,) = (tmp_path / "prints").iterdir()
+    assert row["job"] == "job.gcode"
+    assert row["accepted"] == read_story(folder).entries
+    assert resume("--discard").returncode == 0
+    assert resume().returncode == 2
+    assert "no print is unfinished" in resume("--list").stdout

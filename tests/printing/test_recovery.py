@@ -1,0 +1,152 @@
+"""A printer that lost its power in the middle of a part: where it is taken up, and how the nozzle comes there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random  # noqa: TID251 - seeded
+
+import pytest
+from parts import scribble, tower
+from rig import SETUP, Rig, way
+
+from printer_slicer.errors import PrintError
+from printer_slicer.jobs import job_of_text
+from printer_slicer.printing.journal import LOST
+from printer_slicer.printing.recovery import Recovery, recovery
+from printer_slicer.printing.shelf import Place, Print, begin
+from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.stream.events import Finished
+
+
+class PowerLoss(Exception):  # noqa: N818
+    """The printer is off."""
+
+
+def lose_power(text: str, folder: Path, entries: int, *, advanced: bool = False) -> tuple[Rig, Print]:
+    """Print until the printer loses its power, soon after it has taken so many commands; what the host keeps."""
+    job = job_of_text(
+        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
+    )
+    print_ = begin(folder, job.name, job.text, Place("/dev/none", 250_000), SETUP)
+    front_end = MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1
+    rig = Rig(text, front_end, folder=print_.folder)
+    rig.connect()
+    first: list[float] = []
+
+    def watch(now: float) -> None:
+        if rig.streamer.acknowledged >= entries and not first:
+            first.append(now)
+        if first and now >= first[0] + 0.37:
+            raise PowerLoss
+
+    with pytest.raises(PowerLoss):
+        rig.run(watch)
+    rig.made  # noqa: B018 - up to this moment
+    rig.printer._board.stop_moving()
+    assert rig.journal
+    rig.journal.ended(f"{LOST}gone", rig.port.now())
+    rig.journal.close()
+    print_.release()
+    return rig, print_
+
+
+def recovered(text: str, folder: Path, entries: int, *, advanced: bool = False) -> tuple[Rig, Rig, Recovery]:
+    """Both halves of a print, and what was done between."""
+    before, print_ = lose_power(text, folder, entries, advanced=advanced)
+    job = job_of_text(
+        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
+    )
+    found = recovery(print_, job)
+    after = Rig(text, folder=print_.folder)
+    after.connect(found)
+    after.run()
+    return before, after, found
+
+
+@pytest.mark.parametrize("advanced", [False, True], ids=["plain", "numbered oks"])
+@pytest.mark.parametrize("seed", range(15))
+def test_gap_and_double_extrusion_are_at_most_1_mm(seed: int, advanced: bool, tmp_path: Path) -> None:
+    chance = Random(seed)
+    text = tower(6) if seed % 2 else scribble(seed, 150, relative=bool(seed % 4))
+    whole = Rig(text)
+    whole.connect()
+    whole.run()
+
+    before, after, _ = recovered(text, tmp_path, chance.randrange(40, 140), advanced=advanced)
+
+    lost_or_twice = way(before.beads) + way(after.beads) - way(whole.beads)
+    assert isinstance(after.events[-1], Finished)
+    assert abs(lost_or_twice) <= 1.0
+    # And the second half begins where the first one ended, not only after as much of it.
+    assert before.beads
+    x, y, *_ = before.beads[-1][1]
+    bx, by, *_ = after.beads[0][0]
+    assert ((x - bx) ** 2 + (y - by) ** 2) ** 0.5 <= 1.0 or abs(lost_or_twice) <= 0.2
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_nozzle_touches_nothing_on_its_way(seed: int, tmp_path: Path) -> None:
+    text = tower(12)
+    before, after, found = recovered(text, tmp_path, Random(seed).randrange(40, 300))
+    first = after.made.index(
+        next(p for p in after.made if p[0][:3] == after.beads[0][0][:3] or p == after.beads[0])
+    )
+    z = before.made[-1][1][2]
+    lines = after.of_job()
+    homing = next(line for line in lines if line.startswith("G28"))
+
+    assert homing == "G28 X Y"
+    assert lines.index(next(line for line in lines if line.startswith("G92 Z"))) < lines.index(homing)
+    top = max((end[2] for _, end in before.beads), default=0.0)
+    inside = [
+        end
+        for _, end in after.made[:first]
+        # The firmware counts z from where it was switched on.
+        if ((end[0] - 100) ** 2 + (end[1] - 100) ** 2) ** 0.5 < 16.0 and end[2] + z < top - 1e-6
+    ]
+    assert inside == []
+    assert z >= 0
+    assert found.told
+
+
+def test_it_comes_from_outside_the_part(tmp_path: Path) -> None:
+    text = tower(12)
+    _, after, found = recovered(text, tmp_path, 200)
+    script = [line for line in found.replay if line.startswith("G1 X")]
+    x, y = (
+        (float(word[1:]) for word in script[-2].split()[1:3] if word[0] in "XY")
+        if len(script) > 1
+        else (0, 0)
+    )
+    outside = ((x - 100) ** 2 + (y - 100) ** 2) ** 0.5
+
+    assert outside > 14.9
+    assert isinstance(after.events[-1], Finished)
+
+
+def test_heat_fan_and_settings_are_said_again(tmp_path: Path) -> None:
+    text = tower(6).replace("G92 E0\n", "G92 E0\nM204 P800 T1200\nM220 S95\n", 1)
+    _, _, found = recovered(text, tmp_path, 80)
+    script = list(found.replay)
+
+    assert {
+        "M140 S60",
+        "M190 S60",
+        "M109 S200",
+        "M106 S128",
+        "M204 P800 T1200",
+        "M220 S95",
+        "G28 X Y",
+    } <= set(script)
+    assert script.index("M109 S150") < script.index("G28 X Y") < script.index("M109 S200")
+
+
+def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path) -> None:
+    text = tower(3)
+    job = job_of_text(
+        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
+    )
+    print_ = begin(tmp_path, job.name, job.text, Place("/dev/none", 250_000), SETUP)
+
+    with pytest.raises(PrintError, match="nothing was printed yet"):
+        recovery(print_, job)
