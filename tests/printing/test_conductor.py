@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from parts import tower
+from printed import tower
 from rig import SETUP, Rig, laid
 
 from printer_slicer.errors import UsageError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random  # noqa: TID251 - seeded
 
 import pytest
-from parts import scribble, tower
+from printed import scribble, tower
 from rig import Rig, assert_same_beads, off_path, way
 
 from printer_slicer.printing import wishes

@@ -16,7 +16,7 @@ from threading import Thread
 from time import monotonic
 
 import pytest
-from parts import tower
+from printed import tower
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from random import Random  # noqa: TID251 - seeded
 
 import pytest
-from parts import scribble, tower
+from printed import scribble, tower
 from rig import SETUP, Rig, assert_same_beads
 
 from printer_slicer.printing import wishes
