@@ -119,3 +119,17 @@ def test_two_parts_are_refused() -> None:
 def test_a_part_lower_than_the_bottom_is_refused() -> None:
     with pytest.raises(PartError, match="a spiral needs one outline"):
         slice_stages(box((10, 10, 0.4)), spiral())
+
+
+@pytest.mark.parametrize("lean", [0.5, 1.0, -1.0])
+def test_on_a_leaning_part_each_turn_begins_where_the_one_below_ends(lean: float) -> None:
+    upright = box((20, 20, 6))
+    sheared = upright.triangles.copy()
+    sheared[..., 0] += lean * sheared[..., 2]
+    plan = LayerPlan.from_tops(np.arange(1, 31) * 0.2)
+    program = slice_stages(Mesh(sheared, "leaning"), spiral(), plan=plan).program
+
+    above = turns(program)
+    laid = np.flatnonzero(program.role[above] != Role.TRAVEL)
+    assert len(laid) > 100
+    assert np.array_equal(laid, np.arange(laid[0], laid[-1] + 1))

@@ -20,7 +20,15 @@ from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Float, Heat, Int, PressureAdvance, Program, Role
 from printer_slicer.profile import Profile
 
-__all__ = ["TYPE_NAMES", "Writing", "begins_with", "macro_of", "notes_of", "retracted_by_firmware"]
+__all__ = [
+    "TYPE_NAMES",
+    "Writing",
+    "begins_with",
+    "macro_of",
+    "macros_between",
+    "notes_of",
+    "retracted_by_firmware",
+]
 
 # The names that PrusaSlicer's and OrcaSlicer's viewers know.
 TYPE_NAMES: Final = {
@@ -41,6 +49,7 @@ TYPE_NAMES: Final = {
 _CODE: Final = re.compile(r" *([GM])0*([0-9]+)", re.IGNORECASE)
 _MOVING: Final = frozenset({"G0", "G1", "G2", "G3", "G28"})
 _MODES: Final = frozenset({"G20", "G21", "G90", "G91", "G92", "M82", "M83"})
+_TAKING_TIME: Final = _MOVING | {"G4"}
 _HAIR: Final = 1e-9  # so that rounding does not make the last percent 99
 _SELDOM: Final = 5.0  # s: the share done is not told more often, however short the print is
 _Note = tuple[int, list[str]]
@@ -144,6 +153,13 @@ def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
     for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
         lines = _in_layer(pause, writing, rows, place + 1, layer) if layer in pauses else []
         yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer)
+
+
+def macros_between(writing: Writing, rows: Rows) -> Iterator[_Note]:
+    """What layer and pause macros say before which move, where that moves the machine or lets it stand."""
+    for move, lines in (*_layers(writing, rows), *_arrivals(writing, rows)):
+        if any(f"{found[1].upper()}{found[2]}" in _TAKING_TIME for found in map(_CODE.match, lines) if found):
+            yield move, lines
 
 
 def _pauses(writing: Writing) -> set[int]:

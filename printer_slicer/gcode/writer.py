@@ -9,13 +9,20 @@ import numpy as np
 
 from printer_slicer.gcode.dialect import Dialect, fan_line
 from printer_slicer.gcode.facts import print_facts
-from printer_slicer.gcode.labels import definitions, fresh_rows, marking, marks_of
-from printer_slicer.gcode.notes import Writing, begins_with, macro_of, notes_of, retracted_by_firmware
+from printer_slicer.gcode.labels import Mark, definitions, fresh_rows, marking, marks_of
+from printer_slicer.gcode.notes import (
+    Writing,
+    begins_with,
+    macro_of,
+    macros_between,
+    notes_of,
+    retracted_by_firmware,
+)
 from printer_slicer.gcode.reader import read_moves
-from printer_slicer.gcode.rows import rows_of
+from printer_slicer.gcode.rows import Rows, rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
 from printer_slicer.macros import Value
-from printer_slicer.model import Float, Labels, Program
+from printer_slicer.model import Float, Int, Labels, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
 
@@ -53,17 +60,33 @@ def write_program(
         dialect: how the printer wants them said.
         told: what else is known.
     """
+    text, total, taken = _file(program, profile, dialect, told)
+    if not taken:
+        return text
+    # Macros between the moves were timed one by one, from rest to rest; how they meet the moves the file itself tells.
+    wanted = _seconds_of(text.decode("ascii").split("\n"), profile, dialect)
+    return _file(program, profile, dialect, told, macros=1 + (wanted - total) / taken)[0]
+
+
+def _file(
+    program: Program, profile: Profile, dialect: Dialect, told: Told, *, macros: float = 1.0
+) -> tuple[bytes, float, float]:
+    """The text, its modelled time, and how much of that macros between moves take: `macros` times what they seem to."""
     seconds, labels = told.seconds, told.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
     known = print_facts(program, profile, float(each.sum()), labels.names if labels else ())
     start = [*_tool(profile, known), *macro_of(profile, "start_gcode").filled(known)]
     end = macro_of(profile, "end_gcode").filled(known)
-    begins, total = np.concatenate([[0.0], np.cumsum(each)]), None
+    begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
     if seconds is not None:
         begins += _seconds_of(start, profile, dialect)
-        begins[-1] += _seconds_of(end, profile, dialect, _goes_on(program))
-        total = float(begins[-1])
+        begins[-1] += _seconds_of(end, profile, dialect, _goes_on(program, program.n_moves))
     writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels))
+    spelt = _spelt(writing)
+    if seconds is not None:
+        taken = macros * _of_macros(writing, spelt.rows)
+        begins += taken
+    total = None if seconds is None else float(begins[-1])
     first, *others = first_lines(program, total, told.facts)
     before = [first, *told.comments, *others]
     before += begins_with(writing)
@@ -74,7 +97,7 @@ def write_program(
     before += definitions(writing.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *last_lines(program, profile, total)]
-    return b"".join([_lines(before), *_body(writing), _lines(after)])
+    return b"".join([_lines(before), *_body(writing, spelt), _lines(after)]), total or 0.0, float(taken[-1])
 
 
 def _tool(profile: Profile, known: Mapping[str, Value]) -> list[str]:
@@ -85,11 +108,20 @@ def _tool(profile: Profile, known: Mapping[str, Value]) -> list[str]:
     return template.filled(known)
 
 
-def _goes_on(program: Program) -> list[str]:
-    """A move to where the program ends."""
-    if not program.n_moves:
+def _of_macros(writing: Writing, rows: Rows) -> Float:
+    """(K + 1,) what macros between the moves take until each of these begins, s."""
+    program, taken = writing.program, np.zeros(writing.program.n_moves + 1)
+    for move, lines in macros_between(writing, rows):
+        before = _goes_on(program, move)
+        taken[move] += _seconds_of(lines, writing.profile, writing.dialect, before)
+    return np.asarray(np.cumsum(taken))
+
+
+def _goes_on(program: Program, move: int) -> list[str]:
+    """A move to where so many moves of the program end."""
+    if not move:
         return []
-    x, y, z = program.xyz[-1]
+    x, y, z = program.xyz[move - 1]
     return [f"G1 X{x:.3f} Y{y:.3f} Z{z:.4f} F6000"]
 
 
@@ -120,14 +152,28 @@ def _lines(lines: list[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode("ascii", "replace")
 
 
-def _body(writing: Writing) -> list[bytes]:
-    """The rows of the moves with comments, events and macros between them."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spelt:
+    """The moves as text, which of them the firmware makes (K,), and where things begin and end."""
+
+    rows: Rows
+    turns: Int
+    marks: list[Mark]
+
+
+def _spelt(writing: Writing) -> _Spelt:
     program, profile = writing.program, writing.profile
     turns = retracted_by_firmware(program, profile)
     fed = replace(program, filament=np.where(turns != 0, 0.0, program.filament)) if turns.any() else program
     marks = marks_of(program, writing.marking[0]) if writing.marking else []
     rows = rows_of(fed, relative=profile.printer.relative_extrusion, fresh=fresh_rows(marks))
-    notes = notes_of(writing, rows, turns, marks)
+    return _Spelt(rows, turns, marks)
+
+
+def _body(writing: Writing, spelt: _Spelt) -> list[bytes]:
+    """The rows of the moves with comments, events and macros between them."""
+    rows = spelt.rows
+    notes = notes_of(writing, rows, spelt.turns, spelt.marks)
     pieces, done = [], 0
     for index in sorted(notes):
         place = int(rows.start[index])

@@ -96,7 +96,8 @@ def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Too
     under = np.append(0.0, paths.plan.height[loops.layer])[turn]  # of the turn below; nothing below the first
     is_last = turn == loops.n_loops
     bead_height = np.where(is_last, (1 - share) * height, (1 - share) * under + share * height)
-    xy = _blended(loops, base, (turn, point, share), _BLENDED * profile.extrusion_width)
+    reach = _BLENDED * profile.extrusion_width
+    xy = _joined(_blended(loops, base, (turn, point, share), reach), n + 1, reach)
     of_paths = loops.point[point]
     made = Toolpaths.gathered(
         paths.plan,
@@ -110,6 +111,19 @@ def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Too
     )
     rise = np.where(is_last, 0.0, -(1 - share) * height)
     return replace(made, rise=rise, share=bead_height / height)
+
+
+def _joined(xy: Float, size: Int, reach: float) -> Float:
+    """The points of turns of `size` (R,) points; each begins where the one below ends, if that is within `reach`.
+
+    The outline below has a place nearest to the begin of a turn, but on a side that goes on past it that is not where
+    its own turn ended.
+    """
+    end = np.cumsum(size)
+    begin, before = end[:-1], end[:-1] - 1
+    near = np.hypot(*(xy[begin] - xy[before]).T) < reach
+    xy[begin[near]] = xy[before[near]]
+    return xy
 
 
 def _blended(loops: Loops, base: Loops, way: tuple[Int, Int, Float], reach: float) -> Float:

@@ -42,6 +42,7 @@ __all__ = [
 ]
 
 KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
+_BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 _FOLDERS = {"printer": "printers", "material": "materials", "quality": "qualities"}
 DEFAULT_NAMES: Mapping[str, str] = {"printer": "marlin_220", "material": "pla", "quality": "adaptive"}
 
@@ -278,9 +279,16 @@ def _change(sources: dict[str, _Source], key: str, value: object) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers and arrays of numpy as Python's own."""
+    """Numbers and arrays of numpy as Python's own, typed numbers with a digit before the point and one behind it."""
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, str):
+        found = _BARE_POINT.fullmatch(value.strip())
+        return (
+            f"{found[1].strip('+')}{found[2] or 0}.{found[3] or 0}"
+            if found and (found[2] or found[3])
+            else value
+        )
     return value.tolist() if hasattr(value, "tolist") else value
 
 

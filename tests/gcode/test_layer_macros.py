@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode import Moves, read_moves, write_gcode
+from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
 from printer_slicer.gcode.facts import layer_facts, print_facts
 from printer_slicer.jobs import commands_of, job_of
 from printer_slicer.macros import Value, read_template
 from printer_slicer.macros.functions import FUNCTIONS
 from printer_slicer.model import Float, Program
+from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import gcode_of, slice_part
 from printer_slicer.profile import settings_text
 from printer_slicer.verdict import dry_run
@@ -186,3 +187,21 @@ def test_a_print_with_macros_and_a_pause_comes_out_as_intended() -> None:
     verdict = dry_run(job_of(box((20, 10, 2)), wanted), wanted)
 
     assert verdict.problems == ()
+
+
+def _time_told(text: bytes) -> float:
+    return next(float(line[6:]) for line in text.decode().split("\n") if line.startswith(";TIME:"))
+
+
+@pytest.mark.parametrize("macro", [PARK, "G4 P1500", "G1 X0 Y0 F3000\nG4 S1\nG1 X20 Y20 E0.5 F300"])
+def test_the_time_in_the_file_counts_what_macros_between_the_moves_take(macro: str) -> None:
+    wanted = plain(layer_gcode=macro)
+    text = gcode_of(sliced(), wanted)
+
+    told = _time_told(text)
+    moves = read_moves(commands_of(text)[0], wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    seconds = moves.seconds(limits_of(wanted.printer))
+    without = gcode_of(sliced(), plain())
+    plainly = _time_told(without)
+    assert told == pytest.approx(seconds, abs=0.51)
+    assert told > plainly + 10

@@ -396,3 +396,14 @@ def test_too_few_layers_end_with_the_code_of_parts_that_cannot_be_sliced() -> No
 
     assert outcome.code == 3
     assert is_message(outcome, "3 layers")
+
+
+@pytest.mark.parametrize(("typed", "value"), [(".5", 0.5), ("1.", 1.0), ("+.25", 0.25)])
+def test_numbers_may_be_typed_without_a_digit_beside_the_point(typed: str, value: float) -> None:
+    assert load_profile(changes={"printer.z_hop": typed}).printer.z_hop == value
+
+
+@pytest.mark.parametrize("typed", [".", "..5", "-."])
+def test_a_point_alone_is_no_number(typed: str) -> None:
+    with pytest.raises(ProfileError, match="z_hop"):
+        load_profile(changes={"printer.z_hop": typed})
