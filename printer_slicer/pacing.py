@@ -2,7 +2,8 @@
 
 A file is sent line by line, at some lines a second; the firmware holds some lines ahead. It has none left where it has
 printed more lines than the link has brought, by as many as it holds. Whether that happens is a matter of sums: lines
-sent less lines printed, seen from where that was least.
+sent less lines printed, seen from where that was least. Lines that are no moves count too: fans, accelerations,
+progress, and what macros say at each layer.
 """
 
 from __future__ import annotations
@@ -13,15 +14,17 @@ import numpy as np
 
 from printer_slicer.extrusion.rows import rows_of
 from printer_slicer.extrusion.timing import move_seconds
-from printer_slicer.geometry.areas import distinct
+from printer_slicer.geometry.areas import distinct, run_begins
 from printer_slicer.model import Bool, Float, Program, Role, Toolpaths, Travels
 from printer_slicer.profile import Profile
 
 __all__ = ["LinkReport", "crowded", "crowded_paths", "paced"]
 
 _AHEAD = 0.5  # of the moves that a firmware plans ahead are counted on
-_ROUNDS = 8
+_ROUNDS = 32
 _SPARE = 1.02  # slower than the link by this
+_SLOWEST = 0.1  # mm/s
+_PUT_BACK = 4  # lines at most that put back what a macro has changed
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,7 @@ class LinkReport:
         merged: lines fewer, for moves were merged.
         slowed: moves that are slower.
         seconds: longer than without.
+        waits: numbers, from 1, of the layers where it will wait all the same: nothing there can be slower.
     """
 
     lines_per_second: float
@@ -41,6 +45,7 @@ class LinkReport:
     merged: int = 0
     slowed: int = 0
     seconds: float = 0.0
+    waits: tuple[int, ...] = ()
 
 
 def crowded(program: Program, profile: Profile) -> Bool:
@@ -49,8 +54,7 @@ def crowded(program: Program, profile: Profile) -> Bool:
     if not rate or not program.n_moves:
         return np.zeros(program.n_moves, np.bool_)
     seconds = move_seconds(program, profile)
-    # The chords of an arc are one line.
-    behind = np.cumsum(~program.on_same_arc) / rate - (np.cumsum(seconds) - seconds)
+    behind = np.cumsum(_lines(program, profile, seconds)) / rate - (np.cumsum(seconds) - seconds)
     least = np.minimum.accumulate(behind)
     short = behind - least > max(_AHEAD * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
@@ -84,27 +88,55 @@ def paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tu
     way = program.xyz - program.start
     length = np.sqrt((way * way).sum(axis=1))
     length = np.where(length > 0, length, np.abs(program.filament))
-    first = program
+    first, wait = program, crowded(program, profile)
     for _ in range(_ROUNDS):
-        short = crowded(program, profile) & (program.role != Role.TRAVEL)
-        slower = np.where(
-            short, np.minimum(program.speed, length * _per_line(program) * rate / _SPARE), program.speed
-        )
+        short = wait & (program.role != Role.TRAVEL)
+        share = _share(program, _lines(program, profile, move_seconds(program, profile)))
+        slower = np.where(short, np.minimum(program.speed, length * rate / (share * _SPARE)), program.speed)
+        slower = np.maximum(slower, np.minimum(program.speed, _SLOWEST))
         if (slower >= program.speed).all():
             break
-        program = replace(program, speed=np.maximum(slower, 0.1))
+        program = replace(program, speed=slower)
+        wait = crowded(program, profile)
     seconds = (float(move_seconds(one, profile).sum()) for one in (program, before))
-    layers = distinct(before.layer[busy]) + 1
     return program, LinkReport(
         rate,
-        tuple(layers.tolist()),
+        _numbers(before, busy),
         before.n_moves - program.n_moves,
         int((program.speed < first.speed).sum()),
         next(seconds) - next(seconds),
+        _numbers(program, wait),
     )
 
 
-def _per_line(program: Program) -> Float:
-    """(K,) how many moves stand in one line: the chords of an arc."""
+def _numbers(program: Program, moves: Bool) -> tuple[int, ...]:
+    """Numbers, from 1, of the layers of some moves (K,)."""
+    return tuple((distinct(program.layer[moves]) + 1).tolist())
+
+
+def _lines(program: Program, profile: Profile, seconds: Float) -> Float:
+    """(K,) lines that each move brings, with those in front of it; of an arc its first chord brings the line."""
+    lines = (~program.on_same_arc).astype(np.float64)
+    for event in program.events:
+        lines[min(event.index, program.n_moves - 1)] += 1
+    lines[run_begins(program.layer)] += _of_macros(profile)
+    if profile.printer.progress:
+        done = np.cumsum(seconds)
+        lines[1:] += np.diff(done // 60) > 0
+        lines[1:] += np.diff(done // max(float(done[-1]) / 100, 1.0)) > 0
+    return lines
+
+
+def _of_macros(profile: Profile) -> int:
+    """Lines that macros say at each layer, at most."""
+    count = 0
+    for text in (profile.printer.before_layer_gcode, profile.printer.layer_gcode):
+        said = [line.strip() for line in text.split("\n") if line.partition(";")[0].strip()]
+        count += len(said) + (_PUT_BACK if any(line[:1] in "Gg" for line in said) else 0)
+    return count
+
+
+def _share(program: Program, lines: Float) -> Float:
+    """(K,) of the lines that an arc brings, for each of its chords."""
     number = np.cumsum(~program.on_same_arc) - 1
-    return np.asarray(np.bincount(number)[number], np.float64)
+    return np.asarray((np.bincount(number, weights=lines) / np.bincount(number))[number])

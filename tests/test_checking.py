@@ -163,7 +163,8 @@ def test_too_little_and_too_much_plastic_in_some_layers_is_found(share: float) -
     found = [one for one in check.findings if one.kind == kind]
     assert [(one.first, one.last) for one in found] == [(4, 6)]
     assert found[0].amount == pytest.approx(share, abs=0.08)
-    assert other_layers(check, 4, 5, 6) == []
+    # Beads that hold too much for their layer may reach down into the one below.
+    assert other_layers(check, *([3] if share > 1 else []), 4, 5, 6) == []
 
 
 def test_too_little_plastic_everywhere_is_found() -> None:

@@ -102,3 +102,25 @@ def test_a_quick_link_changes_nothing() -> None:
     assert after.link is not None
     assert after.link.layers == ()
     assert before.link is None
+
+
+def test_lines_that_are_no_moves_count() -> None:
+    said = "\n".join(["M117 here"] * 5)
+    plainly, usual = sliced(link_lines_per_second=45)
+    talking, wanted = sliced(link_lines_per_second=45, layer_gcode=said)
+
+    assert talking.link is not None
+    assert not crowded(plainly.program, usual).any()
+    assert crowded(plainly.program, wanted).any()
+    assert not crowded(talking.program, wanted).any()
+    assert not talking.link.waits
+
+
+def test_what_cannot_be_helped_is_told() -> None:
+    """More lines at once than the firmware holds: nothing before them can be so slow that they come in time."""
+    stages, wanted = sliced(link_lines_per_second=5, layer_gcode="\n".join(["M117 here"] * 60))
+
+    link, left = stages.link, crowded(stages.program, wanted)
+    assert link is not None
+    assert set(link.waits) == set((np.unique(stages.program.layer[left]) + 1).tolist())
+    assert link.waits

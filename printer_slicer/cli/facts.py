@@ -163,7 +163,13 @@ def _link_sentences(link: dict[str, Any] | None) -> list[str]:
         f"layer {layers[0]}" if len(layers) == 1 else f"{len(layers)} layers, {layers[0]} to {layers[-1]},"
     )
     cost = f"{link['merged']} were merged, {link['slowed']} moves slowed down; {link['seconds']:+.1f} s"
-    return [f"{where} had more lines than {rate}: {cost}"]
+    left = link["waits"]
+    still = (
+        [f"{len(left)} of them still have, for nothing there can be slower: macros say too much"]
+        if left
+        else []
+    )
+    return [f"{where} had more lines than {rate}: {cost}", *still]
 
 
 def _volume(stages: Stages, certificate: Certificate) -> float:
