@@ -25,10 +25,6 @@ _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
 _REACHES = (1.0, 0.5, 0.25, 0.125, 0.0)  # of the longest anchors, until they leave room for lines
 _SHORTEST = 0.7  # beads: what is hardly longer than the half circles at its ends
 _BEAD_CHANGE = 0.2  # share by which the bead may make up for the rest
-_MADE_UP = (
-    1 + _BEAD_CHANGE / 2
-)  # by which beads make up for what the sampled entries lack, so that none lacks more
-_CORRECTIONS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,16 +171,12 @@ def _spaced(task: Task, pattern: Pattern, volume: Float, profile: Profile) -> tu
     step = lines / left if left * _WIDEST_STEP > lines else _WIDEST_STEP
     spacing = task.spacing * max(step, 1 / _WIDEST_STEP) if lines else task.spacing
     # With few lines in a room the anchors of the new ones may be quite others.
-    for _ in range(_CORRECTIONS):
-        some = replace(some, spacing=spacing)
-        drawn = _drawn(some, pattern)
-        for shorter in _REACHES:
-            laid = _with_anchors(some, drawn, profile, min(shorter, reach))
-            if laid * (1 - _BEAD_CHANGE) <= wanted:
-                break
-        if not 0 < laid * _MADE_UP < wanted:
+    some = replace(some, spacing=spacing)
+    drawn = _drawn(some, pattern)
+    for shorter in _REACHES:
+        laid = _with_anchors(some, drawn, profile, min(shorter, reach))
+        if laid * (1 - _BEAD_CHANGE) <= wanted:
             break
-        spacing *= max(laid / wanted, 1 / _WIDEST_STEP)
     return replace(task, spacing=spacing), min(shorter, reach)
 
 
