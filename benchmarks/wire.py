@@ -18,9 +18,9 @@ from statistics import median
 from time import process_time
 
 from processes import SAMPLES, machine_note, spread
+from wire_lab import QUICK
 
 from printer_slicer import Job, dry_run, job_from, load_profile
-from printer_slicer.motion.rules import Limits
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, FrontEnd
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -31,18 +31,6 @@ from printer_slicer.stream.session import run
 BAUD, LATENCY = 115_200, 0.001
 """Of the real cable: Bd, and s that each byte takes in addition in each direction."""
 
-# So quick that only the cable limits how fast lines go.
-_QUICK = Limits(
-    max_speed=(1000.0, 1000.0, 50.0, 500.0),
-    max_acceleration=(1e5, 1e5, 1e4, 1e5),
-    acceleration=1e5,
-    travel_acceleration=1e5,
-    retract_acceleration=1e5,
-    corner="junction_deviation",
-    junction_deviation=0.1,
-    jerk=(10.0, 10.0, 0.4, 5.0),
-    square_corner_velocity=5.0,
-)
 _RADIUS, _CHORD = 20.0, 0.05  # mm
 
 
@@ -100,11 +88,11 @@ def _stream(
 ) -> Streamed:
     """Stream a job; an error unless every line was executed once and in order."""
     executed: list[str] = []
-    machine = Machine(limits=_QUICK, coldest_extrusion=0.0)
+    machine = Machine(limits=QUICK.limits, coldest_extrusion=0.0)
     printer = SimulatedPrinter(machine, front_end, on_executed=executed.append)
     port = VirtualPort(printer, baud=baud, latency=latency)
     begun = process_time()
-    run(Streamer(commands, limits=_QUICK, window_lines=window), port, port.now)
+    run(Streamer(commands, limits=QUICK.limits, window_lines=window), port, port.now)
     cpu = process_time() - begun
     if [text for text in executed if text.startswith("G1")] != [line.decode() for line in commands[1:]]:
         sys.exit("the lines were not executed once and in order")

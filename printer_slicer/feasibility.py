@@ -19,6 +19,7 @@ from typing import Final
 from printer_slicer.gcode import Moves, changed_limits
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import Block, Limits, make_block
+from printer_slicer.stream.flight import QUESTION_ROOM
 from printer_slicer.stream.framing import frame
 
 __all__ = ["Feasibility", "Link", "Stretch", "feasibility"]
@@ -26,7 +27,6 @@ __all__ = ["Feasibility", "Link", "Stretch", "feasibility"]
 _BITS: Final = 10  # of a byte on the wire
 _OK: Final = 3  # bytes of an answer
 _GREETING: Final = 2  # numbered lines before the job
-_QUESTION: Final = 16  # bytes of the window that are kept for a question
 _APART: Final = 40  # commands without a loss between two stretches
 _FELT: Final = 0.05  # of its own time, by which a move that takes longer is held up
 _WORTH: Final = 0.25  # s lost in a stretch; a machine that sets out from rest may wait 0.1 s anyway
@@ -57,7 +57,7 @@ class Link:
         """Most lines of `size` bytes that it carries: the wire, or the wait for answers."""
         byte = _BITS / self.baud
         there_and_back = (size + _OK) * byte + self.latency_out + self.latency_back
-        abreast = max(1.0, min(self.window_lines, (self.window_bytes - _QUESTION) // size))
+        abreast = max(1.0, min(self.window_lines, (self.window_bytes - QUESTION_ROOM) // size))
         return min(1 / (size * byte), abreast / there_and_back)
 
 
@@ -240,7 +240,7 @@ class _Run:
         wire_out = wire_back = done = 0.0
         oldest = in_flight = 0
         for index, (size, step) in enumerate(zip(sizes, steps, strict=True)):
-            room = link.window_bytes - _QUESTION - size
+            room = link.window_bytes - QUESTION_ROOM - size
             now = answered[oldest - 1] if oldest else 0.0
             while oldest < index and (index - oldest >= link.window_lines or in_flight > room):
                 now = answered[oldest]

@@ -27,6 +27,7 @@ __all__ = [
     "Job",
     "commands_of",
     "is_gcode",
+    "job_and_moves",
     "job_from",
     "job_of",
     "job_of_text",
@@ -114,9 +115,18 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     """
     if is_gcode(path):
         report("reading")
-        return _job(path.name, read_text(path), profile, None)
+        return job_and_moves(path, profile)[0]
     report("loading")
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
+
+
+def job_and_moves(path: Path, profile: Profile) -> tuple[Job, Moves]:
+    """The job that a G-code file is, and its moves.
+
+    Raises:
+        PrinterSlicerError: the file cannot be read or sent.
+    """
+    return _judged(path.name, read_text(path), profile)
 
 
 def job_of(
@@ -143,13 +153,9 @@ def job_of(
     """
     stages = slice_stages(mesh, profile, placement=placement, report=report, strict=strict)
     report("writing")
-    job = _job(
-        name or mesh.name,
-        gcode_of(stages.program, profile, part=stages.part, labels=stages.labels),
-        profile,
-        stages.program,
-    )
-    return replace(job, repairs=stages.repairs)
+    text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels)
+    job, _ = _judged(name or mesh.name, text, profile)
+    return replace(job, program=stages.program, allowed=_ASKED_FOR, repairs=stages.repairs)
 
 
 def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, float], flavour: str) -> Job:
@@ -190,18 +196,14 @@ def _read(
     return job, moves
 
 
-def _job(name: str, text: bytes, profile: Profile, program: Program | None) -> Job:
-    """The job that a text is, with what is found in it."""
+def _judged(name: str, text: bytes, profile: Profile) -> tuple[Job, Moves]:
+    """The job that a text is, with what is found in it, and its moves."""
     printer = profile.printer
     job, moves = _read(name, text, limits_of(printer), printer.corners[0], printer.flavour)
     findings = scan(job.commands, profile, moves=moves, marks=job.marks)
     lines = lines_of(text, [one.index for one in findings])
-    return replace(
-        job,
-        program=program,
-        findings=tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True)),
-        allowed=_ASKED_FOR if program is not None else frozenset(),
-    )
+    placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
+    return replace(job, findings=placed), moves
 
 
 def _refuse_unsendable(name: str, text: bytes, commands: list[bytes]) -> None:

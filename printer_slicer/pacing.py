@@ -50,11 +50,15 @@ class LinkReport:
 
 def crowded(program: Program, profile: Profile) -> Bool:
     """(K,) moves of stretches in which the machine would run out of lines."""
-    rate = profile.printer.link_lines_per_second
-    if not rate or not program.n_moves:
+    if not profile.printer.link_lines_per_second or not program.n_moves:
         return np.zeros(program.n_moves, np.bool_)
-    seconds = move_seconds(program, profile)
-    behind = np.cumsum(_lines(program, profile, seconds)) / rate - (np.cumsum(seconds) - seconds)
+    return _crowded(program, profile, _lines(program, profile))
+
+
+def _crowded(program: Program, profile: Profile, lines: Float) -> Bool:
+    """The same, of moves that bring so many lines (K,)."""
+    rate, seconds = profile.printer.link_lines_per_second, move_seconds(program, profile)
+    behind = np.cumsum(lines) / rate - (np.cumsum(seconds) - seconds)
     least = np.minimum.accumulate(behind)
     short = behind - least > max(_AHEAD * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
@@ -88,16 +92,16 @@ def paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tu
     way = program.xyz - program.start
     length = np.sqrt((way * way).sum(axis=1))
     length = np.where(length > 0, length, np.abs(program.filament))
-    first, wait = program, crowded(program, profile)
+    first = program
     for _ in range(_ROUNDS):
-        short = wait & (program.role != Role.TRAVEL)
-        share = _share(program, _lines(program, profile, move_seconds(program, profile)))
-        slower = np.where(short, np.minimum(program.speed, length * rate / (share * _SPARE)), program.speed)
+        lines = _lines(program, profile)
+        short = _crowded(program, profile, lines) & (program.role != Role.TRAVEL)
+        most = length * rate / (_share(program, lines) * _SPARE)
+        slower = np.where(short, np.minimum(program.speed, most), program.speed)
         slower = np.maximum(slower, np.minimum(program.speed, _SLOWEST))
         if (slower >= program.speed).all():
             break
         program = replace(program, speed=slower)
-        wait = crowded(program, profile)
     seconds = (float(move_seconds(one, profile).sum()) for one in (program, before))
     return program, LinkReport(
         rate,
@@ -105,7 +109,7 @@ def paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tu
         before.n_moves - program.n_moves,
         int((program.speed < first.speed).sum()),
         next(seconds) - next(seconds),
-        _numbers(program, wait),
+        _numbers(program, crowded(program, profile)),
     )
 
 
@@ -114,14 +118,14 @@ def _numbers(program: Program, moves: Bool) -> tuple[int, ...]:
     return tuple((distinct(program.layer[moves]) + 1).tolist())
 
 
-def _lines(program: Program, profile: Profile, seconds: Float) -> Float:
+def _lines(program: Program, profile: Profile) -> Float:
     """(K,) lines that each move brings, with those in front of it; of an arc its first chord brings the line."""
     lines = (~program.on_same_arc).astype(np.float64)
     for event in program.events:
         lines[min(event.index, program.n_moves - 1)] += 1
     lines[run_begins(program.layer)] += _of_macros(profile)
     if profile.printer.progress:
-        done = np.cumsum(seconds)
+        done = np.cumsum(move_seconds(program, profile))
         lines[1:] += np.diff(done // 60) > 0
         lines[1:] += np.diff(done // max(float(done[-1]) / 100, 1.0)) > 0
     return lines

@@ -10,10 +10,9 @@ from typing import Any, Final
 from printer_slicer.cli.common import profile_from
 from printer_slicer.cli.policy import finding_facts, finding_lines, refused
 from printer_slicer.feasibility import Feasibility, Link, Stretch, feasibility
-from printer_slicer.gcode import FLAVOURS, read_moves, spoken
-from printer_slicer.jobs import Job, job_from, lines_of
+from printer_slicer.gcode import spoken
+from printer_slicer.jobs import Job, job_and_moves, lines_of
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.profile import Profile
 
 __all__ = ["Looked", "look"]
 
@@ -37,9 +36,10 @@ def look(arguments: argparse.Namespace) -> Looked:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     profile = profile_from(arguments, slices=False)
-    job = job_from(arguments.gcode, profile)
-    wrong = refused(arguments, job)
-    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(arguments, job)}
+    job, moves = job_and_moves(arguments.gcode, profile)
+    job = job.allowing(arguments.allow)
+    wrong = refused(job)
+    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
     lines = [
         f"{job.name}: {len(job.commands)} commands, {spoken(job.seconds)} of motion on {profile.printer.name}"
     ]
@@ -52,16 +52,11 @@ def look(arguments: argparse.Namespace) -> Looked:
             window_lines=arguments.window,
             window_bytes=profile.printer.receive_buffer - 1,
         )
-        told = _located(job, _feasible(job, profile, link))
+        told = _located(job, feasibility(job.commands, moves, limits_of(profile.printer), link, job.marks))
         facts["link"] = _facts(told)
         lines += _lines(arguments, told)
         wrong += _wrong(told)
     return Looked(facts, lines, wrong)
-
-
-def _feasible(job: Job, profile: Profile, link: Link) -> Feasibility:
-    moves = read_moves(job.commands, profile.printer.corners[0], FLAVOURS[profile.printer.flavour])
-    return feasibility(job.commands, moves, limits_of(profile.printer), link, job.marks)
 
 
 def _located(job: Job, told: Feasibility) -> Feasibility:

@@ -18,6 +18,7 @@ from printer_slicer.profile import Profile
 __all__ = [
     "finding_facts",
     "finding_lines",
+    "finding_notes",
     "insist_on_policy",
     "insist_verified",
     "reason_against",
@@ -36,48 +37,44 @@ def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
     """
     job = job.allowing(arguments.allow)
     if arguments.json and job.findings:
-        print(json.dumps({"event": "findings", "findings": finding_facts(arguments, job)}), flush=True)
+        print(json.dumps({"event": "findings", "findings": finding_facts(job)}), flush=True)
     if not (arguments.json or arguments.quiet):
-        for line in finding_lines(arguments, job):
-            print(visible(line.replace("note        ", "printer-slicer: warning: ", 1)), file=sys.stderr)
+        for note in finding_notes(arguments, job):
+            print(visible(f"printer-slicer: warning: {note}"), file=sys.stderr)
     insist(job.findings, job.allowed, name=job.name)
     return job
 
 
-def refused(arguments: argparse.Namespace, job: Job) -> list[str]:
-    """What was found and is not allowed, one sentence each.
-
-    Raises:
-        UsageError: a name that was allowed does not exist.
-    """
-    allowed = job.allowing(arguments.allow).allowed
-    return [sentence(one) for one in job.findings if one.refused and one.name not in allowed]
+def refused(job: Job) -> list[str]:
+    """What was found and is not allowed, one sentence each."""
+    return [sentence(one) for one in job.findings if one.refused and one.name not in job.allowed]
 
 
-def finding_facts(arguments: argparse.Namespace, job: Job) -> list[dict[str, Any]]:
+def finding_facts(job: Job) -> list[dict[str, Any]]:
     """All findings, ready for JSON."""
-    allowed = job.allowing(arguments.allow).allowed
-    return [asdict(one) | {"allowed": one.name in allowed} for one in job.findings]
+    return [asdict(one) | {"allowed": one.name in job.allowed} for one in job.findings]
+
+
+def finding_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
+    """What was found and does not keep the job from being printed, for people."""
+    told = [one for one in job.findings if not one.refused or one.name in job.allowed]
+    most = len(told) if arguments.verbose else _TOLD
+    more = [f"... and {len(told) - most} more (-v tells all)"] if len(told) > most else []
+    return [*(sentence(one) for one in told[:most]), *more]
 
 
 def finding_lines(arguments: argparse.Namespace, job: Job) -> list[str]:
-    """What was found and does not keep the job from being printed, for people."""
-    allowed = job.allowing(arguments.allow).allowed
-    told = [one for one in job.findings if not one.refused or one.name in allowed]
-    most = len(told) if arguments.verbose else _TOLD
-    lines = [f"note        {sentence(one)}" for one in told[:most]]
-    return (
-        [*lines, f"note        ... and {len(told) - most} more (-v tells all)"] if len(told) > most else lines
-    )
+    """The same as lines of an answer."""
+    return [f"note        {note}" for note in finding_notes(arguments, job)]
 
 
-def insist_verified(arguments: argparse.Namespace, job: Job) -> None:
+def insist_verified(job: Job) -> None:
     """The same for a job that is only looked at.
 
     Raises:
         VerificationError: it holds what was not allowed.
     """
-    if wrong := refused(arguments, job):
+    if wrong := refused(job):
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
         raise VerificationError(f"{job.name}: {wrong[0]}{more}", remedy="if it is meant: --allow NAME")
 

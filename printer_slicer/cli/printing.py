@@ -69,16 +69,17 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments, slices=not _has_gcode(arguments))
     with stages(arguments) as report:
         job, known = _job(arguments, profile, report)
+    job = job.allowing(arguments.allow)
     verdict = _simulate(arguments, job, profile, events=False)
+    wrong = refused(job)
     if arguments.json:
-        ok = verdict.ok and not refused(arguments, job)
-        findings = {"ok": ok, "findings": finding_facts(arguments, job)}
+        findings = {"ok": verdict.ok and not wrong, "findings": finding_facts(job)}
         print(json.dumps(_as_json(verdict, job) | findings | known))
     else:
-        found = [*finding_lines(arguments, job), *(f"refused     {one}" for one in refused(arguments, job))]
+        found = [*finding_lines(arguments, job), *(f"refused     {one}" for one in wrong)]
         say(arguments, "\n".join([_as_text(verdict, profile), *found, *_repaired(job)]))
     _insist(verdict)
-    insist_verified(arguments, job)
+    insist_verified(job)
     return 0
 
 

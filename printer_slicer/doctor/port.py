@@ -6,7 +6,6 @@ is said.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import stat
 import sys
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.doctor.checks import Check
+from printer_slicer.stream.holders import holders
 
 if sys.platform != "win32":
     import grp
@@ -154,19 +154,5 @@ def _timer(device: str, ttys: Path) -> int | None:
 
 
 def _holders(device: str, proc: Path) -> Iterator[tuple[int, str]]:
-    """Processes, other than this one, that have the device open; those of other people are not to be seen."""
-    if device.startswith(_PSEUDO):  # who serves it holds it
-        return
-    for folder in sorted(proc.glob("[0-9]*")):
-        if int(folder.name) == os.getpid():
-            continue
-        with contextlib.suppress(OSError):
-            if any(_leads(link, device) for link in (folder / "fd").iterdir()):
-                yield int(folder.name), (folder / "comm").read_text(errors="replace").strip()
-
-
-def _leads(link: Path, device: str) -> bool:
-    try:
-        return str(link.readlink()) == device
-    except OSError:
-        return False
+    """Other processes that have the device open; who serves a pseudo-terminal holds it."""
+    return iter(()) if device.startswith(_PSEUDO) else holders(device, proc)

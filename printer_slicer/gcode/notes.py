@@ -157,6 +157,9 @@ def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
 
 def macros_between(writing: Writing, rows: Rows) -> Iterator[_Note]:
     """What layer and pause macros say before which move, where that moves the machine or lets it stand."""
+    names = "before_layer_gcode", "layer_gcode"
+    if all(macro_of(writing.profile, name).empty for name in names) and not writing.profile.quality.pause_at:
+        return
     for move, lines in (*_layers(writing, rows), *_arrivals(writing, rows)):
         if any(f"{found[1].upper()}{found[2]}" in _TAKING_TIME for found in map(_CODE.match, lines) if found):
             yield move, lines

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from math import atan2, cos, hypot, pi, sin, sqrt
@@ -10,19 +9,10 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 from printer_slicer.printing.modes import Stand, Step, number
 from printer_slicer.stream.tracker import parse
 
-__all__ = ["nearest", "place_said", "rest_of", "stand_at"]
+__all__ = ["nearest", "rest_of", "stand_at"]
 
 _CHORDS = 64  # of an arc, when the place on it that is nearest to a point is looked for
-_PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)\s+E:\s*(-?[\d.]+)")
 Point = tuple[float, float, float, float]
-
-
-def place_said(text: str) -> Point | None:
-    """x, y, z and e of an answer to M114, None if it is something else."""
-    if found := _PLACE.search(text):
-        x, y, z, e = (float(value) for value in found.groups())
-        return x, y, z, e
-    return None
 
 
 def _ends(step: Step) -> tuple[Point, Point]:

@@ -6,7 +6,6 @@ Without I/O, clock or thread, like the streamer that it steers; `session.run` ca
 from __future__ import annotations
 
 import json
-import re
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import Any, Final
 
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
-from printer_slicer.printing.along import nearest, place_said, rest_of, stand_at
+from printer_slicer.printing.along import nearest, rest_of, stand_at
 from printer_slicer.printing.journal import Journal
 from printer_slicer.printing.modes import SCRIPT, Stand
 from printer_slicer.printing.objects import LiveJob
@@ -36,7 +35,9 @@ from printer_slicer.stream import events as told
 from printer_slicer.stream.framing import check_commands, strip
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.replies import Position, Unknown, read_reply
 from printer_slicer.stream.states import State
+from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.watchdog import Watchdog
 
 __all__ = ["Conductor"]
@@ -235,7 +236,7 @@ class Conductor:
     # Pausing.
 
     def _on_pause(self, wish: wishes.Pause) -> str:
-        if self._streamer.state is not State.STREAMING or self.phase is not Phase.RUNNING:
+        if not self._prints:
             raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
         self._streamer.pause()
         self._pause = wish
@@ -352,17 +353,9 @@ class Conductor:
 
     def _note_phase(self, phase: Phase) -> None:
         if self._journal:
+            state = {"phase": phase.value, "pushed": self._pushed, "line": self._streamer.next_line}
             parked = self.parked.as_json() if self.parked else None
-            line = self._streamer.next_line
-            self._journal.state(
-                {
-                    "phase": phase.value,
-                    "parked": parked,
-                    "pushed": self._pushed,
-                    "line": line,
-                    "recovering_at": None,
-                }
-            )
+            self._journal.state({**state, "parked": parked, "recovering_at": None})
 
     # Other wishes.
 
@@ -409,16 +402,20 @@ class Conductor:
     def _state(self) -> str:
         return self.phase.value if self.phase is not Phase.RUNNING else self._streamer.state.value
 
+    @property
+    def _prints(self) -> bool:
+        """Lines of the job go out, and nobody has asked for anything else."""
+        return self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING
+
     # The printer's wishes.
 
     def _on_action(self, action: told.Action) -> None:
         word, _, rest = action.name.partition(" ")
-        running = self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING
-        if word in {"pause", "filament_runout", "out_of_filament"} and running:
+        if word in {"pause", "filament_runout", "out_of_filament"} and self._prints:
             if word != "pause":
                 self._listen(told.Note("the filament has run out: put in a new one, then resume"))
             self._on_pause(wishes.Pause())
-        elif word == "paused" and running:
+        elif word == "paused" and self._prints:
             # It has parked by itself, and comes back by itself.
             self._streamer.pause()
             self._listen(told.Paused(rest or "the printer waits for a person"))
@@ -435,12 +432,17 @@ class Conductor:
             self._listen(prompt)
 
     def _on_message(self, message: told.Message) -> None:
-        self._said_place = place_said(message.text) or self._said_place
-        unknown = re.search(r'Unknown command:\s*"(M600|M601)\b', message.text)
-        if unknown and self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING:
-            self._listen(
-                told.Note(f"this firmware does not know {unknown[1]}: change the filament, then resume")
-            )
+        for reply in read_reply(message.text.encode()):
+            if isinstance(reply, Position) and reply.e is not None:
+                self._said_place = reply.x, reply.y, reply.z, reply.e
+            elif isinstance(reply, Unknown):
+                self._on_unknown(parse(reply.command)[0])
+
+    def _on_unknown(self, word: bytes) -> None:
+        """The firmware does not know a command: one that waits for a person is the host's to do."""
+        if word in {b"M600", b"M601"} and self._prints:
+            what = f"this firmware does not know {word.decode()}: change the filament, then resume"
+            self._listen(told.Note(what))
             self._on_pause(wishes.Pause())
 
     # Temperatures.

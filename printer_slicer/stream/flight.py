@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from printer_slicer.stream.doubt import Doubt
     from printer_slicer.stream.replies import Ok
 
-__all__ = ["Flight"]
+__all__ = ["QUESTION_ROOM", "Flight"]
 
 _COUNT: Final = b"\nM110\n"
 """Asks for the number of the last line; with a number of its own it would set it."""
@@ -41,7 +41,7 @@ _BREAK_AGAIN: Final = 2.0
 _MOST_BREAKS: Final = 6
 """Times that one wait is told to end: all of them together fit into any receive buffer."""
 
-_QUESTION_ROOM: Final = 16
+QUESTION_ROOM: Final = 16
 """Bytes of the window kept for a question about the lines in flight."""
 
 _WAITS: Final = frozenset({b"M0", b"M1", b"M109", b"M190", b"M191"})
@@ -122,7 +122,7 @@ class Flight:
         window = self.window
         if ledger.in_flight >= window.lines:
             return 0
-        return window.size - _QUESTION_ROOM - ledger.bytes_in_flight
+        return window.size - QUESTION_ROOM - ledger.bytes_in_flight
 
     def repeats(self) -> bool:
         """Whether the next line, which has its number already, may go out now."""

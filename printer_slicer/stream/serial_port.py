@@ -22,6 +22,7 @@ if sys.platform != "win32":
     import termios
 
 from printer_slicer.errors import PortError
+from printer_slicer.stream.holders import holders
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -248,7 +249,9 @@ def _refused(address: str, error: Exception) -> PortError:
         return PortError(f"{address}: you may not open it", remedy=remedy)
     if code in {errno.EBUSY, errno.EAGAIN}:
         remedy = "close the other program: a slicer, a monitor, a second copy of this one"
-        owner = _owner(address)
+        owner = next(
+            (f"{name} (process {number})" for number, name in holders(os.path.realpath(address))), ""
+        )
         return PortError(f"{address} is in use by {owner or 'another program'}", remedy=remedy)
     if code in {errno.ENOENT, errno.ENODEV, errno.ENXIO}:
         return PortError(f"there is no port {address}", remedy=_what_is_there(list_ports()))
@@ -260,19 +263,6 @@ def _refused(address: str, error: Exception) -> PortError:
         reason = "the port number is missing" if "NoneType" in str(error) else error
         return PortError(f"{address} cannot be opened: {reason}", remedy=remedy)
     return PortError(f"{address} cannot be opened: {error}", remedy="look at the name and the speed")
-
-
-def _owner(address: str, processes: Path = Path("/proc")) -> str:
-    """Name and number of the process that has a device open, empty where the system does not tell."""
-    real = os.path.realpath(address)
-    for process in processes.glob("[0-9]*"):
-        if process.name == str(os.getpid()):
-            continue
-        # Processes come and go, and those of others do not show what they have open.
-        with contextlib.suppress(OSError):
-            if any(str(link.readlink()) == real for link in (process / "fd").iterdir()):
-                return f"{(process / 'comm').read_text(encoding='utf-8').strip()} (process {process.name})"
-    return ""
 
 
 def _what_is_there(ports: list[PortInfo]) -> str:
