@@ -120,13 +120,18 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
 
-def job_and_moves(path: Path, profile: Profile) -> tuple[Job, Moves]:
+def job_and_moves(path: Path, profile: Profile, *, streamed: bool = True) -> tuple[Job, Moves]:
     """The job that a G-code file is, and its moves.
+
+    Args:
+        path: of the file.
+        profile: what it is judged by.
+        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
 
     Raises:
         PrinterSlicerError: the file cannot be read or sent.
     """
-    return _judged(path.name, read_text(path), profile)
+    return _judged(path.name, read_text(path), profile, streamed=streamed)
 
 
 def job_of(
@@ -175,13 +180,20 @@ def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, 
 
 
 def _read(
-    name: str, text: bytes, limits: Limits, corner: tuple[float, float], flavour: str
+    name: str,
+    text: bytes,
+    limits: Limits,
+    corner: tuple[float, float],
+    flavour: str,
+    *,
+    streamed: bool = True,
 ) -> tuple[Job, Moves]:
     """The job that a text is, and its moves."""
     commands, marks = commands_of(text)
     if not commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
-    _refuse_unsendable(name, text, commands)
+    if streamed:
+        _refuse_unsendable(name, text, commands)
     moves = read_moves(commands, corner, FLAVOURS[flavour])
     end = moves.end[-1] if len(moves.end) else np.zeros(3)
     job = Job(
@@ -196,10 +208,11 @@ def _read(
     return job, moves
 
 
-def _judged(name: str, text: bytes, profile: Profile) -> tuple[Job, Moves]:
+def _judged(name: str, text: bytes, profile: Profile, *, streamed: bool = True) -> tuple[Job, Moves]:
     """The job that a text is, with what is found in it, and its moves."""
     printer = profile.printer
-    job, moves = _read(name, text, limits_of(printer), printer.corners[0], printer.flavour)
+    limits, corner = limits_of(printer), printer.corners[0]
+    job, moves = _read(name, text, limits, corner, printer.flavour, streamed=streamed)
     findings = scan(job.commands, profile, moves=moves, marks=job.marks)
     lines = lines_of(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))

@@ -13,7 +13,7 @@ from threading import Thread
 from time import monotonic
 from typing import IO, TYPE_CHECKING
 
-from printer_slicer.cli.common import visible
+from printer_slicer.cli.common import profile_from, visible
 from printer_slicer.errors import OutputError, PortError, UsageError
 
 if TYPE_CHECKING:
@@ -27,15 +27,17 @@ _LOOK = 0.05
 
 def console_command(arguments: argparse.Namespace) -> int:
     """Talk until the input ends."""
+    from printer_slicer.cli.policy import reason_behind
     from printer_slicer.stream.serial_port import open_port
 
+    allow = reason_behind(profile_from(arguments, slices=False), arguments.allow)
     log = _log(arguments.log)
     with contextlib.ExitStack() as stack:
         if log:
             stack.callback(log.close)
         port = open_port(arguments.port, arguments.baud)
         stack.callback(port.close)
-        talk = Talk(port, timeout=arguments.timeout, log=log)
+        talk = Talk(port, timeout=arguments.timeout, log=log, allow=allow)
         if arguments.command:
             for command in arguments.command:
                 talk.say(command)
@@ -92,9 +94,14 @@ class Talk:
         self._log = log
         self._allow = allow
         self._partial = b""
+        self._refused = b""  # the last line, if it was
 
-    def say(self, line: str) -> bool:
+    def say(self, line: str, *, asks: bool = False) -> bool:
         """Send a line and show its answer; False when the person wants to end.
+
+        Args:
+            line: as typed.
+            asks: whether a person is there: what is refused is sent when the same line is typed once more.
 
         Raises:
             PortError: the printer is gone, or does not answer.
@@ -109,13 +116,13 @@ class Talk:
         if line == ".stop":
             self._write(b"\nM112\n")
             return True
-        command = self._command(line)
+        command = self._command(line, asks=asks)
         if command:
             self._write(command + b"\n")
             self._answer(line)
         return True
 
-    def _command(self, line: str) -> bytes:
+    def _command(self, line: str, *, asks: bool) -> bytes:
         """The bytes of a line, without comment.
 
         Raises:
@@ -127,8 +134,11 @@ class Talk:
         if line.startswith(".") and line != ".temp":
             raise UsageError(f"{line}: not known", remedy=_HELP)
         check_commands([command])
-        if reason := self._allow(command):
-            raise UsageError(f"{line}: refused: {reason}", remedy="allow it by name")
+        insisted, self._refused = bool(command) and self._refused == command, b""
+        if command and not insisted and (reason := self._allow(command)):
+            self._refused = command if asks else b""
+            remedy = "the same line once more sends it" if asks else "if it is meant: --allow NAME"
+            raise UsageError(f"{line}: refused: {reason}", remedy=remedy)
         return command
 
     def _write(self, data: bytes) -> None:
@@ -178,7 +188,7 @@ def _converse(talk: Talk, *, quiet: bool) -> None:
     try:
         while (line := _typed(talk, end, typed)) is not None:
             try:
-                if not talk.say(line):
+                if not talk.say(line, asks=True):
                     return
             except UsageError as error:
                 print(visible(str(error)), file=sys.stderr)

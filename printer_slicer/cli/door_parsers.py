@@ -9,7 +9,7 @@ from typing import Final
 from printer_slicer.cli.parsing import command, later, output
 from printer_slicer.cli.values import factor, positive
 
-__all__ = ["add_allow", "add_beforehand", "add_doctor", "add_send"]
+__all__ = ["add_allow", "add_beforehand", "add_doctor", "add_machine", "add_send"]
 
 _Commands = argparse._SubParsersAction  # noqa: SLF001 - the type of what add_subparsers gives has no other name
 _Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
@@ -48,10 +48,15 @@ def add_beforehand(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--window", metavar="LINES", type=positive, default=2, help="most lines in flight; default: 2"
     )
-    add_allow(group)
-    group.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
-    group.add_argument("--material", metavar="NAME", help="material profile, likewise")
-    group.add_argument(
+    add_machine(group)
+
+
+def add_machine(parser: _Flags) -> None:
+    """The machine by which G-code is judged, and what it may hold all the same."""
+    add_allow(parser)
+    parser.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
+    parser.add_argument("--material", metavar="NAME", help="material profile, likewise")
+    parser.add_argument(
         "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
     )
 
@@ -89,6 +94,7 @@ def add_send(commands: _Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--timeout", metavar="S", type=positive, default=30, help="s without an answer; default: 30"
     )
+    add_machine(parser.add_argument_group("with --print, looked at before it is sent, as by `print`"))
     output(parser)
     parser.set_defaults(run=later("sending", "send_command"))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from printer_slicer.cli.door_parsers import add_machine
 from printer_slicer.cli.parsing import command, later, output
 from printer_slicer.cli.values import positive
 
@@ -93,7 +94,8 @@ def add_console(commands: _Commands[argparse.ArgumentParser]) -> None:
         "talk to a printer: type G-code, read its answers",
         "  printer-slicer console /dev/ttyUSB0\n"
         "  echo M115 | printer-slicer console /dev/ttyUSB0\n"
-        "  printer-slicer console socket://192.168.1.7:8888 --command M503",
+        "  printer-slicer console socket://192.168.1.7:8888 --command M503\n"
+        "  printer-slicer console /dev/ttyUSB0 --command M500 --allow eeprom",
     )
     parser.add_argument("port", metavar="PORT", help="device, or socket:// or rfc2217:// URL")
     parser.add_argument("--baud", type=positive, default=115200, metavar="N", help="default: 115200")
@@ -108,5 +110,6 @@ def add_console(commands: _Commands[argparse.ArgumentParser]) -> None:
         help="silence after which an answer is not waited for",
     )
     parser.add_argument("--log", metavar="FILE", type=Path, help="also write everything into this file")
+    add_machine(parser.add_argument_group("what would harm this machine is refused, or asked about"))
     output(parser)
     parser.set_defaults(run=later("console", "console_command"))

@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Collection
+from collections import deque
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict
 from typing import Any
 
 from printer_slicer.cli.common import visible
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
-from printer_slicer.policy import insist, scan, sentence
+from printer_slicer.policy import Finding, check_names, insist, scan, sentence
 from printer_slicer.profile import Profile
 
 __all__ = [
@@ -22,10 +23,12 @@ __all__ = [
     "insist_on_policy",
     "insist_verified",
     "reason_against",
+    "reason_behind",
     "refused",
 ]
 
 _TOLD = 5  # without --verbose
+_REMEMBERED = 500  # commands typed before, whose units and modes count
 
 
 def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
@@ -79,12 +82,33 @@ def insist_verified(job: Job) -> None:
         raise VerificationError(f"{job.name}: {wrong[0]}{more}", remedy="if it is meant: --allow NAME")
 
 
+def reason_behind(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
+    """What refuses commands that a person types one after the other: units and modes of those before count."""
+    allowed = check_names(allowed)
+    said: deque[bytes] = deque(maxlen=_REMEMBERED)
+
+    def reason(command: bytes) -> str:
+        """Why it is refused, empty if it is not; what is refused was not said."""
+        said.append(command)
+        last = (one for one in scan(tuple(said), profile) if one.index == len(said) - 1)
+        wrong = _first_refused(last, allowed)
+        if wrong:
+            said.pop()
+        return wrong
+
+    return reason
+
+
 def reason_against(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
     """What refuses commands that a person types meanwhile: the reason, empty if there is none."""
 
     def reason(command: bytes) -> str:
         """The first thing that is refused and not allowed."""
-        wrong = (one for one in scan([command], profile) if one.refused and one.name not in allowed)
-        return next((f"{one.what}; {one.why} [{one.name}]" for one in wrong), "")
+        return _first_refused(scan([command], profile), allowed)
 
     return reason
+
+
+def _first_refused(findings: Iterable[Finding], allowed: Collection[str]) -> str:
+    wrong = (one for one in findings if one.refused and one.name not in allowed)
+    return next((f"{one.what}; {one.why} [{one.name}]" for one in wrong), "")

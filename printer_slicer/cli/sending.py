@@ -11,9 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 
-from printer_slicer.cli.common import PATIENCE, say
+from printer_slicer.cli.common import PATIENCE, profile_from, say
 from printer_slicer.errors import UsageError
-from printer_slicer.jobs import is_gcode
 
 __all__ = ["send_command"]
 
@@ -22,6 +21,7 @@ _KEY = "PRINTER_SLICER_KEY"
 
 def send_command(arguments: argparse.Namespace) -> int:
     """Upload G-code to a print server."""
+    from printer_slicer.jobs import is_gcode
     from printer_slicer.sending import Upload, send
 
     path: Path = arguments.gcode
@@ -29,6 +29,8 @@ def send_command(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{path}: is no G-code", remedy="slice it first: printer-slicer slice MODEL")
     if not path.is_file():
         raise UsageError(f"{path}: no such file", remedy="check the path")
+    if arguments.start:
+        _look(arguments)
     kind, url = arguments.to
     with _progress(arguments) as tell:
         upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, tell)
@@ -43,6 +45,20 @@ def send_command(arguments: argparse.Namespace) -> int:
         what = "sent and started" if arguments.start else "sent"
         say(arguments, f"{path.name}: {what}, {size} bytes, as {place} on {url}")
     return 0
+
+
+def _look(arguments: argparse.Namespace) -> None:
+    """Look at what is to be printed before a byte of it is sent, as `print` does.
+
+    Raises:
+        PolicyError: it holds what was not allowed.
+        UsageError: it is no job, or the profile or a name makes no sense.
+    """
+    from printer_slicer.cli.policy import insist_on_policy
+    from printer_slicer.jobs import job_and_moves
+
+    job, _ = job_and_moves(arguments.gcode, profile_from(arguments, slices=False), streamed=False)
+    insist_on_policy(arguments, job)
 
 
 def _key(arguments: argparse.Namespace) -> str:

@@ -102,6 +102,53 @@ def test_what_cannot_be_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert typed("console", tmp_path / "nowhere").code == 4
 
 
+def test_what_would_harm_the_machine_is_refused_unless_it_is_allowed(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as executed:
+        hot = typed("console", tmp_path / "port", "--command", "M104 S500")
+        high = typed(
+            "console",
+            tmp_path / "port",
+            "--command",
+            "M104 S260",
+            "--set",
+            "printer.max_nozzle_temperature=250",
+        )
+        stored = typed("console", tmp_path / "port", "--command", "M117 a", "--command", "M500")
+        allowed = typed("console", tmp_path / "port", "--command", "M500", "--allow", "eeprom")
+        slip = typed("console", tmp_path / "port", "--command", "M117 b", "--allow", "eprom")
+
+    assert (hot.code, high.code, stored.code, slip.code) == (2, 2, 2, 2)
+    assert "[temperature]" in hot.err
+    assert "--allow NAME" in hot.err
+    assert "[eeprom]" in stored.err
+    assert allowed.code == 0, allowed.err
+    assert executed == ["M117 a", "M500"]
+
+
+def test_units_and_modes_of_earlier_lines_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served(tmp_path / "port") as executed:
+        beside = piped("G28\nG20\nG1 X50\n", tmp_path / "port", monkeypatch=monkeypatch)
+        inside = piped("G28\nG21\nG1 X50\n", tmp_path / "port", monkeypatch=monkeypatch)
+
+    assert (beside.code, inside.code) == (2, 0)
+    assert "[box]" in beside.err
+    assert executed == ["G28", "G20", "G28", "G21", "G1 X50"]
+
+
+def test_a_person_types_a_refused_line_once_more_to_send_it(tmp_path: Path) -> None:
+    with served(tmp_path / "port") as executed:
+        port = open_port(str(tmp_path / "port"))
+        talk = Talk(port, allow=lambda command: "it writes the EEPROM" if command == b"M500" else "")
+        with pytest.raises(UsageError, match="once more"):
+            talk.say("M500", asks=True)
+        talk.say("M117 no", asks=True)
+        with pytest.raises(UsageError, match="once more"):
+            talk.say("M500", asks=True)
+        talk.say("M500 ; yes", asks=True)
+        port.close()
+    assert executed == ["M117 no", "M500"]
+
+
 def test_a_policy_can_refuse_a_command(tmp_path: Path) -> None:
     with served(tmp_path / "port") as executed:
         port = open_port(str(tmp_path / "port"))

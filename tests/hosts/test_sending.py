@@ -27,7 +27,7 @@ def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
 def gcode(tmp_path: Path) -> Path:
     """A file that is sent in many pieces."""
     path = tmp_path / "a part.gcode"
-    path.write_bytes(b"".join(b"G1 X%d Y%d E%d F1800\n" % (i % 200, i % 180, i) for i in range(100_000)))
+    path.write_bytes(b"".join(b"G1 X%d Y%d E%.2f F1800\n" % (i % 200, i % 180, i / 20) for i in range(100_000)))
     return path
 
 
@@ -151,6 +151,23 @@ def test_prusalink_by_password(gcode: Path, key_file: Path) -> None:
         wrong = typed("send", gcode, "--to", "prusalink", seen.url, "--key", "no", "--user", "maker")
         assert wrong.code == 4
         assert is_message(wrong, "401", "this key is not taken")
+
+
+def test_what_is_printed_at_once_is_looked_at_before_it_is_sent(tmp_path: Path) -> None:
+    job = tmp_path / "hot.gcode"
+    job.write_text("G28\nM118 " + "x" * 150 + "\nM104 S400\n", encoding="ascii")
+    with prusalink() as seen:
+        to = ("send", job, "--to", "prusalink", seen.url, "--key", "secret")
+        refused = typed(*to, "--print")
+        assert refused.code == 2
+        assert is_message(refused, "line 3", "[temperature]", "--allow temperature")
+        assert (seen.files, seen.started) == ({}, [])
+
+        assert typed(*to).code == 0
+        assert seen.started == []
+        allowed = typed(*to, "--print", "--allow", "temperature")
+        assert allowed.code == 0, allowed.err
+        assert seen.started == ["/usb/hot.gcode"]
 
 
 def test_prusalink_says_what_it_does_not_take(gcode: Path) -> None:
