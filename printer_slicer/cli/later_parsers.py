@@ -7,7 +7,7 @@ from pathlib import Path
 
 from printer_slicer.cli.door_parsers import add_machine
 from printer_slicer.cli.parsing import command, later, output
-from printer_slicer.cli.values import positive
+from printer_slicer.cli.values import patience, positive
 
 __all__ = ["add_console", "add_control", "add_print_flags", "add_resume"]
 
@@ -26,15 +26,27 @@ def add_print_flags(parser: argparse.ArgumentParser) -> None:
         help="level of the line that resets many boards when the port is opened; default: auto, as the system does",
     )
     _reconnect(parser)
+    _guard(parser)
 
 
 def _reconnect(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reconnect",
         metavar="S",
-        type=float,
+        type=patience,
         default=30.0,
         help="wait so long for a printer whose cable was pulled; default: 30",
+    )
+
+
+def _guard(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--guard",
+        metavar="S",
+        type=patience,
+        default=120.0,
+        help="if this program dies and nobody resumes the print for so long, a second process switches the heaters "
+        "off; 0: never, nor when the printer is given up; default: 120",
     )
 
 
@@ -60,6 +72,7 @@ def add_resume(commands: _Commands[argparse.ArgumentParser]) -> None:
         help="if the printer has lost its state, do what is told without asking: z is taken from the journal",
     )
     _reconnect(parser)
+    _guard(parser)
     output(parser)
     parser.set_defaults(run=later("resuming", "resume_command"))
 

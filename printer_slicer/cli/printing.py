@@ -164,7 +164,13 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
 
     controls = Controls()
     with progress(arguments, job, events=True) as tell, keys(controls, wanted=not arguments.quiet):
-        done = begin(on_event=tell, checkpoint=checkpoint, controls=controls, reconnect=arguments.reconnect)
+        done = begin(
+            on_event=tell,
+            checkpoint=checkpoint,
+            controls=controls,
+            reconnect=arguments.reconnect,
+            guard=arguments.guard,
+        )
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
     if arguments.json:
         print(json.dumps({"event": "finished", **asdict(done)}))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
+from math import inf
 
-__all__ = ["factor", "height", "length", "pixels", "positive", "seconds"]
+__all__ = ["factor", "height", "length", "patience", "pixels", "positive", "seconds"]
 
 
 def factor(text: str) -> float:
@@ -37,6 +38,14 @@ def pixels(text: str) -> int:
     value = int(text)
     if not 100 <= value <= 8000:
         raise argparse.ArgumentTypeError(f"{text} is not between 100 and 8000")
+    return value
+
+
+def patience(text: str) -> float:
+    """A time in s, 0 or more."""
+    value = float(text)
+    if not 0 <= value < inf:
+        raise argparse.ArgumentTypeError("expected seconds, 0 or more, such as 120")
     return value
 
 

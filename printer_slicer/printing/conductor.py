@@ -63,6 +63,8 @@ class Conductor:
         parked: what it comes back to, while it is not running.
         prompts: the question of the printer.
         heat: temperatures as reported last.
+        watchdog: what it knows of the heaters.
+        halted: whether the printer was told to halt.
         wished_end: how often somebody wanted the end.
         ended: the last event, once there is one.
     """
@@ -81,7 +83,8 @@ class Conductor:
         self.parked: Parked | None = None
         self.prompts = Prompts()
         self.heat = Thermometer()
-        self._watchdog = Watchdog()
+        self.watchdog = Watchdog()
+        self.halted = self._waits_for_person = self._warned = False
         self.wished_end = 0
         self.ended: told.Finished | told.Halted | None = None
         self.speed = self.flow = 100.0
@@ -93,16 +96,12 @@ class Conductor:
         self._allow = allow
         self._tickets: deque[Ticket] = deque()
         self._can: told.Identified | None = None
-        self._now = 0.0
+        self._now = self._pushed = 0.0
         self._pause = wishes.Pause()
         self._said_place: tuple[float, float, float, float] | None = None
-        self._stop_due = inf
-        self._stop_sent = 0
-        self._pushed = 0.0
+        self._stop_due, self._stop_sent = inf, 0
         self._restore: tuple[Parked | None, float, tuple[str, ...], bool] | None = None
-        self._waits_for_person = False
         self._scripted: deque[bytes] = deque()
-        self._warned = False
         self._handlers = self._granting()
 
     def _granting(self) -> dict[type, Callable[[Any], str]]:
@@ -149,7 +148,7 @@ class Conductor:
             self._go_on()
         if now >= self.heat.due:
             self._poll()
-        if alarm := self._watchdog.check(now):
+        if alarm := self.watchdog.check(now):
             self._listen(told.Note(str(alarm)))
 
     def record(self, events: Sequence[told.Event]) -> None:
@@ -159,6 +158,7 @@ class Conductor:
             if isinstance(event, told.Numbered):
                 self._job.follow(event.job - (not event.command))
                 if event.command:
+                    self.watchdog.sent(event.command, self._now)
                     self._job.modes.follow(event.command, self._author(event.command))
                 if journal:
                     journal.numbered(event.number, event.job, event.command)
@@ -187,7 +187,7 @@ class Conductor:
         """Act on what the streamer tells, and pass it on."""
         if isinstance(event, told.Numbered):
             return
-        if warning := self._watchdog.heard(event, self._now):
+        if warning := self.watchdog.heard(event, self._now):
             self._listen(told.Note(str(warning)))
         if isinstance(event, told.Identified):
             self._identified(event)
@@ -230,6 +230,7 @@ class Conductor:
     def halt(self) -> str:
         """Emergency stop."""
         self.wished_end += 1
+        self.halted = True
         self._streamer.emergency_stop()
         return "the printer was told to halt"
 
@@ -353,8 +354,8 @@ class Conductor:
 
     def _note_phase(self, phase: Phase) -> None:
         if self._journal:
-            state = {"phase": phase.value, "pushed": self._pushed, "line": self._streamer.next_line}
             parked = self.parked.as_json() if self.parked else None
+            state = {"phase": phase.value, "pushed": self._pushed, "line": self._streamer.next_line}
             self._journal.state({**state, "parked": parked, "recovering_at": None})
 
     # Other wishes.

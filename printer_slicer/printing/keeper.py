@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from threading import Event as Flag
-from threading import Thread, current_thread, main_thread
+from threading import current_thread, main_thread
 from time import monotonic
 from typing import Any, Unpack
 
@@ -17,10 +16,11 @@ from printer_slicer.jobs import Job
 from printer_slicer.policy import insist
 from printer_slicer.printing import shelf as shelves
 from printer_slicer.printing import wishes
+from printer_slicer.printing.beside import answering, guarded_by, synced
 from printer_slicer.printing.checkpoint import forget_checkpoint, write_checkpoint
 from printer_slicer.printing.conductor import Conductor
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.journal import LOST, Journal, read_story
+from printer_slicer.printing.journal import HEATERS_OFF, LOST, Journal, read_story
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.options import Done, Options
 from printer_slicer.printing.phases import Ticket
@@ -39,9 +39,6 @@ __all__ = ["Keeper", "print_job", "resume_print"]
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _OFF = "heaters and fan are off"
 _LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
-_SYNC = 1.0
-"""s between two times that the journal is brought to the disk."""
-
 _LOOK_FOR_PORT = 0.5
 
 
@@ -60,7 +57,10 @@ def print_job(
             for what must be known to resume the print after anything, without one it cannot be; with `discard` an
             unfinished print on this port is forgotten; `reconnect` says how many s to wait for a printer whose cable
             was pulled, and needs a shelf; `dtr` is the level of the line that resets many boards, None: as the system
-            does; `allow` gives a reason why a command that a person types is refused, empty if it is not.
+            does; `allow` gives a reason why a command that a person types is refused, empty if it is not; with
+            `guard`, which needs a shelf, a second process switches the heaters off when this one has been gone for so
+            many s and nobody has taken the print up. A printer that is given up is told to switch its heaters off,
+            except with `guard` 0.
 
     Raises:
         PolicyError: the job holds what was not allowed, see `Job.allowing`; nothing was sent.
@@ -174,6 +174,7 @@ class Keeper:
         self._controls = options.get("controls") or Controls()
         self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
         self._allow = options.get("allow", _anything)
+        self._guard = options.get("guard")
         self._journal = Journal(print_.folder) if print_ else None
         self._meter = LinkMeter(setup.limits)
         self._spans = spans_of(job.text)
@@ -196,7 +197,7 @@ class Keeper:
         """
         begun = monotonic()
         try:
-            with self._signals(), self._synced(), self._answering():
+            with self._signals(), self._company():
                 self._connections(transport, found)
         except PortError as error:
             raise PrintError(self._stopped(str(error).splitlines()[0]), remedy=self._look()) from None
@@ -258,7 +259,7 @@ class Keeper:
         if self._journal:
             self._journal.epoch(streamer.acknowledged)
         if found and found.phase == "recovering" and self._journal:
-            self._journal.state({"phase": "recovering", "recovering_at": found.point})
+            self._journal.state({"phase": "recovering", "recovering_at": found.point, HEATERS_OFF: ""})
         if found and found.phase == "cancelling":
             conductor.want(Ticket(wishes.Cancel()))
         elif found and (found.parked or found.replay):
@@ -266,6 +267,7 @@ class Keeper:
         self._controls.bind(conductor, transport.wake)
         try:
             self._run(conductor)
+            self._switch_off(conductor)
         except PortError:
             raise
         except Exception:
@@ -273,6 +275,19 @@ class Keeper:
             conductor.cancel()
             self._run(conductor)
             raise
+
+    def _switch_off(self, conductor: Conductor) -> None:
+        """A printer that is given up may still hear: heaters off, if they may have been on."""
+        given_up = isinstance(conductor.ended, Halted) and not conductor.halted and self._guard != 0
+        if not given_up or self._transport is None or self._streamer is None:
+            return
+        words = conductor.watchdog.farewell(self._job.commands[: self._streamer.taken])
+        if not words:
+            return
+        if self._journal:
+            self._journal.state({HEATERS_OFF: "the print was given up"})
+        with suppress(PortError):
+            self._transport.write(words)
 
     def _run(self, conductor: Conductor) -> None:
         """Run on through interruptions: they are wishes like the signals."""
@@ -365,35 +380,16 @@ class Keeper:
             self._transport.wake()
 
     @contextmanager
-    def _synced(self) -> Iterator[None]:
-        """Bring the journal to the disk once a second, where that delays no line."""
-        journal, stop = self._journal, Flag()
-        if journal is None:
+    def _company(self) -> Iterator[None]:
+        """What runs beside a print that is on the shelf."""
+        if self._print is None or self._journal is None:
             yield
             return
-
-        def work() -> None:
-            """Until the print has ended."""
-            while not stop.wait(_SYNC):
-                journal.sync()
-
-        thread = Thread(target=work, name="journal", daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            stop.set()
-            thread.join()
-
-    @contextmanager
-    def _answering(self) -> Iterator[None]:
-        """Let other processes of this user have wishes."""
-        if self._print is None:
-            yield
-            return
-        from printer_slicer.printing.door import open_door  # noqa: PLC0415 - sockets are only needed here
-
-        with open_door(self._print.folder, self._controls, self._job.name):
+        with (
+            synced(self._journal),
+            answering(self._print, self._controls),
+            guarded_by(self._print, self._guard or 0.0),
+        ):
             yield
 
     # The end.

@@ -44,3 +44,4 @@ class Options(TypedDict, total=False):
     reconnect: float
     dtr: bool | None
     allow: Callable[[bytes], str]
+    guard: float | None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
+from threading import Event as Flag
 from typing import Any
 
 from printer_slicer.errors import OutputError, UsageError
@@ -22,8 +23,20 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-__all__ = ["Place", "Print", "Shelf", "begin", "default_shelf", "find", "on_shelf", "same_port", "unfinished"]
+__all__ = [
+    "Place",
+    "Print",
+    "Shelf",
+    "begin",
+    "default_shelf",
+    "find",
+    "on_shelf",
+    "print_in",
+    "same_port",
+    "unfinished",
+]
 
+_A_MOMENT = 0.02  # s
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 Shelf = Path
 
@@ -70,6 +83,10 @@ class Print:
 
     def hold(self) -> bool:
         """Make it this process's print; whether it was nobody else's."""
+        # Somebody who only looks, see `running`, holds it for a moment.
+        return self._try_to_hold() or (not Flag().wait(_A_MOMENT) and self._try_to_hold())
+
+    def _try_to_hold(self) -> bool:
         handle = os.open(self.folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
         try:
             if sys.platform == "win32":
@@ -93,7 +110,7 @@ class Print:
         """Whether a process prints it just now."""
         if self._lock >= 0:
             return True
-        if not self.hold():
+        if not self._try_to_hold():
             return True
         self.release()
         return False
@@ -142,7 +159,7 @@ def begin(shelf: Shelf, name: str, text: bytes, place: Place, setup: Setup) -> P
             f"{shelf}: the print cannot be noted there: {error.strerror}",
             remedy="make room, or set PRINTER_SLICER_STATE to another folder",
         ) from None
-    made = _read(folder)
+    made = print_in(folder)
     assert made is not None
     made.hold()
     return made
@@ -153,12 +170,12 @@ def on_shelf(shelf: Shelf) -> Iterator[Print]:
     if not shelf.is_dir():
         return
     for folder in sorted(shelf.iterdir()):
-        if found := _read(folder):
+        if found := print_in(folder):
             yield found
 
 
-def _read(folder: Path) -> Print | None:
-    """A print, None if the folder holds none."""
+def print_in(folder: Path) -> Print | None:
+    """The print whose folder this is, None if it holds none."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         head: dict[str, Any] = json.loads((folder / _HEAD).read_text(encoding="utf-8"))
         return Print(

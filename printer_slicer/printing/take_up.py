@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from printer_slicer.printing.journal import Journal, Story
+from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
 from printer_slicer.printing.modes import SCRIPT, Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import Parked, come_back, parked_from
@@ -96,6 +96,8 @@ def take_up(
     line = attach.line
     if story.states.get("phase") == "recovering":
         raise Lost("it was being brought back to its place")
+    if off := story.states.get(HEATERS_OFF):
+        raise Lost(f"its heaters were switched off: {off}")
     if attach.reason or line is None:
         raise Lost(attach.reason or "it does not say which line it took")
     entries = _entries(story, line)

@@ -11,7 +11,6 @@ No clock, no port: moments come in, events and bytes come out.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, Final
 
@@ -24,12 +23,15 @@ from printer_slicer.stream.events import (
     ResendAsked,
     Temperature,
 )
+from printer_slicer.stream.framing import frame
 from printer_slicer.stream.tracker import parse
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from printer_slicer.stream.events import Event
 
-__all__ = ["Alarm", "OnExit", "Unprotected", "Watchdog"]
+__all__ = ["Alarm", "Unprotected", "Watchdog"]
 
 _SILENCE: Final = 10.0
 """s without an answer or a report while heaters are on; firmware that is busy says so every 2 s."""
@@ -38,16 +40,8 @@ _HEATS: Final = {b"M104": "T", b"M109": "T", b"M140": "B", b"M190": "B", b"M141"
 _FROM_PRINTER: Final = (Accepted, Action, Busy, Identified, Message, ResendAsked, Temperature)
 """Events that show that the printer lives; all others are the host's own."""
 
+_MAY_HEAT: Final = (b"M1", b"T")
 _OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
-
-
-class OnExit(Enum):
-    """What the host does about heaters when it ends before the print does."""
-
-    OFF = "off"
-    """Switch off what it knows to be on, and the fans."""
-    LEAVE = "leave"
-    """Say nothing: another host, or a resumed print, goes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,15 +76,14 @@ class Watchdog:
 
     Attributes:
         silence: s after which the alarm is raised, once for each silence.
-        on_exit: what to do about heaters at the end.
         targets: heater as commands and reports name it -> °C wanted, of those that are on.
     """
 
     silence: float = _SILENCE
-    on_exit: OnExit = OnExit.OFF
     targets: dict[str, float] = field(default_factory=dict)
     _heard: float = -inf
     _raised: bool = False
+    _used: set[str] = field(default_factory=set)
     _tool: str = ""
 
     def sent(self, command: bytes, now: float) -> None:
@@ -138,18 +131,31 @@ class Watchdog:
         self._raised = True
         return Alarm(now - self._heard, tuple(sorted(self.targets.items())))
 
-    def farewell(self) -> bytes:
-        """What to write when the host ends before the print: lines without numbers, which firmware takes at any time.
+    def farewell(self, commands: Iterable[bytes] = ()) -> bytes:
+        """What to write when the host ends before the print, empty if nothing was ever switched on.
 
-        A wait for heat is broken off first (M108), or the printer would not read the rest before it is warm.
+        What was switched off again is named too: that line may be one of those that got lost.
+
+        Args:
+            commands: that were sent besides those told by `sent`.
+
+        Returns:
+            Lines without numbers, which most firmware takes at any time, and the same once more behind a new count, for
+            firmware that takes no others; twice does no harm. A wait for heat is broken off first (M108), or the
+            printer would not read the rest before it is warm.
         """
-        if self.on_exit is OnExit.LEAVE or not self.targets:
+        for command in commands:
+            if command.startswith(_MAY_HEAT):
+                self.sent(command, self._heard)
+        if not self._used:
             return b""
         lines = [b"M108"]
-        for name in sorted(self.targets):
+        for name in sorted(self._used):
             tool = b" T" + name[1:].encode() if name[1:] else b""
             lines.append(_OFF[name[0]] % tool if name[0] == "T" else _OFF.get(name[0], b"M104 S0"))
-        return b"\n" + b"\n".join([*lines, b"M107"]) + b"\n"
+        lines.append(b"M107")
+        counted = [frame(number, line) for number, line in enumerate([b"M110 N0", *lines])]
+        return b"\n" + b"\n".join([*lines, *counted]) + b"\n"
 
     def _known(self, name: str) -> str:
         """A report says T for the tool in use; where tools were named, T is one of them."""
@@ -158,5 +164,6 @@ class Watchdog:
     def _want(self, heater: str, target: float) -> None:
         if target > 0:
             self.targets[heater] = target
+            self._used.add(heater)
         else:
             self.targets.pop(heater, None)

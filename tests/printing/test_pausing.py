@@ -44,29 +44,29 @@ def paused_at(text: str, entries: list[int], pause: wishes.Pause) -> Rig:
 
 @pytest.mark.parametrize("relative", [True, False], ids=["relative E", "absolute E"])
 @pytest.mark.parametrize("now", [False, True], ids=["behind the plan", "now"])
-@pytest.mark.parametrize("seed", range(5))
-def test_the_part_is_the_same_after_ten_pauses(seed: int, now: bool, relative: bool) -> None:
+@pytest.mark.parametrize(("seed", "pauses"), [(0, 10), (1, 10), (2, 50)])
+def test_the_part_is_the_same_after_all_pauses(seed: int, pauses: int, now: bool, relative: bool) -> None:
     text = scribble(seed, 200, relative=relative)
     whole = printed(text)
     chance = Random(seed)
-    entries = sorted(chance.sample(range(12, 230), 10))
+    entries = sorted(chance.sample(range(12, 230), pauses))
 
     rig = paused_at(text, entries, wishes.Pause(now=now))
 
     assert isinstance(rig.events[-1], Finished)
     assert rig.events[-1].verified
-    assert sum(isinstance(event, Paused) for event in rig.events) == 10
-    assert sum(isinstance(event, Resumed) for event in rig.events) == 10
+    assert sum(isinstance(event, Paused) for event in rig.events) == pauses
+    assert sum(isinstance(event, Resumed) for event in rig.events) == pauses
     if now:
-        # M114 tells two decimals, so each stop may be off by half of the last one.
-        assert off_path(rig.beads, whole.beads) < 0.0075
+        # M114 tells two decimals, so each stop may be off by half of the last one; of fifty, two fall into one move.
+        assert off_path(rig.beads, whole.beads) < (0.0075 if pauses < 50 else 0.015)
         # Where the way comes back to the same hundredth, a loop of some hundredths is left out.
         assert off_path(whole.beads, rig.beads) < 0.1
-        assert way(rig.beads) == pytest.approx(way(whole.beads), abs=0.03 * 10)
+        assert way(rig.beads) == pytest.approx(way(whole.beads), abs=0.03 * pauses)
     else:
         assert_same_beads(rig.beads, whole.beads)
     assert rig.printer._board.filament == pytest.approx(
-        whole.printer._board.filament, abs=0.011 * 10 if now else 1e-3
+        whole.printer._board.filament, abs=0.011 * pauses if now else 1e-3
     )
 
 

@@ -1,0 +1,106 @@
+"""A second process that outlives the host: if that dies without a word, it switches the heaters off after a while.
+
+`guarded` starts it and tells it through a pipe when the print has ended. A pipe that closes without that means that
+the host is gone: killed, crashed, out of memory. Then the process waits for a new host to take the print up; if none
+does, it opens the port and says what `Watchdog.farewell` has to say. What it cannot help: a computer that loses its
+power, and a cable that is pulled. There the firmware's own protection is alone.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Event as Flag
+from time import monotonic
+from typing import Final
+
+from printer_slicer.errors import PortError
+from printer_slicer.jobs import commands_of
+from printer_slicer.printing.journal import HEATERS_OFF, Journal, read_story
+from printer_slicer.printing.shelf import Print, print_in
+from printer_slicer.stream.serial_port import open_port
+from printer_slicer.stream.watchdog import Watchdog
+
+__all__ = ["guarded", "main"]
+
+_DONE: Final = b"."
+_LOOK: Final = 0.5
+_ON_ITS_WAY: Final = 64
+"""Commands behind the last accepted one that may have been sent."""
+
+_LISTEN: Final = 1.0
+"""s for the last bytes to leave before the port is closed."""
+
+
+@contextmanager
+def guarded(folder: Path, seconds: float) -> Iterator[None]:
+    """While this runs a second process watches over the print in `folder`.
+
+    Args:
+        folder: of the print, on the shelf.
+        seconds: that a new host has to take the print up.
+    """
+    command = [sys.executable, "-m", "printer_slicer.printing.guard", str(folder), f"{seconds:g}"]
+    quiet = subprocess.DEVNULL
+    # A session of its own: Ctrl-C and the end of the terminal are for the host.
+    process = subprocess.Popen(  # noqa: S603 - our own program
+        command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet, start_new_session=True
+    )
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            process.communicate(_DONE)
+
+
+def main(folder: Path, seconds: float) -> int:
+    """Wait until the host has ended, and make the printer cold if nobody else does; 1 if that failed."""
+    while said := os.read(0, 1):
+        if said == _DONE:
+            return 0
+    end, never = monotonic() + seconds, Flag()
+    while (left := end - monotonic()) > 0:
+        never.wait(min(_LOOK, left))
+        print_ = print_in(folder)
+        if print_ is None or print_.running:
+            return 0
+    print_ = print_in(folder)
+    if print_ is None or not print_.hold():
+        return 0
+    try:
+        _switch_off(print_)
+    except PortError:
+        return 1
+    finally:
+        print_.release()
+    return 0
+
+
+def _switch_off(print_: Print) -> None:
+    """Say the last words to the printer, and note it.
+
+    Raises:
+        PortError: it is not there.
+    """
+    story = read_story(print_.folder)
+    sent = commands_of(print_.text)[0][: story.entries + _ON_ITS_WAY]
+    words = Watchdog().farewell([*sent, *(record.command for record in story.lines)])
+    port = open_port(print_.port, print_.baud)
+    try:
+        port.write(words)
+        end = monotonic() + _LISTEN
+        while monotonic() < end:
+            port.read(_LOOK)
+    finally:
+        port.close()
+    journal = Journal(print_.folder)
+    journal.state({HEATERS_OFF: "nobody took it up"})
+    journal.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), float(sys.argv[2])))
