@@ -109,8 +109,9 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
     speed = chance.choice([20.0, 50.0, 200.0])
     with served(folder / "port", speed) as executed:
         left = [folder]
-        arguments: tuple[str, ...] = ("print", "job.gcode", "--port", "port", "--printer", "marlin_220")
-        arguments += ("--reconnect", "0", "--allow", "cold", "--allow", "flow", "--allow", "feed")
+        first: tuple[str, ...] = ("print", "job.gcode", "--port", "port", "--printer", "marlin_220")
+        first += ("--reconnect", "0", "--allow", "cold", "--allow", "flow", "--allow", "feed")
+        arguments = first
         while True:
             begun, before = monotonic(), len(executed)
             host = start(folder, *arguments)
@@ -124,7 +125,10 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
                 break
             host.kill()
             host.wait()
-            left = list((folder / "state" / "prints").iterdir())
+            left = list((folder / "state" / "prints").glob("*"))
+            if not left and not executed:
+                arguments, left = first, [folder]  # a slow machine: it had not even begun
+                continue
             if not left:
                 break  # it had come to its end, and was on its way out
             outcome.kills += 1

@@ -27,8 +27,9 @@ __all__ = ["Patience"]
 _PLANNER: Final = 64
 """Moves in the largest planner of any firmware; more only makes the wait longer."""
 
-_MARGIN: Final = 1.5
-"""s for everything that is not motion, when the machine is known."""
+_MARGIN: Final = 0.85
+"""s for everything that is not motion, when the machine is known: a lost newline costs less than a second, and a board
+that is busy with its display is not asked."""
 
 _WIDE_MARGIN: Final = 30.0
 """s, when it is not: the acceleration and the true speeds hide in here."""

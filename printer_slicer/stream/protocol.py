@@ -119,7 +119,8 @@ class Streamer(Standing):
                 if not self._ended:
                     self._handlers[type(reply)](reply, now)
         if self._acknowledged > before:
-            self._events.append(told.Accepted(self._acknowledged))
+            # The end, if this was it, is told last.
+            self._events.insert(len(self._events) - self._ended, told.Accepted(self._acknowledged))
 
     def send(self, now: float) -> bytes:
         """What to write now; may be empty."""

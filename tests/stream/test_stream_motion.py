@@ -84,7 +84,7 @@ def test_an_arc_counts_as_its_full_circle() -> None:
     ]
 
 
-@pytest.mark.parametrize(("limits", "slack"), [(LIMITS, 1.5), (None, 30.0)])
+@pytest.mark.parametrize(("limits", "slack"), [(LIMITS, 0.85), (None, 30.0)])
 def test_a_printer_may_be_silent_as_long_as_the_longest_planned_move(
     limits: Limits | None, slack: float
 ) -> None:
@@ -116,13 +116,13 @@ def test_z_is_held_back_by_its_limits() -> None:
 
 
 def test_a_move_to_where_it_is_takes_no_time() -> None:
-    assert waits("G1 X0 F600") == [1.5]
+    assert waits("G1 X0 F600") == [0.85]
 
 
 def test_a_slowed_down_print_gets_longer() -> None:
     usual, _, _, slowed = waits("G1 X10 F60", "M220", "M220 S10", "G1 X20 F60")
 
-    assert slowed - 1.5 == pytest.approx(10 * (usual - 1.5))
+    assert slowed - 0.85 == pytest.approx(10 * (usual - 0.85))
 
 
 def test_commands_that_take_their_own_time_get_it() -> None:
@@ -130,8 +130,8 @@ def test_commands_that_take_their_own_time_get_it() -> None:
 
     assert home > 300
     assert heat > 900
-    assert dwell == 91.5
-    assert short_dwell == 2.0
+    assert dwell == 90.85
+    assert short_dwell == 1.35
     assert user == inf
 
 
@@ -139,5 +139,5 @@ def test_what_waits_for_the_motion_waits_for_all_of_it_and_what_only_reads_for_n
     allowed = waits("G1 X10 F60", "G1 X20", "M105", "M115", "M400", "M106 S255")
 
     assert allowed[2:4] == [3.0, 3.0]
-    assert allowed[4] > 20.0 + 1.5
-    assert allowed[5] == 1.5
+    assert allowed[4] > 20.0 + 0.85
+    assert allowed[5] == 0.85

@@ -271,6 +271,14 @@ def test_a_printer_that_starts_in_the_middle_gets_nothing_more(bytewise: bool) -
     assert talk.happened(Halted) == [Halted("the printer was reset: it has just started", 0)]
 
 
+def test_the_end_is_told_last_also_if_it_comes_with_an_answer(bytewise: bool) -> None:
+    talk, _ = printing(moves(9), bytewise=bytewise)
+
+    talk.says("ok", "start", "ok")
+
+    assert talk.events[-2:] == [Accepted(1), Halted("the printer was reset: it has just started", 1)]
+
+
 def test_a_reset_that_is_told_without_an_error_is_believed_the_second_time(bytewise: bool) -> None:
     talk, _ = printing(moves(9), bytewise=bytewise)
 
