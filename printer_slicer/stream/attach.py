@@ -28,8 +28,8 @@ _AGAIN: Final = 2.0
 _PATIENCE: Final = 30.0
 """s without any sign of life."""
 
-_NO_REFUSAL: Final = 4
-"""Answers to a question that should have been refused, beyond those that may come from before."""
+_NO_REFUSAL: Final = 8
+"""Answers to a question that should have been refused, beyond the six that may come from before."""
 
 _QUESTIONS: Final = (b"M105", b"M114")
 

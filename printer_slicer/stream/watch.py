@@ -22,6 +22,9 @@ _LONGEST_KEEPALIVE: Final = 10.0
 _MISSED: Final = 2.5
 """Intervals without a report after which a printer that reports is not busy."""
 
+_NEXT_REPORT: Final = 1.25
+"""Intervals after a report in which the next one, or the answer, comes."""
+
 _HESITATE: Final = 0.3
 """s between a sign of loss and the question: the answer may still be on its way."""
 
@@ -47,6 +50,7 @@ class Watch:
         self._heard = -inf
         self._busy: float | None = None
         self._quiet = inf
+        self._gap = 0.0
         self._hint = inf
         self._asked_first = inf
         self._asked_last = inf
@@ -67,6 +71,7 @@ class Watch:
         self._quiet = max(_MISSED * gap, self._quiet if isfinite(self._quiet) else 0.0)
         self.answered(now)
         self._busy = now
+        self._gap = gap
 
     def idle(self, oldest: Line, now: float) -> None:
         """The printer says that it has nothing to do, while `oldest` waits for its answer."""
@@ -92,7 +97,9 @@ class Watch:
 
     def _overdue(self, oldest: Line) -> float:
         """When the answer should have come."""
-        return max(oldest.sent, self._heard) + min(oldest.patience, self._quiet)
+        # What has just said that it is busy says so again before it is worth asking.
+        patience = oldest.patience if self._busy is None else max(oldest.patience, _NEXT_REPORT * self._gap)
+        return max(oldest.sent, self._heard) + min(patience, self._quiet)
 
     def _last_chance(self, oldest: Line) -> float:
         """When questions have remained unanswered for too long. A busy printer may not read them at all."""

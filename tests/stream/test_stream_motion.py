@@ -5,24 +5,13 @@ from __future__ import annotations
 from math import hypot, inf, pi
 
 import pytest
+from conversation import LIMITS
 from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.motion.rules import Limits
 from printer_slicer.stream.patience import Patience
 from printer_slicer.stream.tracker import Move, Tracker, parse
-
-LIMITS = Limits(
-    max_speed=(300.0, 300.0, 5.0, 25.0),
-    max_acceleration=(3000.0, 3000.0, 100.0, 10000.0),
-    acceleration=3000.0,
-    travel_acceleration=3000.0,
-    retract_acceleration=3000.0,
-    corner="junction_deviation",
-    junction_deviation=0.01,
-    jerk=(10.0, 10.0, 0.3, 5.0),
-    square_corner_velocity=5.0,
-)
 
 
 def follow(*commands: str) -> tuple[Tracker, list[Move | None]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from conversation import HOT, Conversation, again, first, moves, printing
+from conversation import HOT, LIMITS, Conversation, again, first, moves, printing
 
 from printer_slicer.errors import UsageError
 from printer_slicer.stream.events import Accepted, Asked, Busy, Halted, Message, ResendAsked, Temperature
@@ -389,6 +389,20 @@ def test_a_busy_printer_is_not_asked(bytewise: bool) -> None:
         assert talk.says("echo:busy: processing") == []
     assert len(talk.happened(Busy)) == 300
     assert talk.says("X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0", "ok") == []
+
+
+def test_a_busy_printer_is_not_asked_between_its_reports_however_quick_the_answer_should_be(
+    bytewise: bool,
+) -> None:
+    streamer = Streamer([b"G90", b"G91"], limits=LIMITS)
+    talk, _ = printing([], streamer=streamer, bytewise=bytewise)
+
+    for _ in range(30):
+        assert talk.says("echo:busy: processing") == []
+        assert talk.waits(2.0) == []
+    talk.says("echo:busy: processing")
+    assert talk.waits(2.4) == []
+    assert len(talk.waits(0.2)) == 1
 
 
 def test_a_printer_that_says_when_it_is_busy_is_asked_sooner_when_it_says_nothing(bytewise: bool) -> None:
