@@ -2,8 +2,8 @@
 
 The firmware guards its heaters (thermal protection); the host can only say that it hears nothing any more, and switch
 off what it switched on. Both ends of the cable may fail, so both are thought of: a printer that falls silent, and a
-host that ends, by its own will or by a signal. After a crash or a cut cable nothing can be said any more: then the
-firmware is alone, which is why a firmware without thermal protection is worth a warning before the print.
+host that ends, by its own will or by a signal. Where the host was killed, a second process says it. Over a cut cable
+nothing can be said: then the firmware is alone, which is why one without thermal protection is worth a warning.
 
 No clock, no port: moments come in, events and bytes come out.
 """

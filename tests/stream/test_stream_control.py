@@ -301,3 +301,47 @@ def test_what_is_injected_at_the_end_moves_the_end(bytewise: bool) -> None:
     assert talk.says(HOT) == [first(11, "M114")]
     talk.says(report(50, 0, 0), "ok")
     assert talk.streamer.state is State.DONE
+
+
+# What others want to know, and say, in between.
+
+
+def test_numbers_tell_how_far_the_job_is(bytewise: bool) -> None:
+    talk, _ = printing(moves(5), bytewise=bytewise)
+    streamer = talk.streamer
+    assert (streamer.taken, streamer.accepted_line, streamer.next_line) == (2, 2, 5)
+    assert not streamer.idle
+
+    streamer.pause()
+    streamer.inject(b"M117 hello")
+    assert streamer.injected == 1
+    talk.says("ok")
+    assert (streamer.injected, streamer.taken, streamer.accepted_line, streamer.next_line) == (0, 2, 3, 6)
+    talk.says("ok")
+    assert not streamer.idle
+    talk.says("ok")
+    assert streamer.idle
+
+
+def test_what_firmware_looks_at_early_goes_out_ahead_of_everything_and_counts_for_no_line(
+    bytewise: bool,
+) -> None:
+    talk, out = printing(["M109 S200", *moves(3)], bytewise=bytewise)
+    assert out == [first(3, "M109 S200"), first(4, "G1 X1")]
+
+    talk.streamer.urge(b"M108")
+    assert talk.waits(0.0) == [b"\nM108"]
+    talk.says("ok")
+    assert talk.streamer.acknowledged == 1
+    talk.says("ok")
+    talk.says("ok")  # of M108: no line is accepted by it
+    assert talk.streamer.acknowledged == 2
+
+
+def test_what_cannot_be_sent_is_refused_and_before_the_greeting_nothing_is_urgent() -> None:
+    talk, _ = printing(moves(2))
+    with pytest.raises(UsageError):
+        talk.streamer.urge(b"M108\nM112")
+    unmet = Streamer([b"G28"])
+    unmet.urge(b"M108")
+    assert b"M108" not in unmet.send(0.0)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from printer_slicer.errors import PortError
 from printer_slicer.motion.rules import Limits
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED, FrontEnd
 from printer_slicer.sim.link import Damage, VirtualPort
@@ -148,3 +149,27 @@ def test_it_does_not_matter_how_bytes_are_cut() -> None:
 
     assert meters[0].seen() == meters[1].seen()
     assert meters[0].seen().lines == 3
+
+
+def test_an_ok_that_names_its_line_counts_even_right_behind_a_request() -> None:
+    meter = LinkMeter(LIMITS)
+    for number in (1, 2):
+        meter.sent(b"N%d G1 X%d F600*99\n" % (number, number), float(number))
+    meter.received(b"Resend: 2\nok N1 P15 B3\n", 3.0)
+    assert meter.seen().lines == 1
+
+
+def test_without_limits_it_counts_and_does_not_judge_stalls() -> None:
+    meter = LinkMeter()
+    for number, command in enumerate([b"G28", b"G1 X5 F600", b"G4 P100"], 1):
+        meter.sent(b"N%d %s*99\n" % (number, command), float(number))
+        meter.received(b"ok\n", number + 0.5)
+    told = meter.seen()
+    assert (told.lines, told.stalls, told.stalled_seconds) == (3, 0, 0.0)
+
+
+def test_what_it_listens_to_is_closed_with_it() -> None:
+    port = VirtualPort(SimulatedPrinter(Machine(), MARLIN_2_1), latency=0.001)
+    Metered(port, LinkMeter(), port.now).close()
+    with pytest.raises(PortError):
+        port.write(b"M105\n")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from printer_slicer.sim.front_end import FRONT_ENDS
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.stream.events import Identified, Message, Reading, Temperature
+from printer_slicer.stream.events import Asked, Identified, Message, Reading, Temperature
 from printer_slicer.stream.watchdog import Alarm, Unprotected, Watchdog
 
 
@@ -23,7 +23,20 @@ def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
     dog.sent(b"M104 S200", 5.0)
     assert dog.due == 15.0
     assert dog.check(14.9) is None
-    assert dog.check(15.0) == Alarm(10.0, (("T", 200.0),))
+    alarm = dog.check(15.0)
+    assert alarm == Alarm(10.0, (("T", 200.0),))
+    assert (
+        str(alarm) == "no answer and no report for 10 s while heaters are on (T 200 °C): look at the printer"
+    )
+
+
+def test_what_the_host_does_by_itself_is_no_sign_of_the_printer() -> None:
+    dog = Watchdog()
+    dog.sent(b"M104 S200", 5.0)
+    dog.heard(Asked(7), 9.0)
+    assert dog.due == 15.0
+    dog.heard(Temperature((Reading("T", 180.0, None),)), 9.0)  # no target told: as it was
+    assert (dog.due, dog.targets) == (19.0, {"T": 200.0})
 
 
 def test_an_alarm_is_raised_once_for_each_silence() -> None:
@@ -109,6 +122,14 @@ def test_last_words_name_what_was_ever_on_and_nothing_else() -> None:
     dog.sent(b"M104 S0", 0.0)
     assert b"\nM104 S0\n" in dog.farewell()
     assert b"M140" not in dog.farewell()
+
+
+def test_last_words_count_heaters_that_others_switched_on() -> None:
+    """A resumed print: what was sent before is read from its journal."""
+    dog = Watchdog()
+    words = dog.farewell([b"G28", b"M190 S60", b"T1", b"M109 S200"])
+    assert b"\nM140 S0\n" in words
+    assert b"\nM104 T1 S0\n" in words
 
 
 COMMANDS = st.sampled_from(
