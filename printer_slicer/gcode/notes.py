@@ -17,12 +17,24 @@ from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, sto
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
 from printer_slicer.geometry.areas import distinct, run_begins
 from printer_slicer.macros import Template, Value, number, read_template
-from printer_slicer.model import Acceleration, Event, Fan, Float, Heat, Int, PressureAdvance, Program, Role
+from printer_slicer.model import (
+    Acceleration,
+    Bool,
+    Event,
+    Fan,
+    Float,
+    Heat,
+    Int,
+    PressureAdvance,
+    Program,
+    Role,
+)
 from printer_slicer.profile import Profile
 
 __all__ = [
     "TYPE_NAMES",
     "Writing",
+    "bead_notes",
     "begins_with",
     "macro_of",
     "macros_between",
@@ -88,7 +100,7 @@ def macro_of(profile: Profile, name: str) -> Template:
 
 
 def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dict[int, list[str]]:
-    """The lines that stand before each move, and after the last one.
+    """The lines that stand before each move, and after the last one, but for what `bead_notes` tells.
 
     Args:
         writing: what they are written from.
@@ -110,7 +122,6 @@ def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dic
         _arrivals(writing, rows),
         _progress(writing),
         _retractions(turns),
-        _beads(writing.program),
     )
     for source in sources:
         for index, lines in source:
@@ -305,21 +316,42 @@ def retracted_by_firmware(program: Program, profile: Profile) -> Int:
     return none
 
 
-def _beads(program: Program) -> Iterator[_Note]:
-    """Role, width and height of beads, where they change."""
-    height = _layer_heights(program)
+def bead_notes(program: Program) -> tuple[Int, list[bytes]]:
+    """The moves (n,) before which role, width or height of the beads changes, and n texts that tell it.
+
+    Beads of varying width change at every point: what is told is spelt once for all alike.
+    """
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     role, width, thick = program.role[beads], program.width[beads], _told_heights(program, beads)
     new_role = np.diff(role, prepend=-1) != 0
     new_width = np.diff(width, prepend=-1.0) != 0
-    of_layer = program.layer[beads]
-    usual = np.where(np.diff(of_layer, prepend=-1) > 0, height[of_layer], np.append(0.0, thick[:-1]))
+    of_layer, first_of_layer = program.layer[beads], _layer_heights(program)
+    begins = np.diff(of_layer, prepend=-1) > 0
+    usual = np.where(begins, first_of_layer[of_layer], np.append(0.0, thick[:-1]))
     new_height = thick != usual  # a new layer has told its own
-    for i in np.flatnonzero(new_role | new_width | new_height).tolist():
-        lines = [f";HEIGHT:{number(float(thick[i]))}"] if new_height[i] else []
-        lines += [f";TYPE:{TYPE_NAMES[Role(int(role[i]))]}"] if new_role[i] else []
-        lines += [f";WIDTH:{number(float(width[i]))}"] if new_width[i] else []
-        yield int(beads[i]), lines
+    changed = np.flatnonzero(new_role | new_width | new_height)
+    heights, height = _numbered(thick[changed], new_height[changed])
+    roles, kind = _numbered(role[changed], new_role[changed])
+    widths, wide = _numbered(width[changed], new_width[changed])
+    every = (height * (len(roles) + 1) + kind) * (len(widths) + 1) + wide
+    keys, alike = np.unique(every, return_inverse=True)
+    example = np.zeros(len(keys), np.int64)
+    example[alike] = np.arange(len(changed))
+    texts = []
+    for h, r, w in zip(*(some[example].tolist() for some in (height, kind, wide)), strict=True):
+        lines = [f";HEIGHT:{number(heights[h - 1])}\n"] if h else []
+        lines += [f";TYPE:{TYPE_NAMES[Role(int(roles[r - 1]))]}\n"] if r else []
+        lines += [f";WIDTH:{number(widths[w - 1])}\n"] if w else []
+        texts.append("".join(lines).encode("ascii"))
+    return beads[changed], [texts[one] for one in alike.tolist()]
+
+
+def _numbered(values: Float | Int, told: Bool) -> tuple[list[float], Int]:
+    """The different ones of those values (n,) that are told, and (n,) which of them each is, from 1; 0: not told."""
+    different, which = np.unique(values[told], return_inverse=True)
+    result = np.zeros(len(values), np.int64)
+    result[told] = which + 1
+    return different.tolist(), result
 
 
 def _layer_heights(program: Program) -> Float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from printer_slicer.gcode.facts import print_facts
 from printer_slicer.gcode.labels import Mark, definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import (
     Writing,
+    bead_notes,
     begins_with,
     macro_of,
     macros_between,
@@ -170,13 +172,16 @@ def _spelt(writing: Writing) -> _Spelt:
     return _Spelt(rows, turns, marks)
 
 
-def _body(writing: Writing, spelt: _Spelt) -> list[bytes]:
+def _body(writing: Writing, spelt: _Spelt) -> Iterator[bytes]:
     """The rows of the moves with comments, events and macros between them."""
     rows = spelt.rows
     notes = notes_of(writing, rows, spelt.turns, spelt.marks)
-    pieces, done = [], 0
-    for index in sorted(notes):
-        place = int(rows.start[index])
-        pieces += [rows.text[done:place], _lines(notes[index])]
-        done = place
-    return [*pieces, rows.text[done:]]
+    others = sorted(notes)
+    beads, told = bead_notes(writing.program)
+    texts = [*(_lines(notes[index]) for index in others), *told]
+    index = np.concatenate([np.array(others, np.int64), beads])
+    order = np.argsort(index, kind="stable")  # what is told of beads comes last
+    places = [0, *rows.start[index[order]].tolist()]
+    between = [rows.text[begin:end] for begin, end in pairwise(places)]
+    yield from chain.from_iterable(zip(between, map(texts.__getitem__, order.tolist()), strict=True))
+    yield rows.text[places[-1] :]
