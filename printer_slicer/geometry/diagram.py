@@ -73,27 +73,42 @@ def diagram_of(ends: Float, area: Int) -> Diagram:
             for first, count in zip(starts.tolist(), n_sides.tolist(), strict=True)
         ]
     n_edges, n_cells, n_vertices = np.array(sizes).T
-    pairs = np.frombuffer(found.pairs, np.int64).reshape(-1, 3)
-    there = np.where(
-        pairs[:, :2] < 0, -1, pairs[:, :2] + np.repeat(_before(n_vertices), n_edges // 2)[:, None]
-    )
     around = np.frombuffer(found.around, np.int64) + np.repeat(_before(n_edges), n_edges)
     count = np.frombuffer(found.counts, np.int64)
-    cell, after = np.zeros((2, len(around)), np.int64)
+    begins = np.delete(np.frombuffer(found.begins, np.int64), np.cumsum(count + 1) - 1)
+    begins = np.where(begins < 0, -1, begins + np.repeat(_before(n_vertices), n_edges))
+    start, cell, after = np.zeros((3, len(around)), np.int64)
+    start[around] = begins
     cell[around] = np.repeat(np.arange(len(count)), count)
     after[around] = around[following_around(np.append(0, np.cumsum(count)))]
     sites = np.frombuffer(found.sites, np.int64).reshape(-1, 2)
+    side, place = sites[:, 0] + np.repeat(starts, n_cells), sites[:, 1]
     vertex = (np.frombuffer(found.vertices).reshape(-1, 2) - _AWAY) / STEPS_PER_MM
     return Diagram(
         vertex + np.repeat(middle, n_vertices, axis=0),
-        there.ravel(),
-        there[:, ::-1].ravel(),
+        start,
+        start.reshape(-1, 2)[:, ::-1].ravel(),
         cell,
         after,
-        np.repeat(pairs[:, 2] == 1, 2),
-        sites[:, 0] + np.repeat(starts, n_cells),
-        sites[:, 1],
+        _primary(cell, steps, side, place),
+        side,
+        place,
     )
+
+
+def _primary(cell: Int, steps: Int, side: Int, place: Int) -> Bool:
+    """(E,) false between a side and its own end, or one that lies there too; `steps` (S, 2, 2) are the sides' ends."""
+    where = steps[..., 0] << 32 | steps[..., 1]  # one number for each place
+    one, other = cell[::2], cell[1::2]
+    corner = place <= 2
+    mixed = np.flatnonzero(corner[one] != corner[other])
+    one, other = one[mixed], other[mixed]
+    of_one = corner[one]
+    point, along = np.where(of_one, one, other), side[np.where(of_one, other, one)]
+    at = where[side[point], (place[point] == 2).astype(np.int64)]
+    result = np.ones(len(cell) // 2, np.bool_)
+    result[mixed] = (where[along, 0] != at) & (where[along, 1] != at)
+    return np.repeat(result, 2)
 
 
 def _before(size: Int) -> Int:
@@ -128,16 +143,18 @@ def _built(sides: list[list[list[int]]]) -> Any:
 class _Found:
     """What the library says of one area after the other, in numbers of its own for each.
 
+    All of it comes from the cells: they know their edges and where each of them begins, and twins stand side by side.
+
     Attributes:
-        pairs: start, end and whether it is primary, of every second edge.
         around: the edges of one cell after the other.
+        begins: where each of them begins, -1 far away; once more for the first one behind the last one of each cell.
         counts: how many each cell has.
         sites: the side of each cell, and the place there.
         vertices: x and y of each.
     """
 
-    pairs: array[int] = field(default_factory=lambda: array("q"))
     around: array[int] = field(default_factory=lambda: array("q"))
+    begins: array[int] = field(default_factory=lambda: array("q"))
     counts: array[int] = field(default_factory=lambda: array("q"))
     sites: array[int] = field(default_factory=lambda: array("q"))
     vertices: array[float] = field(default_factory=lambda: array("d"))
@@ -145,10 +162,11 @@ class _Found:
     def take_in(self, built: Any) -> tuple[int, int, int]:
         """Append the diagram of the next area, of so many edges, cells and vertices."""
         n_edges, cells, vertices = built.CountEdges(), built.GetCells(), built.GetVertices()
-        edges = map(built.GetEdge, range(0, n_edges, 2))
-        self.pairs.extend(chain.from_iterable(map(attrgetter("start", "end", "is_primary"), edges)))
-        around = [cell.edges for cell in cells]
+        around, begins = [cell.edges for cell in cells], [cell.vertices for cell in cells]
+        if sum(map(len, begins)) != n_edges + len(cells):  # far away, it does not repeat itself
+            begins = [[*(built.GetEdge(edge).start for edge in edges), -1] for edges in around]
         self.around.extend(chain.from_iterable(around))
+        self.begins.extend(chain.from_iterable(begins))
         self.counts.extend(map(len, around))
         self.sites.extend(chain.from_iterable(map(attrgetter("site", "source_category"), cells)))
         self.vertices.extend(chain.from_iterable(map(attrgetter("X", "Y"), vertices)))
