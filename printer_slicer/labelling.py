@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.geometry.areas import distinct
 from printer_slicer.model import Bool, Float, Int, Item, Labels, LayerPlan, Mesh, Program, Role
 
 __all__ = ["labels_of"]
@@ -67,7 +68,7 @@ def _found(place: Float, z: Float, items: Sequence[Item], part: Mesh) -> Int:
     # The nearest envelope; of several that hold the place, the smallest.
     found = np.lexsort((np.broadcast_to(volume, beyond.shape), np.maximum(beyond - _SLACK, 0)), axis=1)[:, 0]
     doubtful = np.flatnonzero((beyond <= _SLACK).sum(axis=1) > 1)
-    for level in np.unique(z[doubtful]):
+    for level in distinct(z[doubtful]):
         some = doubtful[z[doubtful] == level]
         held = np.stack([_inside(place[some], float(level), one, part) for one in items])
         certain = held.any(axis=0)

@@ -15,7 +15,7 @@ from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_lin
 from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, stop_notes
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
-from printer_slicer.geometry.areas import distinct, run_begins
+from printer_slicer.geometry.areas import distinct, numbered, run_begins
 from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import (
     Acceleration,
@@ -331,10 +331,10 @@ def bead_notes(program: Program) -> tuple[Int, list[bytes]]:
     new_height = thick != usual  # a new layer has told its own
     changed = np.flatnonzero(new_role | new_width | new_height)
     heights, height = _numbered(thick[changed], new_height[changed])
-    roles, kind = _numbered(role[changed], new_role[changed])
+    roles, kind = _numbered(role[changed].astype(np.float64), new_role[changed])
     widths, wide = _numbered(width[changed], new_width[changed])
     every = (height * (len(roles) + 1) + kind) * (len(widths) + 1) + wide
-    keys, alike = np.unique(every, return_inverse=True)
+    keys, alike = numbered(every)
     example = np.zeros(len(keys), np.int64)
     example[alike] = np.arange(len(changed))
     texts = []
@@ -346,9 +346,9 @@ def bead_notes(program: Program) -> tuple[Int, list[bytes]]:
     return beads[changed], [texts[one] for one in alike.tolist()]
 
 
-def _numbered(values: Float | Int, told: Bool) -> tuple[list[float], Int]:
+def _numbered(values: Float, told: Bool) -> tuple[list[float], Int]:
     """The different ones of those values (n,) that are told, and (n,) which of them each is, from 1; 0: not told."""
-    different, which = np.unique(values[told], return_inverse=True)
+    different, which = numbered(values[told])
     result = np.zeros(len(values), np.int64)
     result[told] = which + 1
     return different.tolist(), result

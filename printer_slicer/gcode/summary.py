@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.geometry.areas import numbered
 from printer_slicer.macros import number
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
@@ -68,7 +69,7 @@ def _figures(program: Program, profile: Profile, seconds: float | None) -> Mappi
 def _common_settings(program: Program, profile: Profile) -> Mapping[str, str]:
     """Settings under the names by which most slicers write them; the layer height is that of most of the part."""
     printer, material, quality, plan = profile.printer, profile.material, profile.quality, program.plan
-    heights, turn = np.unique(np.round(plan.height, 6), return_inverse=True)
+    heights, turn = numbered(np.round(plan.height, 6))
     usual = heights[np.bincount(turn, weights=plan.height).argmax()]
     nozzle, bed = material.nozzle_temperature, material.bed_temperature
     first_nozzle, first_bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature

@@ -135,8 +135,8 @@ def distinct(values: NDArray[_Number]) -> NDArray[_Number]:
     return ordered.compress(run_begins(ordered))
 
 
-def numbered(values: Int) -> tuple[Int, Int]:
-    """(m,) each of the values (n,) once, ascending, and (n,) the place of each value among these."""
+def numbered(values: NDArray[_Number]) -> tuple[NDArray[_Number], Int]:
+    """(m,) each of the values (n,) once, ascending, and (n,) the place of each value among these; see `distinct`."""
     order = np.argsort(values)
     ordered = values.take(order)
     begins = run_begins(ordered)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.areas import consecutive, distinct
 from printer_slicer.model import Bool, Float, Int
 
 __all__ = ["shortened"]
@@ -171,4 +171,4 @@ def _around(place: Int, span: Int, group: Int) -> Int:
     # A change in a group alters the way to the one before and the one after, and those of its own.
     owner = np.repeat(np.arange(len(place)), last - first)
     beside = (near >= place[owner] - 1) | (group[near] == group[place[owner]])
-    return np.unique(near[beside])
+    return distinct(near[beside])
