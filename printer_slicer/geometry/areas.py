@@ -42,14 +42,18 @@ def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDAr
     viewed, so the caller who built it should not write to it any more.
     """
     array: NDArray = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[type-arg]
-    fits = array.ndim == len(shape) and all(
-        want in (-1, have) for want, have in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        raise ValueError(f"expected shape {shape}, got {array.shape}")
+    have = array.shape
+    # Asked thousands of times for each part: what is alike but for its length is known at once.
+    if (have[1:] != shape[1:] or have[:1] != shape[:1] != (-1,)) and not _fits(have, shape):
+        raise ValueError(f"expected shape {shape}, got {have}")
     view = array.view()
-    view.flags.writeable = False
+    view.setflags(write=False)
     return view
+
+
+def _fits(have: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether a shape is the wanted one, in which -1 stands for any length."""
+    return len(have) == len(shape) and all(want in (-1, one) for want, one in zip(shape, have, strict=True))
 
 
 def per_layer(value: float | Float, n_layers: int) -> Float:
@@ -68,8 +72,9 @@ def per_layer(value: float | Float, n_layers: int) -> Float:
 
 def consecutive(first: Int, count: Int) -> Int:
     """`first[i], first[i] + 1, ...` (`count[i]` numbers) for every i, one after the other."""
-    before = np.cumsum(count) - count
-    return np.asarray(np.arange(int(count.sum())) + np.repeat(first - before, count))
+    result: Int = np.repeat(first - (np.cumsum(count) - count), count)
+    result += np.arange(len(result))
+    return result
 
 
 def following_around(start: Int, closed: bool | Bool = True) -> Int:
@@ -292,10 +297,15 @@ class Areas:
 
     def restacked(self, rings: Int, layer: Int, n_layers: int) -> Areas:
         """The rings (r,) with the given indices, in any order, as another stack: each on its `layer` (r,) ascending."""
-        sizes = np.diff(self.ring_start)[rings]
+        if not len(rings):
+            return Areas.empty(n_layers)
+        begin, end = self.ring_start[rings], self.ring_start[rings + 1]
+        if (begin[1:] == end[:-1]).all():  # they stand side by side: nothing is moved
+            low, high = int(begin[0]), int(end[-1])
+            return Areas(self.xy[low:high], np.append(begin, high) - low, layer, n_layers)
+        sizes = end - begin
         start = np.concatenate([[0], np.cumsum(sizes)])
-        points = consecutive(self.ring_start[rings], sizes)
-        return Areas(self.xy.take(points, axis=0), start, layer, n_layers)
+        return Areas(self.xy.take(consecutive(begin, sizes), axis=0), start, layer, n_layers)
 
     def of_layers(self, layers: Bool | Int) -> Areas:
         """Only the rings of the layers for which `layers` (n_layers,) is true, or whose numbers it holds."""
