@@ -94,12 +94,10 @@ def _drawn(triangles: Float, low: Float, size: Float, scale: float) -> Float:
         some = triangles[begin : begin + _AT_ONCE]
         x, y, depth = _seen(some)
         facet, pixel, deep = _pixels((x - low[0]) * scale, (y - low[1]) * scale, depth, shape)
-        order = np.argsort(deep, kind="stable")  # of several on one pixel, the last one written stays
-        facet, pixel, deep = facet[order], pixel[order], deep[order]
-        seen = deep > nearest[pixel]
-        facet, pixel = facet[seen], pixel[seen]
-        nearest[pixel] = deep[seen]
-        colour[pixel] = _lit(some, facet)
+        before = nearest[pixel]
+        np.maximum.at(nearest, pixel, deep)
+        seen = np.flatnonzero((deep > before) & (deep == nearest[pixel]))
+        colour[pixel[seen]] = _lit(some, facet[seen])  # of several as near, the last one written stays
     covered = np.isfinite(nearest).reshape(shape)
     shown = colour.reshape(*shape, 3) * _outlined(nearest.reshape(shape))[..., None]
     return np.dstack([shown, 255.0 * covered])
