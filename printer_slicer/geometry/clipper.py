@@ -118,33 +118,50 @@ def _combined(operation: Operation, a: list[Rings], b: list[Rings]) -> list[Ring
             return found
         return []
 
-    for subjects, clips in zip(a, b, strict=True):
-        if len(subjects) + len(clips) < _CROWD:
-            result.append(combined(subjects, clips))
+    crowded = _columns(a, b)
+    for layer, (subjects, clips) in enumerate(zip(a, b, strict=True)):
+        if layer in crowded:
+            result.append([ring for pair in crowded[layer] for ring in combined(*pair)])
         else:
-            result.append([ring for pair in _columns(subjects, clips) for ring in combined(*pair)])
+            result.append(combined(subjects, clips))
     return result
 
 
-def _columns(subjects: Rings, clips: Rings) -> list[tuple[Rings, Rings]]:
-    """The rings of a layer divided where nothing lies between them from front to back.
+def _columns(a: list[Rings], b: list[Rings]) -> dict[int, list[tuple[Rings, Rings]]]:
+    """The rings of crowded layers divided where nothing lies between them from front to back; layers with such places.
 
     The sweep line goes from front to back: what it costs grows with how much lies side by side.
     """
-    rings = subjects + clips
-    start = np.cumsum([0, *map(len, rings)])[:-1]
+    count = np.array([(len(one), len(other)) for one, other in zip(a, b, strict=True)]).reshape(-1, 2)
+    crowd = np.flatnonzero(count.sum(axis=1) >= _CROWD)
+    if not len(crowd):
+        return {}
+    rings = [ring for layer in crowd.tolist() for ring in (*a[layer], *b[layer])]
+    size, is_clip = count[crowd].ravel(), np.tile([False, True], len(crowd))
+    is_clip, home = np.repeat(is_clip, size), np.repeat(crowd, count[crowd].sum(axis=1))
+    low, high = _breadths(rings)
+    # Layers one beside the other, far apart: so all of them are divided at once.
+    beside = home * (int(high.max()) - int(low.min()) + 1)
+    low, high = low + beside, high + beside
+    order = np.argsort(low, kind="stable")
+    begins = np.append(True, low[order][1:] > np.maximum.accumulate(high[order])[:-1])
+    column = np.cumsum(begins) - 1
+    order = order[np.lexsort((is_clip[order], column))]
+    sorted_rings = list(map(rings.__getitem__, order.tolist()))
+    starts = np.flatnonzero(begins)
+    subjects = starts + np.bincount(column, ~is_clip[order], len(starts)).astype(np.int64)
+    columns: dict[int, list[tuple[Rings, Rings]]] = {layer: [] for layer in crowd.tolist()}
+    bounds = zip(starts.tolist(), subjects.tolist(), [*starts[1:].tolist(), len(order)], strict=True)
+    for layer, (first, middle, last) in zip(home[order[starts]].tolist(), bounds, strict=True):
+        columns[layer].append((sorted_rings[first:middle], sorted_rings[middle:last]))
+    return {layer: pairs for layer, pairs in columns.items() if len(pairs) > 1}
+
+
+def _breadths(rings: Rings) -> tuple[Int, Int]:
+    """Where each ring begins and ends from left to right."""
+    begin = np.cumsum([0, *map(len, rings)])[:-1]
     x = np.concatenate(rings)[:, 0]
-    low, high = np.minimum.reduceat(x, start), np.maximum.reduceat(x, start)
-    order = np.argsort(low)
-    apart = np.flatnonzero(low[order][1:] > np.maximum.accumulate(high[order])[:-1]) + 1
-    if not len(apart):
-        return [(subjects, clips)]
-    columns: list[tuple[Rings, Rings]] = [([], []) for _ in range(len(apart) + 1)]
-    n = len(subjects)
-    for number, some in enumerate(np.split(order, apart)):
-        for ring in some.tolist():
-            columns[number][ring >= n].append(rings[ring])
-    return columns
+    return np.minimum.reduceat(x, begin), np.maximum.reduceat(x, begin)
 
 
 def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
