@@ -27,6 +27,7 @@ __all__ = ["Comparison", "Verdict", "dry_run", "front_end_of", "judge", "machine
 TIME_TOLERANCE = 0.01  # share by which simulated and modelled time may differ
 _LATENCY = 0.001  # s that an answer takes over USB
 _LONGEST = 30 * 86400.0  # s; no print takes that long, but a slip in a file may
+_PROBED = 16  # points that a machine with a probe touches
 _PERSON = 60.0  # s until somebody answers a file that waits for a person
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
 _OURS = (b"M105", b"M110", b"M114", b"M115", b"M155", b"M400")  # what the host asks on its own account
@@ -43,6 +44,7 @@ def machine_of(printer: Printer) -> Machine:
         box_max=(right, back, printer.bed_z + 10),
         home=(left, front, 0.0),
         person_seconds=_PERSON,
+        probe_points=_PROBED if printer.probe else 0,
         hotend=HeaterSpec(
             power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=printer.max_nozzle_temperature
         ),

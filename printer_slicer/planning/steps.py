@@ -68,8 +68,18 @@ class Steps:
             return listed[(listed >= self.lowest) & (listed <= self.highest)]
         thin = max(self.of(profile.thinnest), self.lowest)
         thick = max(min(self.of(profile.thickest), self.highest), thin)
+        if not quality.layer_step and profile.printer.z_full_step:
+            return self._full_steps(thin, thick, profile.printer.z_full_step)
         step = quality.layer_step or max(_LIST_STEP, self.size)
         return np.arange(thin, thick + 1, max(self.of(step), 1), dtype=np.int64)
+
+    def _full_steps(self, thin: int, thick: int, full: float) -> Int:
+        """Whole numbers of full steps of the motor from `thin` to `thick`; the nearest to it where there are none."""
+        most = int(np.floor(thick * self.size / full + _NEARLY))
+        least = min(int(np.ceil(thin * self.size / full - _NEARLY)), most)
+        heights = np.unique(np.round(np.arange(least, most + 1) * full / self.size)).astype(np.int64)
+        within = heights[(heights >= thin) & (heights <= thick)]
+        return within if len(within) else np.array([thin], np.int64)
 
     def _whole(self, height: float) -> int:
         """Steps in the part; it may rise over the last one by half of one, or not at all, as it is contained."""

@@ -92,6 +92,13 @@ def _planner(profile: Profile) -> Iterator[Conflict]:
     if abs(steps - round(steps)) > 1e-6:
         no_multiple = f"{quality.layer_step:g} mm is no multiple of printer.z_step {printer.z_step:g} mm"
         yield Conflict("quality.layer_step", no_multiple, f"take {max(floor(steps), 1) * printer.z_step:g}")
+    if printer.z_full_step:
+        within = printer.z_full_step / printer.z_step
+        if abs(within - round(within)) > 1e-6:
+            no_multiple = f"{printer.z_full_step:g} mm is no multiple of printer.z_step {printer.z_step:g} mm"
+            yield Conflict(
+                "printer.z_full_step", no_multiple, "mend one of them: motors divide full steps evenly"
+            )
     planner = quality.planner
     if not isinstance(planner, OptimalPlanner):
         return

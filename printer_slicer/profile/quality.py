@@ -100,7 +100,12 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     layer_step: Annotated[
         float,
-        meta("variable heights are this far apart; 0: 0.01 mm, or z_step if that is more", "mm", ge=0, le=1),
+        meta(
+            "variable heights are this far apart; 0: printer.z_full_step, else 0.01 mm, or z_step if that is more",
+            "mm",
+            ge=0,
+            le=1,
+        ),
     ] = 0
     layer_heights: Annotated[
         tuple[float, ...],

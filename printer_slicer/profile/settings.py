@@ -56,8 +56,21 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     origin: Annotated[Literal["corner", "centre"], meta("where x = y = 0 is on the bed")] = "corner"
     nozzle_diameter: Annotated[float, meta("diameter of the nozzle's hole", "mm", ge=0.1, le=2)] = 0.4
     z_step: Annotated[float, meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
+    z_full_step: Annotated[
+        float,
+        meta(
+            "a full step of the z motor; variable heights are multiples of it, unless quality.layer_step says "
+            "otherwise; 0: not known",
+            "mm",
+            ge=0,
+            le=0.2,
+        ),
+    ] = 0
     min_layer: Annotated[float, meta("thinnest layer the machine prints", "mm", ge=0.01, le=1)] = 0.09
     max_layer: Annotated[float, meta("thickest layer the machine prints", "mm", ge=0.02, le=1.6)] = 0.32
+    probe: Annotated[bool, meta("measures its bed by touching it (G29), and may keep what it measured")] = (
+        False
+    )
     max_nozzle_temperature: Annotated[
         float, meta("never heat the nozzle over this", "°C", ge=100, le=500)
     ] = 275

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.answers import ask_person, limit_accelerations, nothing, positive
 from printer_slicer.sim.machine import AXES, replaced
+from printer_slicer.sim.moves import probe
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,7 +82,7 @@ def _junction_deviation(board: Board, command: Command) -> None:
 FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] = {
     "marlin": {},
     "marlin_legacy": {},
-    "prusa": {},
+    "prusa": {"G80": probe},
     "klipper": {
         "PAUSE": ask_person,
         "SET_RETRACTION": _retraction,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.words import Command
 
-__all__ = ["STOP_SECONDS", "TABLE", "straight"]
+__all__ = ["STOP_SECONDS", "TABLE", "probe", "straight"]
 
 STOP_SECONDS: Final = 1.0
 """s after M410 in which Marlin takes no moves."""
@@ -213,7 +213,7 @@ def _home(board: Board, command: Command) -> Steps:
     board.say(board.place())
 
 
-def _probe(board: Board, command: Command) -> Steps | None:
+def probe(board: Board, command: Command) -> Steps | None:
     """G29: touch the bed at some points; what is found changes nothing, the simulated bed is flat."""
     if board.machine.probe_points <= 0:
         board.unknown(command.text)
@@ -223,6 +223,12 @@ def _probe(board: Board, command: Command) -> Steps | None:
         board.violated("probed before homing")
         return None
     return _probing(board)
+
+
+def _stored_mesh(board: Board, command: Command) -> None:
+    """M420: use what G29 found, or not; the simulated bed is flat."""
+    if board.machine.probe_points <= 0:
+        board.unknown(command.text)
 
 
 def _probing(board: Board) -> Steps:
@@ -289,7 +295,7 @@ TABLE: Final = {
     "G20": _units,
     "G21": _units,
     "G28": _home,
-    "G29": _probe,
+    "G29": probe,
     "G90": _absolute,
     "G91": _absolute,
     "G92": _set_position,
@@ -299,5 +305,6 @@ TABLE: Final = {
     "M84": _motors_off,
     "M400": _finish,
     "M410": _quick_stop,
+    "M420": _stored_mesh,
     "M900": _finish,
 }

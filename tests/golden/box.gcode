@@ -458,8 +458,10 @@ M104 S0
 ; printer.origin = corner
 ; printer.nozzle_diameter = 0.4
 ; printer.z_step = 0.01
+; printer.z_full_step = 0
 ; printer.min_layer = 0.09
 ; printer.max_layer = 0.32
+; printer.probe = False
 ; printer.max_nozzle_temperature = 275
 ; printer.max_bed_temperature = 110
 ; printer.max_speed_x = 500

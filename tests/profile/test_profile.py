@@ -6,7 +6,6 @@ import re
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import chdir
-from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.planning import PLANNERS
 from printer_slicer.profile import (
-    DEFAULT_NAMES,
     KINDS,
     AreaPlanner,
     Profile,
@@ -31,7 +29,7 @@ from printer_slicer.profile import (
 from printer_slicer.profile.settings import PLANNER_SETTINGS
 
 ROOT = Path(__file__).parents[2]
-ALL = list(product(profile_paths("printer"), profile_paths("material"), profile_paths("quality")))
+PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)
 USUAL = load_profile("marlin_220", "pla", "standard")
 ROWS = {row[0]: row for row in settings_table()}
 BOUNDED = [row for row in ROWS.values() if re.search(r"[<>]", row[3])]
@@ -73,52 +71,6 @@ def attempt(make: Callable[[], Profile]) -> Profile | ProfileError:
 
 def numbers(text: str) -> set[float]:
     return {float(number) for number in re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", text)}
-
-
-# What is shipped
-
-
-@pytest.mark.parametrize(("printer", "material", "quality"), ALL)
-def test_shipped_profiles_load_or_are_refused_with_both_settings_named(
-    printer: str, material: str, quality: str
-) -> None:
-    profile = attempt(lambda: load_profile(printer, material, quality))
-
-    if isinstance(profile, ProfileError):
-        assert re.search(r"(printer|material|quality)\.\w+", str(profile))
-        assert load_profile(printer).printer.name in str(profile)
-        assert profile.remedy
-        return
-    assert profile.thinnest <= profile.thickest <= profile.printer.nozzle_diameter
-    assert {profile.printer.name, profile.material.name, profile.quality.name} <= {
-        value for key, value in settings_text(profile) if key.endswith(".name")
-    }
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_shipped_profile_works_in_some_combination(kind: str) -> None:
-    place = list(KINDS).index(kind)
-    used = {names[place] for names in ALL if isinstance(attempt(partial(load_profile, *names)), Profile)}
-
-    assert used == set(profile_paths(kind))
-
-
-def test_the_defaults_exist_and_fit_each_other() -> None:
-    assert all(DEFAULT_NAMES[kind] in profile_paths(kind) for kind in KINDS)
-    assert load_profile() == load_profile(
-        DEFAULT_NAMES["printer"], DEFAULT_NAMES["material"], DEFAULT_NAMES["quality"]
-    )
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_shipped_profiles_have_names_of_their_own(kind: str) -> None:
-    names = []
-    for name in profile_paths(kind):
-        path = profile_paths(kind)[name]
-        names.append(re.search(r'(?m)^name = "(.+)"$', path.read_text(encoding="utf-8")))
-
-    assert None not in names
-    assert len({found[1] for found in names if found}) == len(names)
 
 
 def test_the_planners_of_the_settings_are_those_that_exist() -> None:
@@ -529,7 +481,14 @@ def test_every_key_of_the_table_can_be_set(key: str) -> None:
     assert profile_with(profile, {name: dict(settings_text(profile))[name]}) == profile
 
 
-@pytest.mark.parametrize("names", [names for names in ALL if names[2] != "case_study"], ids="-".join)
+FITTING = [
+    *product(PRINTERS, ["pla"], ["standard"]),
+    *product(["voron_2_4_350"], MATERIALS, ["adaptive"]),
+    *product(["marlin_220"], ["pla"], [name for name in QUALITIES if name != "case_study"]),
+]
+
+
+@pytest.mark.parametrize("names", FITTING, ids="-".join)
 def test_all_settings_survive_being_written_as_text_and_read_back(names: tuple[str, str, str]) -> None:
     profile = load_profile(*names)
     text = {key: str(value) for key, value in settings_text(profile)}

@@ -227,6 +227,13 @@ def test_g29_is_unknown_without_a_probe_and_takes_time_with_one() -> None:
     assert console.now - began == pytest.approx(27.0)
 
 
+def test_a_stored_mesh_is_known_where_there_is_a_probe() -> None:
+    probing = Console(machine=replace(Machine(), probe_points=9))
+
+    assert Console().say("M420 S1") == ['echo:Unknown command: "M420 S1"', "ok"]
+    assert probing.say("M420 S1") == ["ok"]
+
+
 def test_a_question_to_a_person_waits_for_m108_or_for_its_time() -> None:
     console = Console()
 

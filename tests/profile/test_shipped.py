@@ -1,0 +1,168 @@
+"""Every printer, material and quality that is shipped prints a small part on the simulated printer.
+
+Each of them in one pair at least; all pairs are printed by `python -m benchmarks.profiles`.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+
+import pytest
+from parts import step_pyramid
+
+from printer_slicer import dry_run, job_of, load_profile
+from printer_slicer.errors import ProfileError
+from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, profile_paths, settings_text
+
+PART = step_pyramid([8, 5], [1.24, 0.86])
+PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)
+# Every pair of printer and quality, of printer and material, and of material and quality.
+ALL = sorted(
+    {
+        *product(PRINTERS, ["pla"], QUALITIES),
+        *product(PRINTERS, MATERIALS, ["standard"]),
+        *product(["marlin_220"], MATERIALS, QUALITIES),
+    }
+)
+GENERIC = ("corexy_klipper", "marlin_220", "marlin_220_06", "marlin_probe_220")
+HOT = "voron_2_4_350"  # prints every material
+THICK = "marlin_220_06"  # prints the layers of every quality but draft's
+
+
+def pairs() -> Iterator[tuple[str, str, str]]:
+    """Every printer, material and quality once at least, with what goes with it."""
+    yield from ((printer, "pla", "draft") for printer in PRINTERS)
+    yield from ((HOT, material, "draft") for material in MATERIALS)
+    yield from (
+        (THICK if quality == "case_study" else "creality_ender3", "pla", quality) for quality in QUALITIES
+    )
+
+
+@pytest.mark.parametrize("names", sorted(set(pairs())), ids=" ".join)
+def test_a_small_part_is_printed_as_intended(names: tuple[str, str, str]) -> None:
+    profile = load_profile(*names)
+    verdict = dry_run(job_of(PART, profile), profile)
+
+    assert verdict.problems == ()
+    assert verdict.identical
+    assert verdict.heights_equal
+
+
+def test_what_people_look_for_is_there() -> None:
+    named = set(PRINTERS) - set(GENERIC)
+
+    assert len(named) >= 20
+    assert len(MATERIALS) >= 10
+    assert {"draft", "standard", "fine", "adaptive", "strong", "vase"} <= set(QUALITIES)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_file_begins_with_what_it_is_for(kind: str) -> None:
+    for path in profile_paths(kind).values():
+        assert re.match(r"# \S.{20,}", path.read_text(encoding="utf-8")), path
+
+
+@pytest.mark.parametrize("name", sorted(set(PRINTERS) - set(GENERIC)))
+def test_a_machine_has_a_bed_a_height_limits_and_a_model_of_its_own(name: str) -> None:
+    own = tomllib.loads(profile_paths("printer")[name].read_text(encoding="utf-8"))
+    printer = load_profile(name, "pla", "draft").printer
+
+    assert {"bed_x", "bed_y", "bed_z", "model", "max_nozzle_temperature", "max_bed_temperature"} <= set(own)
+    assert own["model"]
+    assert printer.max_nozzle_temperature <= 300
+    assert printer.max_bed_temperature <= 120
+    assert "{first_layer_bed_temperature}" in printer.start_gcode
+    assert "M104 S0" in printer.end_gcode
+    assert "M140 S0" in printer.end_gcode
+
+
+@pytest.mark.parametrize("name", PRINTERS)
+def test_where_the_full_step_is_told_variable_heights_are_multiples_of_it(name: str) -> None:
+    profile = load_profile(name, "pla", "adaptive")
+    full = profile.printer.z_full_step
+    if not full:
+        return
+    heights = [height for _, height in plan_of(name)[1:]]
+
+    assert heights
+    near_flats = {round(height, 4) for height in heights if abs(height / full - round(height / full)) > 1e-6}
+    assert len(near_flats) <= 2  # only those that end on a flat or the top
+
+
+def plan_of(name: str) -> list[tuple[int, float]]:
+    from printer_slicer import place, plan_part
+
+    profile = load_profile(name, "pla", "adaptive")
+    return plan_part(place(PART, profile.printer), profile).runs()
+
+
+@cache
+def attempt(*names: str) -> Profile | ProfileError:
+    """The profile, or why there is none."""
+    try:
+        return load_profile(*names)
+    except ProfileError as error:
+        return error
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_a_material_is_refused_where_it_is_too_hot_and_nowhere_else(material: str) -> None:
+    tried = {printer: attempt(printer, material, "standard") for printer in PRINTERS}
+    refused = [str(one) for one in tried.values() if isinstance(one, ProfileError)]
+
+    assert isinstance(tried[HOT], Profile)
+    assert all("temperature" in why and "allows" in why for why in refused)
+
+
+def printer_name(name: str) -> str:
+    return load_profile(name, "pla", "standard").printer.name
+
+
+@pytest.mark.parametrize(("printer", "material", "quality"), ALL)
+def test_shipped_profiles_load_or_are_refused_with_both_settings_named(
+    printer: str, material: str, quality: str
+) -> None:
+    profile = attempt(printer, material, quality)
+
+    if isinstance(profile, ProfileError) and "material." in str(profile):
+        assert f"printer {printer_name(printer)!r} allows" in str(profile)
+        return
+    if isinstance(profile, ProfileError):
+        assert re.search(r"(printer|material|quality)\.\w+", str(profile))
+        assert printer_name(printer) in str(profile)
+        assert profile.remedy
+        return
+    assert profile.thinnest <= profile.thickest <= profile.printer.nozzle_diameter
+    assert {profile.printer.name, profile.material.name, profile.quality.name} <= {
+        value for key, value in settings_text(profile) if key.endswith(".name")
+    }
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_shipped_profile_works_in_some_combination(kind: str) -> None:
+    place = list(KINDS).index(kind)
+    used = {names[place] for names in ALL if isinstance(attempt(*names), Profile)}
+
+    assert used == set(profile_paths(kind))
+
+
+def test_the_defaults_exist_and_fit_each_other() -> None:
+    assert all(DEFAULT_NAMES[kind] in profile_paths(kind) for kind in KINDS)
+    assert load_profile() == load_profile(
+        DEFAULT_NAMES["printer"], DEFAULT_NAMES["material"], DEFAULT_NAMES["quality"]
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shipped_profiles_have_names_of_their_own(kind: str) -> None:
+    names = []
+    for name in profile_paths(kind):
+        path = profile_paths(kind)[name]
+        names.append(re.search(r'(?m)^name = "(.+)"$', path.read_text(encoding="utf-8")))
+
+    assert None not in names
+    assert len({found[1] for found in names if found}) == len(names)
