@@ -40,8 +40,8 @@ def machine_of(printer: Printer) -> Machine:
     (left, front), (right, back) = printer.corners
     return Machine(
         limits=limits_of(printer),
-        box_min=(left, front, 0.0),
-        box_max=(right, back, printer.bed_z + 10),
+        box_min=(left - printer.reach, front - printer.reach, 0.0),
+        box_max=(right + printer.reach, back + printer.reach, printer.bed_z + 10),
         home=(left, front, 0.0),
         person_seconds=_PERSON,
         probe_points=_PROBED if printer.probe else 0,

@@ -74,7 +74,9 @@ class _Teller:
 def _box(moves: Moves, profile: Profile, tell: _Teller) -> Iterator[Finding]:
     """Ends of moves out of the machine."""
     (left, front), (right, back) = profile.printer.corners
-    low, high = (left, front, 0.0), (right, back, profile.printer.bed_z)
+    reach = profile.printer.reach
+    low = (left - reach, front - reach, 0.0)
+    high = (right + reach, back + reach, profile.printer.bed_z)
     over = "the head is driven against the end of its axis"
     laying = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
     aside = np.where(laying, _BESIDE, _AWAY)

@@ -54,6 +54,14 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bed_y: Annotated[float, meta("depth of the bed", "mm", ge=20, le=5000)]
     bed_z: Annotated[float, meta("greatest height of a part", "mm", ge=20, le=5000)]
     origin: Annotated[Literal["corner", "centre"], meta("where x = y = 0 is on the bed")] = "corner"
+    bed_left: Annotated[
+        float,
+        meta("the left edge of the bed lies so much farther right than origin says", "mm", ge=-1000, le=1000),
+    ] = 0
+    bed_front: Annotated[float, meta("its front edge lies so much farther back", "mm", ge=-1000, le=1000)] = 0
+    reach: Annotated[
+        float, meta("the nozzle can go this far beside the bed, to prime and to wipe", "mm", ge=0, le=200)
+    ] = 0
     nozzle_diameter: Annotated[float, meta("diameter of the nozzle's hole", "mm", ge=0.1, le=2)] = 0.4
     z_step: Annotated[float, meta("layer heights are multiples of this", "mm", ge=0.0005, le=0.1)] = 0.01
     z_full_step: Annotated[
@@ -178,7 +186,8 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Front left and back right corner of the bed, mm."""
-        left, front = (-self.bed_x / 2, -self.bed_y / 2) if self.origin == "centre" else (0.0, 0.0)
+        x, y = (-self.bed_x / 2, -self.bed_y / 2) if self.origin == "centre" else (0.0, 0.0)
+        left, front = x + self.bed_left, y + self.bed_front
         return (left, front), (left + self.bed_x, front + self.bed_y)
 
 

@@ -266,6 +266,12 @@ def nothing(_: Board, __: Command) -> None:
     """Known, and without an effect that could be seen from outside."""
 
 
+def _volumetric(board: Board, command: Command) -> None:
+    """M200: E in mm of filament stays as it is; E in mm³ this printer does not know."""
+    if command.value("D") != 0:
+        board.unknown(command.text)
+
+
 TABLE: Final = {
     "M0": ask_person,
     "M1": ask_person,
@@ -287,6 +293,7 @@ TABLE: Final = {
     "M118": _tell,
     "M119": _endstops,
     "M155": _temperature_reports,
+    "M200": _volumetric,
     "M201": _accelerations,
     "M203": _speeds,
     "M204": _move_accelerations,
@@ -296,6 +303,7 @@ TABLE: Final = {
     "M211": _soft_endstops,
     "M220": _speed_ratio,
     "M221": _flow_ratio,
+    "M300": nothing,
     "M486": nothing,
     "M503": _settings,
     "M600": ask_person,

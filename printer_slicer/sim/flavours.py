@@ -82,7 +82,17 @@ def _junction_deviation(board: Board, command: Command) -> None:
 FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] = {
     "marlin": {},
     "marlin_legacy": {},
-    "prusa": {"G80": probe},
+    "prusa": {
+        "G80": probe,
+        "M403": nothing,  # the kind of filament, told to the MMU
+        "M862.1": nothing,  # nozzle, model, firmware: whether the file is for this printer
+        "M862.2": nothing,
+        "M862.3": nothing,
+        "M862.4": nothing,
+        "M862.5": nothing,
+        "M862.6": nothing,
+        "M907": nothing,
+    },
     "klipper": {
         "PAUSE": ask_person,
         "SET_RETRACTION": _retraction,
