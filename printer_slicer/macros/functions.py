@@ -78,6 +78,22 @@ def _size(value: Value) -> float:
     return float(len(value))
 
 
+def _of_texts(function: Callable[[str, str], bool]) -> _Function:
+    """A function of two texts."""
+
+    def run(values: Sequence[Value]) -> Value:
+        """The function of these values."""
+        if len(values) != 2:
+            raise Misused(f"takes 2, got {len(values)}")
+        text, part = values
+        if not isinstance(text, str) or not isinstance(part, str):
+            wrong = part if isinstance(text, str) else text
+            raise Misused(f"a text was expected, this is {kind_of(wrong)}")
+        return function(text, part)
+
+    return run
+
+
 def _cut(value: float) -> float:
     """The whole number next towards zero."""
     return whole(value, up=value < 0)
@@ -96,4 +112,7 @@ FUNCTIONS: Final[Mapping[str, _Function]] = {
     "padded": _of_numbers(2, 2, lambda value, digits: f"{_cut(value):0{_count(digits)}.0f}"),
     "text": _of_one(text_of),
     "size": _of_one(_size),
+    "contains": _of_texts(lambda text, part: part in text),
+    "begins": _of_texts(str.startswith),
+    "ends": _of_texts(str.endswith),
 }
