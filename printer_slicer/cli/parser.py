@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.cli.door_parsers import add_allow, add_beforehand, add_doctor, add_send
+from printer_slicer.cli.importing import add_import
 from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
 from printer_slicer.cli.parsing import command as _command
@@ -398,11 +399,13 @@ def _profiles(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         commands,
         "profiles",
         "list the shipped profiles and all settings",
-        "  printer-slicer profiles\n  printer-slicer profiles settings\n  printer-slicer profiles printer marlin_220",
+        "  printer-slicer profiles\n  printer-slicer profiles settings\n  printer-slicer profiles printer marlin_220\n"
+        "  printer-slicer profiles import config.ini   from other slicers; `profiles import --help` says more",
     )
     parser.add_argument(
         "what", nargs="?", choices=("list", "settings", "printer", "material", "quality"), default="list"
     )
     parser.add_argument("name", nargs="?", help="which one to show")
     _output(parser)
+    add_import(parser)
     parser.set_defaults(run=_later("profiles", "profiles_command"))

@@ -1,0 +1,277 @@
+"""What becomes of all presets in the bundles that PrusaSlicer ships.
+
+    python -m benchmarks.importing [--values N] [--macros N] [--prints N] [--bundle NAME]
+
+1. Every printer, print and filament preset: imported, or the reason. Fails under 95 %.
+2. N printers with their default print and filament, evenly spread: dimensions, limits, temperatures and speeds
+   against PrusaSlicer's own reading (`--save`).
+3. N printers: start and end G-code as we render the translated macros against those in PrusaSlicer's own file.
+4. N printers: the box, sliced and printed on the simulated printer; or the reason why not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from benchmarks.prusa_presets import BUNDLES, Oracle, between, bundles, marked, rendered, saved
+from printer_slicer import dry_run, job_of, load_mesh, load_profile
+from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.importing import Imported, Refused, Wanted, import_profiles, profile_text
+
+PART = Path(__file__).parent.parent / "sample_parts" / "box.stl"
+FEWEST = 0.95
+_SAID = re.compile(r"(\w+?)(-?\d*\.?\d+)")
+Triple = dict[str, Imported]
+
+
+def main() -> int:
+    """Run what is asked for; 1 if anything is not as it should be."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for name, usual in (("values", 30), ("macros", 30), ("prints", 12)):
+        parser.add_argument(f"--{name}", type=int, default=usual, metavar="N", help=f"default: {usual}")
+    parser.add_argument("--bundle", default="", help="only bundles whose name holds this")
+    asked = parser.parse_args()
+    paths = [path for path in bundles() if asked.bundle in path.name]
+    if not paths:
+        print(f"{BUNDLES}: no bundles; PrusaSlicer is not installed")
+        return 0
+    share = coverage(paths)
+    printers = list(all_printers(paths))
+    with TemporaryDirectory() as folder:
+        off = sum(compare_values(one, Path(folder)) for one in spread(printers, asked.values))
+        different = sum(compare_macros(one, Path(folder)) for one in spread(printers, asked.macros))
+        printed = [prints(one, Path(folder)) for one in spread(printers, asked.prints)]
+    print(
+        f"values: {off} differ; macros: {different} differ; printed as intended: {sum(printed)} of {len(printed)}"
+    )
+    return 0 if share >= FEWEST and not off and not different else 1
+
+
+def coverage(paths: list[Path]) -> float:
+    """Share of presets that import; every other one with its reason."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for path in paths:
+        results = import_profiles(path)
+        for one in results:
+            counts[one.kind, type(one).__name__] += 1
+            if isinstance(one, Refused):
+                print(f"refused: {path.name}: {one.kind} {one.name!r}: {one.problem}")
+    for kind in ("printer", "quality", "material"):
+        good, bad = counts[kind, "Imported"], counts[kind, "Refused"]
+        print(f"{kind:<10}{good} of {good + bad} imported ({good / max(good + bad, 1):.1%})")
+    good = sum(count for (_, what), count in counts.items() if what == "Imported")
+    print(
+        f"{'all':<10}{good} of {counts.total()} imported ({good / counts.total():.1%}), from {len(paths)} bundles"
+    )
+    return good / counts.total()
+
+
+def all_printers(paths: list[Path]) -> Iterator[tuple[Path, str]]:
+    """Every filament printer: bundle and name."""
+    for path in paths:
+        oracle = Oracle(path)
+        for name in oracle.names("printer"):
+            if oracle.settings("printer", name).get("printer_technology", "FFF") == "FFF":
+                yield path, name
+
+
+def spread(printers: list[tuple[Path, str]], count: int) -> list[tuple[Path, str]]:
+    """So many of them, evenly spread: first one of each bundle, then more."""
+    firsts = {path: (path, name) for path, name in reversed(printers)}
+    rest = [one for one in printers if one not in firsts.values()]
+    more = max(count - len(firsts), 0)
+    step = max(len(rest) // more, 1) if more else 1
+    return [*list(firsts.values())[::-1][:count], *rest[step // 2 :: step][:more]] if count else []
+
+
+def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[Refused]]:
+    """The printer with its default print and filament: ours, and all settings as PrusaSlicer has them."""
+    results = import_profiles(path, Wanted(printer=printer))
+    made = {one.kind: one for one in results if isinstance(one, Imported)}
+    oracle = Oracle(path)
+    settings: dict[str, str] = {}
+    names = {one.kind: one.name for one in results}
+    for kind, theirs in (("quality", "print"), ("material", "filament"), ("printer", "printer")):
+        if kind in names:
+            settings |= oracle.settings(theirs, names[kind])
+            settings[f"{theirs}_settings_id"] = f'"{names[kind]}"' if theirs == "filament" else names[kind]
+    return made, settings, [one for one in results if isinstance(one, Refused)]
+
+
+def expected(theirs: Mapping[str, str]) -> dict[str, float]:
+    """Main values as they follow from what PrusaSlicer saved: our key -> number."""
+
+    def first(key: str) -> float:
+        """The first number of a setting."""
+        return float(theirs[key].split(",")[0].strip('"').removesuffix("%"))
+
+    def speed(key: str, whole: float) -> float:
+        """A speed; 0 is the greatest, a percentage is of another."""
+        share = theirs[key].endswith("%")
+        return first(key) / 100 * whole if share else first(key) or first("max_print_speed")
+
+    corners = [tuple(map(float, word.split("x"))) for word in theirs["bed_shape"].split(",")]
+    xs, ys = zip(*corners, strict=True)
+    inner = speed("perimeter_speed", 0)
+    sparse = speed("infill_speed", 0)
+    solid = speed("solid_infill_speed", sparse)
+    layer = first("layer_height")
+    found = {
+        "printer.bed_z": first("max_print_height"),
+        "printer.nozzle_diameter": first("nozzle_diameter"),
+        "printer.retract_length": first("retract_length"),
+        "printer.retract_speed": first("retract_speed"),
+        "printer.acceleration": first("machine_max_acceleration_extruding"),
+        "printer.retract_acceleration": first("machine_max_acceleration_retracting"),
+        "material.nozzle_temperature": first("temperature"),
+        "material.first_layer_nozzle_temperature": first("first_layer_temperature"),
+        "material.bed_temperature": first("bed_temperature"),
+        "material.first_layer_bed_temperature": first("first_layer_bed_temperature"),
+        "material.filament_diameter": first("filament_diameter"),
+        "material.flow_ratio": first("extrusion_multiplier"),
+        "quality.layer_height": layer,
+        "quality.first_layer_height": first("first_layer_height")
+        * (layer / 100 if "%" in theirs["first_layer_height"] else 1),
+        "quality.perimeters": first("perimeters"),
+        "quality.infill_density": first("fill_density") / 100,
+        "quality.speeds.inner_perimeter": inner,
+        "quality.speeds.outer_perimeter": speed("external_perimeter_speed", inner),
+        "quality.speeds.sparse": sparse,
+        "quality.speeds.solid": solid,
+        "quality.speeds.top_skin": speed("top_solid_infill_speed", solid),
+        "quality.speeds.bridge": speed("bridge_speed", 0),
+        "quality.speeds.travel": first("travel_speed"),
+    }
+    if first("filament_max_volumetric_speed"):
+        found["material.max_flow"] = first("filament_max_volumetric_speed")
+    for axis in "xyze":
+        found[f"printer.max_speed_{axis}"] = first(f"machine_max_feedrate_{axis}")
+        found[f"printer.max_acceleration_{axis}"] = first(f"machine_max_acceleration_{axis}")
+    if len(corners) == 4:
+        left, front = min(xs), min(ys)
+        found |= {"printer.bed_x": max(xs) - left, "printer.bed_y": max(ys) - front}
+        if left != -max(xs):
+            found |= {"printer.bed_left": left, "printer.bed_front": front}
+    return found
+
+
+def differences(made: Triple, theirs: Mapping[str, str]) -> list[str]:
+    """Main values that are not the same."""
+    wrong = []
+    for key, wanted in expected(theirs).items():
+        kind, *path = key.split(".")
+        if kind not in made:
+            continue
+        value: Any = made[kind].values
+        for part in path:
+            value = value.get(part, 0)
+        if abs(float(value) - wanted) > 1e-6 * max(1.0, abs(wanted)):
+            wrong.append(f"{key}: {value}, PrusaSlicer has {wanted}")
+    return wrong
+
+
+def compare_values(printer: tuple[Path, str], folder: Path) -> int:
+    """How many main values of a printer and its companions differ."""
+    made, settings, refused = triple(*printer)
+    wrong = differences(made, saved(settings, folder))
+    print(f"values   {printer[1]}: {'; '.join(wrong) or f'equal ({len(made)} presets)'}")
+    for one in refused:
+        print(f"         {one.kind} {one.name!r} refused: {one.problem}")
+    return len(wrong)
+
+
+def loaded(made: Triple, folder: Path, **changes: object) -> Any:
+    """The imported profiles as the program reads them."""
+    paths = {}
+    for kind, one in made.items():
+        paths[kind] = folder / f"{kind}.toml"
+        paths[kind].write_text(profile_text(one), encoding="utf-8")
+    return load_profile(*(str(paths[kind]) for kind in ("printer", "material", "quality")), changes)
+
+
+def our_macros(made: Triple, folder: Path, heights: Mapping[str, str]) -> dict[str, list[str]]:
+    """Start and end G-code as our file holds them."""
+    changes: dict[str, object] = dict(heights)
+    for key in ("start_gcode", "end_gcode"):
+        changes[f"printer.{key}"] = f";==={key}\n{made['printer'].values.get(key, '')}\n;==="
+    job = job_of(load_mesh(PART), loaded(made, folder, **changes))
+    return dict(between(job.text.decode()))
+
+
+def same_line(ours: str, theirs: str) -> bool:
+    """Whether two commands are the same but for the writing of numbers."""
+    numbers = [[float(word[1]) for word in _SAID.findall(line)] for line in (ours, theirs)]
+    words = [_SAID.sub(r"\1", line) for line in (ours, theirs)]
+    close = all(abs(a - b) <= 1e-3 + 1e-5 * abs(b) for a, b in zip(*numbers, strict=False))
+    return words[0].split() == words[1].split() and len(numbers[0]) == len(numbers[1]) and close
+
+
+def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
+    """How many lines of start and end G-code differ, besides those that the import said it left out."""
+    made, settings, _ = triple(*printer)
+    if len(made) < 3:
+        print(f"macros   {printer[1]}: not all of its presets import")
+        return 0
+    # A height of which the box is a whole number: the top of the last layer is the height of the part for both.
+    low, high = (made["printer"].values[key] for key in ("min_layer", "max_layer"))
+    height = next((one for one in (0.1, 0.125, 0.2, 0.25, 0.5) if low <= one <= high), low)
+    same_heights = {"layer_height": f"{height}", "first_layer_height": f"{height}"}
+    theirs = rendered(marked(settings | same_heights), PART, folder)
+    if isinstance(theirs, str):
+        print(f"macros   {printer[1]}: PrusaSlicer does not slice with it: {theirs}")
+        return 0
+    try:
+        ours = our_macros(made, folder, {f"quality.{key}": value for key, value in same_heights.items()})
+    except PrinterSlicerError as error:
+        print(f"macros   {printer[1]}: {str(error).splitlines()[0]}")
+        return 0
+    told = ("kept as a comment", "here, there")
+    left_out = sum(any(word in note.text for word in told) for note in made["printer"].notes)
+    wrong = [line for key in theirs for line in unlike(ours.get(key, []), theirs[key])]
+    more = wrong[: max(len(wrong) - left_out, 0)]
+    total = sum(map(len, theirs.values()))
+    print(
+        f"macros   {printer[1]}: {total} commands, {left_out} left out; {'; '.join(more) or 'the others are the same'}"
+    )
+    return len(more)
+
+
+def unlike(ours: list[str], theirs: list[str]) -> Iterator[str]:
+    """Commands of theirs that ours has not, in their order."""
+    place = 0
+    for line in theirs:
+        if line.startswith("M73 "):  # progress that PrusaSlicer puts between the lines of the macro
+            continue
+        found = next((i for i in range(place, len(ours)) if same_line(ours[i], line)), None)
+        if found is None:
+            yield f"{line!r} against {ours[place] if place < len(ours) else 'nothing'!r}"
+        else:
+            place = found + 1
+
+
+def prints(printer: tuple[Path, str], folder: Path) -> bool:
+    """Whether the box comes out as intended on the simulated printer."""
+    made, _, refused = triple(*printer)
+    why = refused[0].problem if refused else ""
+    if len(made) == 3:
+        try:
+            profile = loaded(made, folder)
+            verdict = dry_run(job_of(load_mesh(PART), profile), profile)
+            why = verdict.problems[0] if verdict.problems else ""
+        except PrinterSlicerError as error:
+            why = str(error).splitlines()[0]
+    print(f"prints   {printer[1]}: {why or 'as intended'}")
+    return not why
+
+
+if __name__ == "__main__":
+    sys.exit(main())

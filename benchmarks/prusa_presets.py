@@ -1,0 +1,107 @@
+"""What PrusaSlicer itself makes of the presets in its vendors' bundles.
+
+Its command line reads no bundles. So this file resolves what a preset inherits (its own few lines, which share nothing
+with the importer) and PrusaSlicer does the rest: `--load flat.ini --save all.ini` fills in its defaults and its own
+reading of every value, and `--export-gcode` fills in its macros.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator
+from configparser import RawConfigParser
+from pathlib import Path
+
+__all__ = ["BUNDLES", "Oracle", "bundles", "rendered", "saved"]
+
+BUNDLES = Path("/usr/share/PrusaSlicer/profiles")
+MARK = ";==="
+KEPT_OUT = (
+    "inherits",
+    "compatible_printers",
+    "compatible_printers_condition",
+    "renamed_from",
+    "print",
+    "filament",
+)
+
+
+def bundles() -> list[Path]:
+    """The bundles that are installed with PrusaSlicer; none where it is not."""
+    return sorted(BUNDLES.glob("*.ini"))
+
+
+class Oracle:
+    """The presets of a bundle, resolved."""
+
+    def __init__(self, path: Path) -> None:
+        self._parser = RawConfigParser(
+            strict=False,
+            delimiters=("=",),
+            comment_prefixes=("#", ";"),
+            default_section="",
+            interpolation=None,
+        )
+        self._parser.optionxform = str  # type: ignore[assignment,method-assign]
+        # A value may begin with a semicolon but a line only holds a comment then.
+        self._parser.read_string(path.read_text(encoding="utf-8"))
+
+    def names(self, kind: str) -> list[str]:
+        """All presets of a kind (`printer`, `print`, `filament`) that are not abstract."""
+        heads = [head.partition(":") for head in self._parser.sections()]
+        return [name for one, _, name in heads if one == kind and not name.startswith("*")]
+
+    def settings(self, kind: str, name: str) -> dict[str, str]:
+        """Its settings, those it inherits included."""
+        own = dict(self._parser.items(f"{kind}:{name}"))
+        whole: dict[str, str] = {}
+        for parent in filter(None, (word.strip() for word in own.get("inherits", "").split(";"))):
+            whole.update(self.settings(kind, parent))
+        whole.update(own)
+        return whole
+
+
+def written(settings: dict[str, str], path: Path) -> Path:
+    """A file for `--load`."""
+    lines = [f"{key} = {value}\n" for key, value in settings.items() if key not in KEPT_OUT]
+    path.write_text("".join(lines), encoding="utf-8")
+    return path
+
+
+def saved(settings: dict[str, str], folder: Path) -> dict[str, str]:
+    """All settings as PrusaSlicer saves them."""
+    whole = folder / "all.ini"
+    whole.unlink(missing_ok=True)
+    command = ["prusa-slicer", "--load", str(written(settings, folder / "flat.ini")), "--save", str(whole)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    if not whole.exists():
+        raise RuntimeError((done.stdout + done.stderr)[-500:])
+    pairs = (line.partition(" = ") for line in whole.read_text(encoding="utf-8").splitlines())
+    return {key.removesuffix(" ="): value for key, _, value in pairs if not key.startswith("#")}
+
+
+def marked(settings: dict[str, str]) -> dict[str, str]:
+    """The same settings with marks around start and end G-code."""
+    return settings | {
+        key: f"{MARK}{key}\\n{settings.get(key, '')}\\n{MARK}" for key in ("start_gcode", "end_gcode")
+    }
+
+
+def rendered(settings: dict[str, str], part: Path, folder: Path) -> dict[str, list[str]] | str:
+    """Start and end G-code as PrusaSlicer writes them for these settings (`marked`), or what it says instead."""
+    gcode = folder / "peer.gcode"
+    gcode.unlink(missing_ok=True)
+    loaded = written(settings, folder / "marked.ini")
+    command = ["prusa-slicer", "--load", str(loaded), "-g", "-o", str(gcode), str(part)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    if not gcode.exists():
+        return (done.stdout + done.stderr).strip().splitlines()[-1]
+    return dict(between(gcode.read_text(encoding="utf-8", errors="replace")))
+
+
+def between(gcode: str) -> Iterator[tuple[str, list[str]]]:
+    """The commands between marks, without comments."""
+    for name, text in re.findall(rf"^{MARK}(\w+)\n(.*?)^{MARK}$", gcode, re.DOTALL | re.MULTILINE):
+        lines = (line.partition(";")[0].strip() for line in text.splitlines())
+        yield name, [line for line in lines if line]

@@ -1,0 +1,283 @@
+"""`profiles import`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from printer_slicer.cli.common import say, visible, write_file
+from printer_slicer.cli.parsing import later, output
+from printer_slicer.cli.values import positive
+from printer_slicer.errors import OutputError, ProfileError, UsageError
+
+__all__ = ["add_import", "import_command"]
+
+_IN_FULL: Final = 3  # profiles; more are told in a line each
+_EXAMPLES: Final = """\
+examples:
+  printer-slicer profiles import config.ini                       what PrusaSlicer or SuperSlicer exported
+  printer-slicer profiles import printed_before.gcode             the settings at the end of their G-code
+  printer-slicer profiles import Creality.ini --list              what a vendor's bundle holds
+  printer-slicer profiles import Creality.ini --for "Creality Ender-3 V2" -o profiles
+  printer-slicer profiles import "Generic PLA @System.json" --folder filament
+  printer-slicer profiles import creality_ender3.def.json --cura layer_height=0.2   where Cura's other definitions are
+  printer-slicer profiles import fine.curaprofile --folder cura/resources/definitions
+"""
+
+
+def add_import(profiles: argparse.ArgumentParser) -> None:
+    """`import` as the first word behind `profiles`, with flags of its own."""
+    parser = argparse.ArgumentParser(
+        prog=f"{profiles.prog} import",
+        description="Make profiles from those of other slicers, and say what became of every setting.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    usual = profiles.parse_known_args
+
+    def parse(args: Any = None, namespace: Any = None) -> Any:
+        """Behind `import` another parser reads."""
+        words = list(args) if args is not None else []
+        if words[:1] == ["import"]:
+            return parser.parse_known_args(words[1:], namespace)
+        return usual(args, namespace)
+
+    profiles.parse_known_args = parse  # type: ignore[method-assign]
+    parser.add_argument(
+        "files",
+        nargs="+",
+        metavar="FILE",
+        type=Path,
+        help="config.ini, bundle, G-code or 3MF of PrusaSlicer or SuperSlicer; preset, G-code or 3MF of OrcaSlicer or "
+        "BambuStudio; definition of Cura",
+    )
+    parser.add_argument(
+        "-o", "--out", metavar="FOLDER", type=Path, help="where to write; default: your own profiles"
+    )
+    _choices(parser)
+    output(parser)
+    parser.set_defaults(run=later("importing", "import_command"))
+
+
+def _choices(parser: argparse.ArgumentParser) -> None:
+    """What of a file is wanted, and how."""
+    parser.add_argument("--force", action="store_true", help="write over profiles that are there")
+    parser.add_argument("--list", action="store_true", help="only name what the files hold")
+    parser.add_argument("--dry-run", action="store_true", help="only say what would become of it")
+    parser.add_argument(
+        "--only",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="presets of this name, * stands for anything; may be repeated",
+    )
+    parser.add_argument(
+        "--for",
+        dest="printer",
+        metavar="PRINTER",
+        default="",
+        help="a printer of a bundle, with what suits it",
+    )
+    parser.add_argument(
+        "--folder",
+        metavar="FOLDER",
+        type=Path,
+        action="append",
+        default=[],
+        help="where presets are that others inherit from",
+    )
+    parser.add_argument(
+        "--cura",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="change a setting of Cura; may be repeated",
+    )
+    for heater, most in (("nozzle", 300), ("bed", 120)):
+        parser.add_argument(
+            f"--max-{heater}-temperature",
+            metavar="°C",
+            type=positive,
+            default=most,
+            help=f"refuse profiles that heat the {heater} further; default: {most}",
+        )
+
+
+def import_command(arguments: argparse.Namespace) -> int:
+    """Import, write, and tell what became of everything."""
+    from printer_slicer.importing import Imported, Refused
+
+    results = list(_results(arguments))
+    made = [one for one in results if isinstance(one, Imported)]
+    refused = [one for one in results if isinstance(one, Refused)]
+    if arguments.list:
+        _list(arguments, results)
+        return 0
+    paths = _write(arguments, made)
+    if arguments.json:
+        print(json.dumps(_facts(made, paths, refused)))
+    elif not arguments.quiet:
+        for line in _told(arguments, made, paths, refused):
+            print(visible(line))
+    if refused and not made:
+        raise ProfileError(refused[0].problem, remedy=refused[0].remedy)
+    return 0
+
+
+def _results(arguments: argparse.Namespace) -> Iterator[Any]:
+    """What becomes of every preset in every file."""
+    from printer_slicer.importing import Ceilings, Wanted, import_profiles
+
+    overrides: dict[str, str] = {}
+    for change in arguments.cura:
+        key, sign, value = change.partition("=")
+        if not sign:
+            raise UsageError(f"--cura {change}: no value", remedy="write --cura KEY=VALUE")
+        overrides[key.strip()] = value.strip()
+    wanted = Wanted(
+        names=tuple(arguments.only),
+        printer=arguments.printer,
+        ceilings=Ceilings(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
+        folders=tuple(arguments.folder),
+        cura=overrides,
+    )
+    for path in arguments.files:
+        yield from import_profiles(path, wanted)
+
+
+def _list(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
+    if arguments.json:
+        print(json.dumps([{"kind": one.kind, "name": one.name, "source": one.source} for one in results]))
+        return
+    for one in results:
+        say(arguments, visible(f"{one.kind:<10}{one.name}"))
+
+
+def _write(arguments: argparse.Namespace, made: Sequence[Any]) -> list[Path]:
+    """Write all files, or none where one is there already."""
+    from printer_slicer.importing import FOLDERS, names_of_files, profile_text
+
+    root = arguments.out or _user_folder()
+    paths = [
+        root / FOLDERS[one.kind] / f"{name}.toml"
+        for one, name in zip(made, names_of_files(made), strict=True)
+    ]
+    if arguments.dry_run:
+        return paths
+    there = [path for path in paths if path.exists()]
+    if there and not arguments.force:
+        more = f" and {len(there) - 1} more" if len(there) > 1 else ""
+        raise OutputError(
+            f"{there[0]}{more}: there already", remedy="--force writes over it, -o FOLDER elsewhere"
+        )
+    for path, one in zip(paths, made, strict=True):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"{path.parent}: cannot be made: {error.strerror}", remedy="choose another folder with -o"
+            ) from None
+        write_file(path, profile_text(one).encode())
+    return paths
+
+
+def _user_folder() -> Path:
+    """Where a person's own profiles are."""
+    from platformdirs import user_config_path
+
+    return user_config_path("printer_slicer", appauthor=False)
+
+
+def _facts(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:
+    """Everything, for programs."""
+    return {
+        "imported": [
+            {
+                "kind": one.kind,
+                "name": one.name,
+                "source": one.source,
+                "path": str(path),
+                "taken": [
+                    {
+                        "theirs": t.theirs,
+                        "text": t.text,
+                        "ours": f"{one.kind}.{t.ours}",
+                        "value": t.value,
+                        "how": t.how,
+                    }
+                    for t in one.taken
+                ],
+                "no_counterpart": [
+                    {"theirs": t.theirs, "text": t.text, "why": t.why, "off": t.off} for t in one.left
+                ],
+                "warnings": [{"place": note.place, "text": note.text} for note in one.notes],
+            }
+            for one, path in zip(made, paths, strict=True)
+        ],
+        "refused": [
+            {
+                "kind": one.kind,
+                "name": one.name,
+                "source": one.source,
+                "problem": one.problem,
+                "remedy": one.remedy,
+            }
+            for one in refused
+        ],
+    }
+
+
+def _told(
+    arguments: argparse.Namespace, made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]
+) -> Iterator[str]:
+    """Everything, for people: few profiles in full, many in a line each."""
+    full = len(made) <= _IN_FULL or arguments.verbose
+    for one, path in zip(made, paths, strict=True):
+        lost = [left for left in one.left if not left.off]
+        counts = f"{len(one.taken)} settings, {len(one.approximated)} approximated, {len(lost)} without counterpart"
+        yield f"{one.kind} {one.name!r} -> {path}"
+        yield f"  {counts}, {len(one.notes)} to look at"
+        for note in one.notes:
+            yield f"  look at  {note.place}: {note.text}"
+        if full:
+            yield from _in_full(one, lost, arguments.verbose)
+    for one in refused:
+        yield f"refused: {one.kind} {one.name!r}: {one.problem}"
+        yield f"  {one.remedy}"
+    written = "would be written" if arguments.dry_run else "written"
+    yield f"{len(made)} profiles {written}, {len(refused)} refused"
+    by_kind = {one.kind: path for one, path in zip(made, paths, strict=True)}
+    if len(made) == len(by_kind) == 3 and not arguments.dry_run:
+        flags = " ".join(f"--{kind} {path}" for kind, path in by_kind.items())
+        yield f"try it: printer-slicer dry-run PART.stl {flags}"
+    yield from _contradictions(made)
+
+
+def _in_full(one: Any, lost: Sequence[Any], verbose: bool) -> Iterator[str]:
+    for taken in one.taken:
+        if taken.how or verbose:
+            value = "..." if isinstance(taken.value, str) and "\n" in taken.value else taken.value
+            source = f"{taken.theirs} = {_short(taken.text)}" if taken.theirs else "not set"
+            yield f"  {'about  ' if taken.how else 'same   '}  {source} -> {taken.ours} = {value}" + (
+                f" ({taken.how})" if taken.how else ""
+            )
+    for left in lost:
+        yield f"  left out {left.theirs} = {_short(left.text)} ({left.why})"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _contradictions(made: Sequence[Any]) -> Iterator[str]:
+    """What the three parts of one profile contradict each other in."""
+    from printer_slicer.profile.faults import faults_together
+
+    parts = {one.kind: one.values for one in made}
+    if len(made) == len(parts) == 3:
+        for key, problem, remedy in faults_together(**parts):
+            yield f"look at  {key}: {problem}: {remedy}"

@@ -1,0 +1,261 @@
+"""Cura's settings under PrusaSlicer's names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from math import cos, pi, sin
+from typing import Any, Final
+
+from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.ini import Entry
+from printer_slicer.importing.vocabulary import DEFAULTS
+
+__all__ = ["CURA_DEFAULTS", "from_cura"]
+
+_Value = Callable[[str], Any]
+
+CURA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
+    "max_layer_height": "0",
+    "min_layer_height": "0.05",
+    "infill_anchor": "0",
+    "infill_anchor_max": "0",
+    "ensure_vertical_shell_thickness": "1",
+    "small_perimeter_speed": "0",
+    "perimeter_generator": "arachne",
+    "fan_always_on": "1",
+    "thick_bridges": "0",
+}
+
+_FLAVOURS: Final = {
+    "RepRap (Marlin/Sprinter)": "marlin",
+    "RepRap (RepRap)": "reprapfirmware",
+    "Repetier": "repetier",
+    "Cheetah": "marlin2",
+    "Marlin": "marlin",
+}
+_PATTERNS: Final = {
+    "lines": "rectilinear",
+    "zigzag": "rectilinear",
+    "trihexagon": "stars",
+    "cubicsubdiv": "adaptivecubic",
+    "quarter_cubic": "quartercubic",
+    "octet": "quartercubic",
+    "tetrahedral": "quartercubic",
+    "cross": "crosshatch",
+    "cross_3d": "crosshatch",
+}
+_SEAMS: Final = {"sharpest_corner": "aligned", "back": "rear", "shortest": "nearest", "random": "random"}
+_LIGHT: Final = 1e9  # mm/s: what definitions have for limits that nobody knows
+_UNKNOWN: Final = {"x": "500", "y": "500", "z": "10", "e": "60"}
+
+# PrusaSlicer's name -> Cura's, where the value is the same
+_SAME: Final[Mapping[str, str]] = {
+    "max_print_height": "machine_height",
+    "nozzle_diameter": "machine_nozzle_size",
+    "machine_max_acceleration_x": "machine_max_acceleration_x",
+    "machine_max_acceleration_y": "machine_max_acceleration_y",
+    "machine_max_acceleration_z": "machine_max_acceleration_z",
+    "machine_max_acceleration_e": "machine_max_acceleration_e",
+    "machine_max_acceleration_extruding": "machine_acceleration",
+    "machine_max_acceleration_retracting": "machine_acceleration",
+    "machine_max_jerk_x": "machine_max_jerk_xy",
+    "machine_max_jerk_y": "machine_max_jerk_xy",
+    "machine_max_jerk_z": "machine_max_jerk_z",
+    "machine_max_jerk_e": "machine_max_jerk_e",
+    "retract_speed": "retraction_retract_speed",
+    "deretract_speed": "retraction_prime_speed",
+    "retract_before_travel": "retraction_min_travel",
+    "retract_restart_extra": "retraction_extra_prime_amount",
+    "use_firmware_retraction": "machine_firmware_retract",
+    "use_relative_e_distances": "relative_extrusion",
+    "filament_diameter": "material_diameter",
+    "temperature": "material_print_temperature",
+    "first_layer_temperature": "material_print_temperature_layer_0",
+    "min_fan_speed": "cool_fan_speed_min",
+    "max_fan_speed": "cool_fan_speed_max",
+    "fan_below_layer_time": "cool_min_layer_time_fan_speed_max",
+    "slowdown_below_layer_time": "cool_min_layer_time",
+    "min_print_speed": "cool_min_speed",
+    "layer_height": "layer_height",
+    "first_layer_height": "layer_height_0",
+    "perimeters": "wall_line_count",
+    "perimeter_extrusion_width": "wall_line_width_x",
+    "external_perimeter_extrusion_width": "wall_line_width_0",
+    "infill_extrusion_width": "infill_line_width",
+    "solid_infill_extrusion_width": "skin_line_width",
+    "top_solid_layers": "top_layers",
+    "bottom_solid_layers": "bottom_layers",
+    "spiral_vase": "magic_spiralize",
+    "ironing": "ironing_enabled",
+    "ironing_spacing": "ironing_line_spacing",
+    "ironing_speed": "speed_ironing",
+    "perimeter_speed": "speed_wall_x",
+    "external_perimeter_speed": "speed_wall_0",
+    "infill_speed": "speed_infill",
+    "solid_infill_speed": "speed_topbottom",
+    "top_solid_infill_speed": "speed_roofing",
+    "support_material_speed": "raft_speed",
+    "first_layer_speed": "speed_print_layer_0",
+    "travel_speed": "speed_travel",
+    "xy_size_compensation": "xy_offset",
+    "solid_infill_below_area": "min_infill_area",
+    "infill_first": "infill_before_walls",
+    "gcode_resolution": "meshfix_maximum_deviation",
+    "skirt_distance": "skirt_gap",
+    "brim_separation": "brim_gap",
+    "support_material": "support_enable",
+}
+
+
+def from_cura(value: _Value, place: str) -> dict[str, Entry]:
+    """The settings of a machine under PrusaSlicer's names.
+
+    Args:
+        value: gives the value of a setting of Cura's; raises Unreadable where there is none.
+        place: of the definition.
+    """
+    entries: dict[str, Entry] = {}
+
+    def put(name: str, cura: str, text: str) -> None:
+        """One setting."""
+        entries[name] = Entry(cura, text, place)
+
+    for name, cura in _SAME.items():
+        with suppress(Unreadable):
+            put(name, cura, _word(value(cura)))
+    for part in (_machine, _material, _print, _round_it):
+        part(value, put)
+    return entries
+
+
+_Put = Callable[[str, str, str], None]
+
+
+def _word(value: Any) -> str:
+    if isinstance(value, bool):
+        return "1" if value else "0"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
+def _or(value: _Value, key: str, other: Any) -> Any:
+    """A setting that older or newer definitions do not have."""
+    try:
+        return value(key)
+    except Unreadable:
+        return other
+
+
+def _escaped(text: Any) -> str:
+    return str(text).replace("\\", "\\\\").replace("\n", "\\n")
+
+
+def _machine(value: _Value, put: _Put) -> None:
+    width, depth = float(value("machine_width")), float(value("machine_depth"))
+    left, front = (-width / 2, -depth / 2) if value("machine_center_is_zero") else (0.0, 0.0)
+    if value("machine_shape") == "elliptic":
+        angles = [2 * pi * step / 72 for step in range(72)]
+        corners = [(left + width / 2 * (1 + cos(a)), front + depth / 2 * (1 + sin(a))) for a in angles]
+    else:
+        corners = [(left, front), (left + width, front), (left + width, front + depth), (left, front + depth)]
+    put("bed_shape", "machine_width", ",".join(f"{x:.3f}x{y:.3f}" for x, y in corners))
+    flavour = str(value("machine_gcode_flavor"))
+    put("gcode_flavor", "machine_gcode_flavor", _FLAVOURS.get(flavour, flavour))
+    put("start_gcode", "machine_start_gcode", _escaped(value("machine_start_gcode")))
+    put("end_gcode", "machine_end_gcode", _escaped(value("machine_end_gcode")))
+    for axis, usual in _UNKNOWN.items():
+        limit = float(value(f"machine_max_feedrate_{axis}"))
+        put(
+            f"machine_max_feedrate_{axis}",
+            f"machine_max_feedrate_{axis}" if limit < _LIGHT else "",
+            usual if limit >= _LIGHT else _word(limit),
+        )
+    if value("acceleration_enabled"):
+        put("machine_max_acceleration_travel", "acceleration_travel", _word(value("acceleration_travel")))
+    put(
+        "retract_length",
+        "retraction_amount",
+        _word(value("retraction_amount") if value("retraction_enable") else 0),
+    )
+    put(
+        "retract_lift",
+        "retraction_hop",
+        _word(value("retraction_hop") if value("retraction_hop_enabled") else 0),
+    )
+
+
+def _material(value: _Value, put: _Put) -> None:
+    heated = bool(value("machine_heated_bed"))
+    for name, cura in (
+        ("bed_temperature", "material_bed_temperature"),
+        ("first_layer_bed_temperature", "material_bed_temperature_layer_0"),
+    ):
+        put(name, cura, _word(value(cura) if heated else 0))
+    put("extrusion_multiplier", "material_flow", _word(float(value("material_flow")) / 100))
+    cooled = bool(value("cool_fan_enabled"))
+    put("fan_always_on", "cool_fan_enabled", _word(cooled))
+    if not cooled:
+        put("max_fan_speed", "cool_fan_enabled", "0")
+    bridges = (
+        _or(value, "bridge_fan_speed", 100)
+        if _or(value, "bridge_settings_enabled", False)
+        else value("cool_fan_speed_max")
+    )
+    put("bridge_fan_speed", "bridge_fan_speed", _word(bridges if cooled else 0))
+    put("disable_fan_first_layers", "cool_fan_speed_0", "0" if value("cool_fan_speed_0") else "1")
+    put("full_fan_speed_layer", "cool_fan_full_layer", _word(max(int(value("cool_fan_full_layer")) - 1, 0)))
+
+
+def _print(value: _Value, put: _Put) -> None:
+    put("fill_density", "infill_sparse_density", f"{float(value('infill_sparse_density')):g}%")
+    pattern = str(value("infill_pattern"))
+    put("fill_pattern", "infill_pattern", _PATTERNS.get(pattern, pattern))
+    put("seam_position", "z_seam_type", _SEAMS.get(str(value("z_seam_type")), "aligned"))
+    factor = float(value("initial_layer_line_width_factor")) / 100
+    put(
+        "first_layer_extrusion_width",
+        "initial_layer_line_width_factor",
+        _word(float(value("wall_line_width_0")) * factor),
+    )
+    put("ironing_flowrate", "ironing_flow", f"{float(value('ironing_flow')):g}%")
+    outer_first = _or(value, "outer_inset_first", False) or _or(value, "inset_direction", "") == "outside_in"
+    put("external_perimeters_first", "inset_direction", _word(bool(outer_first)))
+    put("avoid_crossing_perimeters", "retraction_combing", _word(value("retraction_combing") != "off"))
+    bridge = (
+        _or(value, "bridge_wall_speed", 0)
+        if _or(value, "bridge_settings_enabled", False)
+        else value("speed_wall_0")
+    )
+    put("bridge_speed", "bridge_wall_speed", _word(bridge))
+    put(
+        "elefant_foot_compensation",
+        "xy_offset_layer_0",
+        _word(max(float(value("xy_offset")) - float(value("xy_offset_layer_0")), 0)),
+    )
+    holes = float(value("xy_offset")) - float(_or(value, "hole_xy_offset", 0))
+    put("xy_inner_size_compensation", "hole_xy_offset", _word(holes))
+    adhesion = str(value("adhesion_type"))
+    put("skirts", "skirt_line_count", _word(value("skirt_line_count") if adhesion == "skirt" else 0))
+    put("brim_width", "brim_width", _word(value("brim_width") if adhesion == "brim" else 0))
+    if value("acceleration_enabled"):
+        for name, cura in (
+            ("perimeter_acceleration", "acceleration_wall_x"),
+            ("external_perimeter_acceleration", "acceleration_wall_0"),
+            ("infill_acceleration", "acceleration_infill"),
+            ("solid_infill_acceleration", "acceleration_topbottom"),
+            ("first_layer_acceleration", "acceleration_print_layer_0"),
+            ("default_acceleration", "acceleration_print"),
+        ):
+            put(name, cura, _word(value(cura)))
+
+
+def _round_it(value: _Value, put: _Put) -> None:
+    """A raft by its three thicknesses, as so many layers as are as high together."""
+    if value("adhesion_type") != "raft":
+        return
+    names = ("raft_base_thickness", "raft_interface_thickness", "raft_surface_thickness")
+    whole = sum(float(_or(value, name, 0)) for name in names)
+    first, height = float(value("layer_height_0")), float(value("layer_height"))
+    put("raft_layers", "raft_base_thickness", _word(max(round((whole - first) / height) + 1, 1)))
+    put("raft_contact_distance", "raft_airgap", _word(value("raft_airgap")))
+    put("raft_first_layer_expansion", "raft_margin", _word(value("raft_margin")))

@@ -1,0 +1,203 @@
+"""Expressions of Cura's definitions: a part of Python, read as a tree and evaluated here; nothing of it is run.
+
+Source: Cura's documentation of definition files ("value", "resolve") and the functions that it offers in them.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from printer_slicer.importing.foreign import Unreadable
+
+__all__ = ["evaluate_cura"]
+
+_LONGEST: Final = 4000
+_LARGEST: Final = 1e12
+_SUMS: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+}
+_ORDERS: Final[Mapping[type, Callable[[Any, Any], Any]]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.In: lambda item, items: item in items,
+    ast.NotIn: lambda item, items: item not in items,
+}
+_FUNCTIONS: Final[Mapping[str, Callable[..., Any]]] = {
+    "abs": abs,
+    "all": all,
+    "any": any,
+    "bool": bool,
+    "float": float,
+    "int": int,
+    "len": len,
+    "max": max,
+    "min": min,
+    "round": round,
+    "str": str,
+    "sum": sum,
+    "math.ceil": math.ceil,
+    "math.floor": math.floor,
+    "math.sqrt": math.sqrt,
+    "math.tan": math.tan,
+    "math.sin": math.sin,
+    "math.cos": math.cos,
+    "math.radians": math.radians,
+    "math.log": math.log,
+}
+
+
+def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
+    """The value of an expression: a number, a text, yes or no, or a list of them.
+
+    Args:
+        text: the expression.
+        setting: gives the value of another setting.
+
+    Raises:
+        Unreadable: it is none of those that are known here, or has no value.
+    """
+    if len(text) > _LONGEST:
+        raise Unreadable("an expression too long")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+        return _kept(_Evaluation(setting).value(tree.body))
+    except (
+        SyntaxError,
+        ValueError,
+        TypeError,
+        ArithmeticError,
+        LookupError,
+        RecursionError,
+        MemoryError,
+    ) as error:
+        raise Unreadable(f"{text[:40]!r}: {error}") from None
+
+
+def _kept(value: Any) -> Any:
+    """A value of bounded size."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and not abs(value) < _LARGEST:
+        raise Unreadable("a number too large")
+    if isinstance(value, (str, list, tuple)) and len(value) > _LONGEST:
+        raise Unreadable("a value too long")
+    return value
+
+
+class _Evaluation:
+    """Walks a tree; what it does not know is refused."""
+
+    def __init__(self, setting: Callable[[str], Any]) -> None:
+        self._setting = setting
+
+    def value(self, node: ast.expr) -> Any:
+        """The value of a node."""
+        match node:
+            case ast.Constant(value=bool() | int() | float() | str() as constant):
+                return _kept(constant)
+            case ast.Name(id=name):
+                return self._setting(name)
+            case ast.List(elts=items) | ast.Tuple(elts=items):
+                return [self.value(item) for item in items]
+            case ast.IfExp():
+                return self.value(node.body if self.value(node.test) else node.orelse)
+            case ast.Subscript():
+                return self.value(node.value)[self.value(node.slice)]
+            case ast.Attribute(value=ast.Name(id="math"), attr="pi"):
+                return math.pi
+        return self._operation(node)
+
+    def _operation(self, node: ast.expr) -> Any:
+        match node:
+            case ast.BoolOp():
+                return self._joined(node)
+            case ast.UnaryOp():
+                return self._signed(node)
+            case ast.BinOp():
+                return self._sum(node)
+            case ast.Compare():
+                return self._compared(node)
+            case ast.Call():
+                return self._called(node)
+        raise Unreadable(f"{type(node).__name__} is not understood")
+
+    def _joined(self, node: ast.BoolOp) -> Any:
+        """`and`, `or`: the first value that decides."""
+        value: Any = None
+        for one in node.values:
+            value = self.value(one)
+            if bool(value) != isinstance(node.op, ast.And):
+                return value
+        return value
+
+    def _signed(self, node: ast.UnaryOp) -> Any:
+        value = self.value(node.operand)
+        if isinstance(node.op, ast.Not):
+            return not value
+        if isinstance(node.op, ast.USub):
+            return -value
+        if isinstance(node.op, ast.UAdd):
+            return +value
+        raise Unreadable("~ is not understood")
+
+    def _sum(self, node: ast.BinOp) -> Any:
+        left, right = self.value(node.left), self.value(node.right)
+        both = (int, float)
+        if isinstance(node.op, ast.Pow) and isinstance(left, both) and isinstance(right, both):
+            return _kept(float(left) ** float(right)) if abs(right) <= 10 else _refuse("a power too large")
+        function = _SUMS.get(type(node.op))
+        if function is None or (
+            isinstance(node.op, (ast.Mult, ast.Mod))
+            and not (isinstance(left, both) and isinstance(right, both))
+        ):
+            raise Unreadable(f"{type(node.op).__name__} is not understood")
+        return _kept(function(left, right))
+
+    def _compared(self, node: ast.Compare) -> bool:
+        left = self.value(node.left)
+        for sign, other in zip(node.ops, node.comparators, strict=True):
+            right = self.value(other)
+            if type(sign) not in _ORDERS:
+                raise Unreadable(f"{type(sign).__name__} is not understood")
+            if not _ORDERS[type(sign)](left, right):
+                return False
+            left = right
+        return True
+
+    def _called(self, node: ast.Call) -> Any:
+        """The functions of definitions: of one extruder, all values are those of the machine."""
+        name = node.func.id if isinstance(node.func, ast.Name) else ast.unparse(node.func)
+        if node.keywords:
+            raise Unreadable(f"{name}(): names of arguments")
+        if name == "map" and len(node.args) == 2 and isinstance(node.args[0], ast.Name):
+            function = _FUNCTIONS.get(node.args[0].id) or _refuse(f"{node.args[0].id}() is not known")
+            return [function(one) for one in self.value(node.args[1])]
+        values = [self.value(one) for one in node.args]
+        if (
+            name in ("resolveOrValue", "extruderValue", "valueFromContainer")
+            and values
+            and isinstance(values[-1], str)
+        ):
+            return self._setting(values[-1])
+        if name in ("extruderValues", "anyExtruderWithMaterial") and values and isinstance(values[-1], str):
+            return [self._setting(values[-1])]
+        if name in ("defaultExtruderPosition", "anyExtruderNrWithOrDefault"):
+            return 0
+        if name not in _FUNCTIONS:
+            raise Unreadable(f"{name}() is not known")
+        return _FUNCTIONS[name](*values)
+
+
+def _refuse(why: str) -> Any:
+    raise Unreadable(why)

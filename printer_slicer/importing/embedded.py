@@ -1,0 +1,109 @@
+"""Settings that stand in G-code and in 3MF files."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from printer_slicer.errors import ProfileError
+
+__all__ = ["CONFIGS_IN_3MF", "config_in_3mf", "config_in_gcode"]
+
+CONFIGS_IN_3MF: Final = (
+    "Metadata/Slic3r_PE.config",
+    "Metadata/SuperSlicer.config",
+    "Metadata/Slic3r.config",
+    "Metadata/project_settings.config",
+)
+_TAIL: Final = 4_000_000  # bytes at the end of G-code that may hold settings
+_HEAD: Final = 1_000_000
+_LARGEST: Final = 20_000_000
+_BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
+_END: Final = re.compile(r";\s*(?:\w+_config = end|CONFIG_BLOCK_END)\s*")
+_SETTING: Final = re.compile(r";\s*([a-z][a-z0-9_]*) = ?(.*)")
+_FEWEST: Final = 20  # settings in a row that are taken for a block without marks
+
+
+def config_in_gcode(path: Path) -> list[tuple[int, str]]:
+    """Lines of settings in G-code, each with its number.
+
+    Raises:
+        ProfileError: there are none, or the file cannot be read.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+        skipped = max(size - _TAIL, 0)
+        file.seek(skipped)
+        tail = file.read()
+    # Lines before the tail are only counted, for messages.
+    number = _newlines(path, skipped) + 1
+    for first, data in ((number, tail), (1, head)):
+        found = list(_block(data.decode("utf-8", "replace").splitlines(), first))
+        if found:
+            return found
+    raise ProfileError(
+        f"{path}: G-code without settings of PrusaSlicer, SuperSlicer, OrcaSlicer, BambuStudio or Slic3r",
+        remedy="take a file that one of them wrote, or export the settings themselves",
+    )
+
+
+def _newlines(path: Path, until: int) -> int:
+    """How many lines end before a byte of a file."""
+    count, left = 0, until
+    with path.open("rb") as file:
+        while left > 0 and (piece := file.read(min(left, 1 << 20))):
+            count += piece.count(b"\n")
+            left -= len(piece)
+    return count
+
+
+def _block(lines: list[str], first: int) -> Iterator[tuple[int, str]]:
+    """The settings between the marks; without marks, the last run of comments that look like settings."""
+    marked: list[tuple[int, str]] = []
+    inside = False
+    run: list[tuple[int, str]] = []
+    runs: list[tuple[int, str]] = []
+    for number, line in enumerate(lines, first):
+        text = line.strip()
+        if _BEGIN.fullmatch(text):
+            inside, marked = True, []
+            continue
+        if _END.fullmatch(text):
+            inside = False
+            continue
+        match = _SETTING.fullmatch(text)
+        if match:
+            (marked if inside else run).append((number, f"{match[1]} = {match[2]}"))
+        elif not inside and text and not text.startswith(";"):
+            runs, run = (run if len(run) >= _FEWEST else runs), []
+    runs = run if len(run) >= _FEWEST else runs
+    yield from marked or runs
+
+
+def config_in_3mf(path: Path) -> tuple[str, str]:
+    """Name and text of the file of settings in a 3MF file.
+
+    Raises:
+        ProfileError: there is none, it is damaged, or far too large.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for name in CONFIGS_IN_3MF:
+                if name in archive.namelist():
+                    with archive.open(name) as member:
+                        data = member.read(_LARGEST + 1)
+                    if len(data) > _LARGEST:
+                        raise ProfileError(
+                            f"{path}: {name}: over {_LARGEST} bytes", remedy="this is no file of settings"
+                        )
+                    return name, data.decode("utf-8", "replace")
+    except (zipfile.BadZipFile, OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
+        raise ProfileError(f"{path}: cannot be unpacked: {error}", remedy="save the file again") from None
+    raise ProfileError(
+        f"{path}: no settings in it",
+        remedy="save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio",
+    )

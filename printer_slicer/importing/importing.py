@@ -1,0 +1,177 @@
+"""From files of other slicers to profiles of ours, each with an account of what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Final
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing.bundle import Bundle
+from printer_slicer.importing.materials import material_from
+from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.printers import Company, printer_from
+from printer_slicer.importing.qualities import quality_from
+from printer_slicer.importing.report import Imported, Refused
+from printer_slicer.importing.safety import CEILINGS, Ceilings, check_safe
+from printer_slicer.importing.sources import Found, presets_in
+
+__all__ = ["Wanted", "import_found", "import_profiles"]
+
+_WITH_PRINTER: Final = ("material", "quality")
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What shall be imported, and how.
+
+    Attributes:
+        names: patterns, of which a preset's name must match one; empty: all.
+        kinds: `printer`, `material`, `quality`.
+        printer: name of a printer in a bundle: it and its default material and quality, as they are for it.
+        ceilings: of temperatures.
+        folders: where presets are that others inherit from.
+        cura: changes of Cura's settings.
+    """
+
+    names: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ("printer", "material", "quality")
+    printer: str = ""
+    ceilings: Ceilings = CEILINGS
+    folders: tuple[Path, ...] = ()
+    cura: Mapping[str, str] = field(default_factory=dict)
+
+    def takes(self, kind: str, name: str) -> bool:
+        """Whether a preset is wanted."""
+        return kind in self.kinds and (
+            not self.names or any(name == one or fnmatchcase(name, one) for one in self.names)
+        )
+
+
+def import_profiles(path: Path, wanted: Wanted = Wanted()) -> list[Imported | Refused]:
+    """The profiles in a file of another slicer.
+
+    Args:
+        path: `config.ini`, a bundle, G-code, 3MF, a preset of OrcaSlicer or BambuStudio.
+        wanted: which of them, and how.
+
+    Returns:
+        One entry for each preset that is wanted: the profile, or why it is refused.
+
+    Raises:
+        ProfileError: the file cannot be read, or holds nothing that is wanted.
+    """
+    return import_found(presets_in(path, wanted.folders, wanted.cura), wanted, str(path))
+
+
+def import_found(found: Found, wanted: Wanted, place: str) -> list[Imported | Refused]:
+    """The same for what was read already."""
+    made = list(_of_bundle(found, wanted) if isinstance(found, Bundle) else _of_few(found, wanted))
+    if not made:
+        raise ProfileError(
+            f"{place}: no preset of this name in it",
+            remedy="`printer-slicer profiles import FILE --list` names them",
+        )
+    return made
+
+
+def _of_few(presets: Sequence[Preset], wanted: Wanted) -> Iterator[Imported | Refused]:
+    """Presets that belong together: they know of each other."""
+    printer = next((preset for preset in presets if preset.kind == "printer"), None)
+    quality = next((preset for preset in presets if preset.kind == "quality"), None)
+    for preset in presets:
+        if not wanted.takes(preset.kind, preset.name):
+            continue
+        other = printer if preset.kind in _WITH_PRINTER else quality
+        yield _one(_beside(preset, other), presets, wanted)
+
+
+def _of_bundle(bundle: Bundle, wanted: Wanted) -> Iterator[Imported | Refused]:
+    if wanted.printer:
+        yield from _of_few(_triple(bundle, wanted), replace(wanted, names=()))
+        return
+    read = list(bundle.presets())
+    others = [one for one in read if isinstance(one, Preset) and one.kind in _WITH_PRINTER]
+    for preset in read:
+        if not wanted.takes(preset.kind, preset.name):
+            continue
+        if isinstance(preset, Refused):
+            yield preset
+            continue
+        suiting = [one for one in others if bundle.suits(one, preset)] if preset.kind == "printer" else ()
+        yield _one(preset, suiting, wanted)
+
+
+def _triple(bundle: Bundle, wanted: Wanted) -> list[Preset]:
+    """A printer of a bundle with the material and the quality that it has by default, or those that are named.
+
+    Raises:
+        ProfileError: there is no such printer.
+    """
+    if wanted.printer not in bundle.sections["printer"]:
+        known = [name for name in bundle.sections["printer"] if not name.startswith("*")]
+        near = get_close_matches(wanted.printer, known, n=3)
+        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        raise ProfileError(
+            f"{bundle.place}: no printer {wanted.printer!r} among {len(known)}",
+            remedy=f"{hint}--list names all",
+        )
+    printer = bundle.preset("printer", wanted.printer)
+    found = [printer]
+    for kind in _WITH_PRINTER:
+        named = [name for name in bundle.sections[kind] if wanted.names and wanted.takes(kind, name)]
+        names = named or [bundle.companion(printer, kind)]
+        found += [bundle.preset(kind, name) for name in names if name and not name.startswith("*")]
+    return found
+
+
+def _beside(preset: Preset, other: Preset | None) -> Preset:
+    """A preset that knows the settings of another one, with what holds where that says nothing."""
+    if other is None:
+        return preset
+    known = dict(other.defaults) | {name: entry.text for name, entry in other.entries.items()}
+    return replace(preset, together=known)
+
+
+def _one(preset: Preset, company: Sequence[Preset], wanted: Wanted) -> Imported | Refused:
+    """A preset converted and found safe, or why it is not."""
+    makers: Mapping[str, Callable[[Preset], Imported]] = {
+        "printer": lambda one: printer_from(one, _company(company, wanted.ceilings)),
+        "material": material_from,
+        "quality": quality_from,
+    }
+    try:
+        made = makers[preset.kind](preset)
+        check_safe(made, preset, wanted.ceilings)
+    except ProfileError as error:
+        return Refused(preset.kind, preset.name, preset.place, str(error.args[0]), error.remedy)
+    return made
+
+
+def _company(presets: Sequence[Preset], ceilings: Ceilings) -> Company:
+    """Temperatures and layer heights of what is meant for a printer, as far as an import lets them through."""
+    nozzle = _numbers(presets, "material", ("temperature", "first_layer_temperature"))
+    bed = _numbers(presets, "material", ("bed_temperature", "first_layer_bed_temperature"))
+    heights = _numbers(presets, "quality", ("layer_height", "first_layer_height"))
+    return Company(
+        max((one for one in nozzle if one <= ceilings.nozzle), default=0.0),
+        max((one for one in bed if one <= ceilings.bed), default=0.0),
+        min(heights, default=0.0),
+        max(heights, default=0.0),
+    )
+
+
+def _numbers(presets: Sequence[Preset], kind: str, keys: Sequence[str]) -> list[float]:
+    """Positive values of some settings; what is no number is told where its own preset is imported."""
+    found = []
+    for preset in presets:
+        for key in keys if preset.kind == kind else ():
+            with suppress(ProfileError):
+                one = preset.quantity(key)
+                value = one.of(preset.number("layer_height")) if one.percent else one.value
+                found += [value] if value > 0 else []
+    return found

@@ -1,0 +1,182 @@
+"""Materials of other slicers as ours."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from printer_slicer.importing.conditions import Plain, value_of
+from printer_slicer.importing.conversion import Conversion
+from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.pieces import Block, Broken, Piece, Shown, pieces_of
+from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.report import Imported
+
+__all__ = ["material_from"]
+
+_LAYER: Final = 0.2  # mm: counts of layers become heights
+_NO_LIMIT: Final = 200.0  # mm³/s: more than any nozzle melts
+_WATER: Final = 1.24  # g/cm³, of PLA
+_ADVANCE: Final = re.compile(
+    r"^\s*(?:M900\s.*?K(\d*\.?\d+)|M572\s.*?S(\d*\.?\d+)|SET_PRESSURE_ADVANCE\s.*?\bADVANCE=(\d*\.?\d+))",
+    re.IGNORECASE,
+)
+_FANS: Final = ("min_fan_speed", "max_fan_speed", "fan_always_on", "cooling")
+
+
+def material_from(preset: Preset) -> Imported:
+    """Our material for another slicer's.
+
+    Args:
+        preset: its settings under PrusaSlicer's names; `together` holds the printer's, where it is known.
+
+    Raises:
+        ProfileError: a value that is no number, with place and remedy.
+    """
+    made = Conversion(preset)
+    made.put("name", preset.name)
+    made.put("type", preset.first_text("filament_type") or preset.name, "filament_type")
+    made.number("filament_diameter", "filament_diameter")
+    density = preset.number("filament_density")
+    made.put(
+        "density", density or _WATER, "filament_density", "" if density else "not in the source: that of PLA"
+    )
+    made.number("cost", "filament_cost")
+    made.held("flow_ratio", preset.number("extrusion_multiplier"), 0.5, 1.5, "extrusion_multiplier")
+    for ours, theirs in (
+        ("nozzle_temperature", "temperature"),
+        ("first_layer_nozzle_temperature", "first_layer_temperature"),
+        ("bed_temperature", "bed_temperature"),
+        ("first_layer_bed_temperature", "first_layer_bed_temperature"),
+    ):
+        made.number(ours, theirs)
+    _flow(made)
+    _fan(made)
+    _advance(made)
+    return made.done(_why)
+
+
+def _flow(made: Conversion) -> None:
+    flow = made.preset.number("filament_max_volumetric_speed")
+    if flow:
+        made.held("max_flow", flow, 0.1, _NO_LIMIT, "filament_max_volumetric_speed")
+    else:
+        how = "0 means no limit: set what your nozzle melts"
+        made.put("max_flow", _NO_LIMIT, "filament_max_volumetric_speed", how)
+
+
+def _fan(made: Conversion) -> None:
+    """Fan and slowing down: by layer time where cooling is on, else always the same."""
+    preset = made.preset
+    usual, most = (made.of(name, 1.0) / (1 if made.quantity(name).percent else 100) for name in _FANS[:2])
+    always, cooling = preset.on("fan_always_on"), preset.on("cooling")
+    low = usual if always else 0.0
+    made.held(
+        "fan_ratio", low, 0, 1, ("min_fan_speed", "fan_always_on"), "" if always else "fan_always_on is off"
+    )
+    made.held(
+        "fan_ratio_max",
+        most if cooling else low,
+        0,
+        1,
+        ("max_fan_speed", "cooling"),
+        "" if cooling else "cooling is off",
+    )
+    made.held("fan_ratio_bridge", preset.number("bridge_fan_speed") / 100, 0, 1, "bridge_fan_speed")
+    made.held("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
+    made.held(
+        "min_layer_time",
+        preset.number("slowdown_below_layer_time") if cooling else 0.0,
+        0,
+        600,
+        ("slowdown_below_layer_time", "cooling"),
+        "" if cooling else "cooling is off",
+    )
+    made.held("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
+    off, full = preset.number("disable_fan_first_layers"), preset.number("full_fan_speed_layer")
+    how = f"layers of {_LAYER:g} mm each"
+    made.held("fan_off_below", off * _LAYER, 0, 100, "disable_fan_first_layers", how if off else "")
+    made.held(
+        "fan_full_above", max(full, off) * _LAYER, 0, 100, "full_fan_speed_layer", how if full or off else ""
+    )
+    _overhangs(made)
+
+
+def _overhangs(made: Conversion) -> None:
+    """The fan on overhangs: as on bridges over nothing but air, or as the source grades it."""
+    preset = made.preset
+    bridge = float(made.values["fan_ratio_bridge"]) or 1.0
+    graded = preset.on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
+    for number, share in enumerate((0, 25, 50, 75)):
+        ours, theirs = f"fan_overhang_{share}_ratio", f"overhang_fan_speed_{number}"
+        if graded and preset.has(theirs):
+            speed = preset.number(theirs) / 100
+            made.held(ours, speed / bridge, 0, 1, theirs, "as a share of the fan on bridges")
+        else:
+            made.put(ours, 1 if share == 0 else 0, theirs)
+    made.skip(["enable_dynamic_fan_speeds"])
+
+
+def _advance(made: Conversion) -> None:
+    """Pressure advance: a setting of its own, or a command among the material's G-code."""
+    preset = made.preset
+    if preset.on("enable_pressure_advance") and preset.has("pressure_advance"):
+        made.held("pressure_advance", preset.number("pressure_advance"), 0, 5, "pressure_advance")
+    made.skip(["enable_pressure_advance", "pressure_advance"])
+    name = "start_filament_gcode"
+    text = preset.first_text(name)
+    made.used.add(name)
+    try:
+        lines = _plain_text(pieces_of(text), dict(preset.together)).splitlines()
+    except Unreadable as error:
+        made.used.discard(name)
+        if "M900" in text or "M572" in text or "PRESSURE_ADVANCE" in text:
+            made.warn(name, f"pressure advance depends on the printer ({error}): import it together with one")
+        return
+    commands = [line for line in lines if line.partition(";")[0].strip()]
+    found = [match for match in map(_ADVANCE.match, commands) if match]
+    if found and not made.values.get("pressure_advance"):
+        value = next(word for word in found[-1].groups() if word)
+        made.held("pressure_advance", float(value), 0, 5, name, f"its command {found[-1][0].strip()!r}")
+    others = [line.strip() for line in commands if not _ADVANCE.match(line)]
+    if others:
+        shown = "; ".join(line.partition(";")[0].strip() for line in others[:3])
+        made.warn(
+            name, f"materials have no G-code here: {shown} is left out; put it into the printer's start_gcode"
+        )
+
+
+def _plain_text(pieces: tuple[Piece, ...], known: dict[str, str]) -> str:
+    """A macro as it comes out for known settings."""
+    made = []
+    for piece in pieces:
+        if isinstance(piece, str):
+            made.append(piece)
+        elif isinstance(piece, Shown):
+            made.append(f"{value_of(piece.tree, known)}")
+        elif isinstance(piece, Broken):
+            raise Unreadable(piece.why)
+        else:
+            made.append(_branch(piece, known))
+    return "".join(made)
+
+
+def _branch(block: Block, known: dict[str, str]) -> str:
+    for tree, pieces in block.branches:
+        if isinstance(tree, Broken):
+            raise Unreadable(tree.why)
+        value: Plain = True if tree is None else value_of(tree, known)
+        if value:
+            return _plain_text(pieces, known)
+    return ""
+
+
+def _why(name: str) -> str:
+    """Why a setting of the material has no counterpart."""
+    if name.startswith(("filament_retract", "filament_deretract", "filament_wipe")):
+        return "retraction is the printer's: set it there"
+    if re.match(r"filament_(ramming|load|unload|cooling|toolchange|minimal_purge|multitool)", name):
+        return "one tool prints"
+    if name.endswith("_gcode"):
+        return "materials have no G-code here: put it into the printer's"
+    return "no counterpart"

@@ -1,0 +1,313 @@
+"""Printers of other slicers as ours."""
+
+from __future__ import annotations
+
+import re
+from typing import Final, NamedTuple
+
+from printer_slicer.importing.beds import Bed, bed_of
+from printer_slicer.importing.conversion import Conversion
+from printer_slicer.importing.machine_gcode import put_macros
+from printer_slicer.importing.presets import Preset, number_in
+from printer_slicer.importing.report import Imported
+from printer_slicer.profile.profile import HIGHEST_BEAD
+
+__all__ = ["Company", "printer_from"]
+
+_FLAVOURS: Final = {
+    "marlin": "marlin_legacy",
+    "marlin2": "marlin",
+    "klipper": "klipper",
+    "reprapfirmware": "reprapfirmware",
+    "repetier": "repetier",
+    "smoothie": "smoothie",
+}
+_NEAR_FLAVOURS: Final = {
+    "reprap": "marlin_legacy",
+    "sprinter": "marlin_legacy",
+    "teacup": "marlin_legacy",
+    "lerdge": "marlin_legacy",
+}
+_NO_MORE_THAN: Final = 0.75  # nozzle diameters: the thickest layer where the source does not say
+_Z_STEP: Final = 0.0025  # a lead of 8 mm, 200 steps, 16 microsteps
+_HOTTEST: Final = {"nozzle": 275.0, "bed": 110.0}
+
+
+class Company(NamedTuple):
+    """What is known of the materials and qualities that are meant for a printer; 0: nothing.
+
+    Attributes:
+        nozzle, bed: the greatest temperatures, °C.
+        thinnest, thickest: the heights of their layers, mm.
+    """
+
+    nozzle: float = 0.0
+    bed: float = 0.0
+    thinnest: float = 0.0
+    thickest: float = 0.0
+
+
+def printer_from(preset: Preset, company: Company) -> Imported:
+    """Our printer for another slicer's.
+
+    Args:
+        preset: its settings under PrusaSlicer's names.
+        company: materials and qualities that are meant for it.
+
+    Raises:
+        ProfileError: it is no machine that this program can drive, or no safe one; with place and remedy.
+    """
+    made = Conversion(preset)
+    _kind(made)
+    made.put("name", preset.name)
+    if preset.text("printer_model"):
+        made.put("model", preset.text("printer_model"), "printer_model")
+    _flavour(made)
+    bed = _bed(made)
+    nozzle = _nozzle(made)
+    _layers(made, nozzle, company)
+    _heat(made, company)
+    _limits(made)
+    _corners(made)
+    _retraction(made)
+    _files(made)
+    put_macros(made, bed)
+    return made.done(_why)
+
+
+def _kind(made: Conversion) -> None:
+    """Refuse what is no filament printer, or counts filament otherwise."""
+    preset = made.preset
+    made.skip(["printer_technology"])
+    if preset.text("printer_technology").upper() not in ("FFF", ""):
+        raise made.refuse(
+            "printer_technology", "a resin printer", "this program prints filament: choose another printer"
+        )
+    if preset.on("use_volumetric_e"):
+        raise made.refuse(
+            "use_volumetric_e",
+            "E counts mm³ of plastic, which no flavour here does",
+            "set the firmware to mm of filament (M200 D0) and export the printer with use_volumetric_e = 0",
+        )
+
+
+def _flavour(made: Conversion) -> None:
+    preset = made.preset
+    word = preset.text("gcode_flavor").strip().lower()
+    notes = preset.text("printer_notes")
+    if word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
+        made.put("flavour", "prusa", ("gcode_flavor", "printer_notes"), "a machine of Prusa, by its notes")
+    elif word in _FLAVOURS:
+        made.put("flavour", _FLAVOURS[word], "gcode_flavor")
+    elif word in _NEAR_FLAVOURS:
+        made.put("flavour", _NEAR_FLAVOURS[word], "gcode_flavor", f"{word} is nearest to Marlin 1.1")
+        made.warn(
+            "gcode_flavor",
+            f"{word}: look whether the firmware takes M201, M203, M204 and M205 as Marlin does",
+        )
+    else:
+        raise made.refuse(
+            "gcode_flavor", f"no flavour here is like {word!r}", f"known: {', '.join(_FLAVOURS)}"
+        )
+
+
+def _bed(made: Conversion) -> Bed:
+    bed = bed_of(made)
+    (left, front), (right, back) = bed.low, bed.high
+    made.put("bed_x", right - left, "bed_shape", bed.how)
+    made.put("bed_y", back - front, "bed_shape", bed.how)
+    centred = abs(left + right) < 1e-6 and abs(front + back) < 1e-6
+    made.put("origin", "centre" if centred else "corner", "bed_shape")
+    if not centred:
+        for name, value in (("bed_left", left), ("bed_front", front)):
+            if value:
+                made.put(name, value, "bed_shape")
+    made.number("bed_z", "max_print_height")
+    if made.preset.number("z_offset"):
+        made.warn(
+            "z_offset",
+            f"{made.preset.raw('z_offset')} mm is not carried over: set it in the firmware (M206, M851)",
+        )
+    return bed
+
+
+def _nozzle(made: Conversion) -> float:
+    several = len([word for word in made.preset.items("nozzle_diameter") if word]) - 1
+    how = f"the first extruder; {several} more are left out" if several else ""
+    return made.number("nozzle_diameter", "nozzle_diameter", how)
+
+
+def _layers(made: Conversion, nozzle: float, company: Company) -> None:
+    """Layer heights: 0 and percentages hang on the nozzle; there they bound variable heights only, here all."""
+    for ours, theirs, usual in (
+        ("min_layer", "min_layer_height", 0.0),
+        ("max_layer", "max_layer_height", _NO_MORE_THAN),
+    ):
+        found = made.quantity(theirs)
+        if found.value == 0 and usual:
+            made.put(ours, usual * nozzle, theirs, f"0 means {usual:g} nozzle diameters")
+        elif found.percent:
+            made.put(ours, found.of(nozzle), theirs, "percentage of the nozzle diameter")
+        else:
+            made.held(ours, found.value, 0.01, 1.6, theirs)
+    least, most = made.values["min_layer"], made.values["max_layer"]
+    if least > most:
+        raise made.refuse(
+            "min_layer_height",
+            f"{least:g} mm is over the thickest layer, {most:g} mm",
+            "set the least and the greatest layer height of the extruder in the other slicer",
+        )
+    if 0 < company.thinnest < made.values["min_layer"]:
+        made.put(
+            "min_layer",
+            company.thinnest,
+            "min_layer_height",
+            "its print settings have layers as thin as this",
+        )
+    if made.values["max_layer"] < company.thickest <= HIGHEST_BEAD * nozzle + 1e-9:
+        made.put(
+            "max_layer",
+            company.thickest,
+            "max_layer_height",
+            "its print settings have layers as thick as this",
+        )
+    if made.preset.has("z_step"):
+        made.number("z_step", "z_step")
+    else:
+        made.put("z_step", _Z_STEP, how="not in the source: 400 steps to the mm, as with most lead screws")
+
+
+def _heat(made: Conversion, company: Company) -> None:
+    """What the source does not say: how hot the machine may become."""
+    for heater, usual in _HOTTEST.items():
+        asked = company.nozzle if heater == "nozzle" else company.bed
+        how = (
+            f"not in the source: {usual:g} °C"
+            if asked <= usual
+            else "not in the source: as its materials ask for"
+        )
+        made.put(f"max_{heater}_temperature", max(usual, asked), how=how)
+
+
+def _limits(made: Conversion) -> None:
+    """Speeds and accelerations; the first of two is that of the usual mode."""
+    for axis in "xyze":
+        made.number(f"max_speed_{axis}", f"machine_max_feedrate_{axis}")
+        made.number(f"max_acceleration_{axis}", f"machine_max_acceleration_{axis}")
+    made.number("acceleration", "machine_max_acceleration_extruding")
+    travel = "machine_max_acceleration_travel"
+    if made.preset.has(travel) and made.preset.number(travel):
+        made.number("travel_acceleration", travel)
+    else:
+        source = "machine_max_acceleration_extruding"
+        made.put("travel_acceleration", made.preset.number(source), source, "as while printing")
+    made.number("retract_acceleration", "machine_max_acceleration_retracting")
+    for axis in "xyze":
+        name = f"machine_max_jerk_{axis}"
+        made.skip([name])
+    if made.preset.text("machine_limits_usage") == "ignore":
+        made.warn(
+            "machine_limits_usage", "the source did not use the machine's limits: look whether they are true"
+        )
+
+
+def _corners(made: Conversion) -> None:
+    """How corner speeds are found."""
+    preset = made.preset
+    jerk = min(preset.number("machine_max_jerk_x"), preset.number("machine_max_jerk_y"))
+    names = ("machine_max_jerk_x", "machine_max_jerk_y")
+    apart = preset.number(names[0]) != preset.number(names[1])
+    deviation = "machine_max_junction_deviation"
+    if made.values["flavour"] == "klipper":
+        made.put("corner", "square_corner", "gcode_flavor")
+        made.held("square_corner_velocity", jerk, 0, 100, names, "jerk of x and y, as the source times it")
+        made.held("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+        return
+    if preset.has(deviation) and preset.number(deviation) > 0:
+        made.put("corner", "junction_deviation", deviation)
+        made.number("junction_deviation", deviation)
+        return
+    made.put("corner", "jerk", names)
+    made.held("jerk_xy", jerk, 0, 100, names, "the lesser of x and y" if apart else "")
+    made.held("jerk_z", preset.number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
+    made.held("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+
+
+def _retraction(made: Conversion) -> None:
+    preset = made.preset
+    length, speed = made.number("retract_length", "retract_length"), preset.number("retract_speed")
+    made.number("retract_speed", "retract_speed")
+    back = preset.number("deretract_speed")
+    made.put(
+        "deretract_speed",
+        back or speed,
+        "deretract_speed",
+        "" if back else "0 means the speed of retractions",
+    )
+    made.held(
+        "retract_before_travel", preset.number("retract_before_travel"), 0, 100, "retract_before_travel"
+    )
+    made.held("z_hop", preset.number("retract_lift"), 0, 5, "retract_lift")
+    made.held("deretract_extra", preset.number("retract_restart_extra"), -2, 2, "retract_restart_extra")
+    firmware = made.switch("firmware_retraction", "use_firmware_retraction")
+    if made.values["flavour"] == "repetier" and firmware:
+        made.put(
+            "firmware_retraction",
+            False,
+            "use_firmware_retraction",
+            "the flavour cannot be told how far to retract",
+        )
+        firmware = False
+    if preset.on("wipe") and not firmware and preset.has("wipe_distance"):
+        made.held(
+            "wipe_distance",
+            preset.number("wipe_distance"),
+            0,
+            20,
+            ("wipe_distance", "wipe", "retract_before_wipe"),
+        )
+    elif preset.on("wipe") and not firmware:
+        travel = number_in(preset.together.get("travel_speed", "") or "130")
+        share = 1 - made.of("retract_before_wipe", 1.0)
+        distance = 0.8 * length / max(speed, 1) * (travel.value if travel else 130) * share
+        how = "as far as the nozzle travels while it retracts"
+        made.held("wipe_distance", distance, 0, 20, ("wipe", "retract_before_wipe"), how)
+    else:
+        made.skip(["wipe", "retract_before_wipe", "wipe_distance"])
+
+
+def _files(made: Conversion) -> None:
+    """What files hold besides moves."""
+    preset = made.preset
+    made.switch("relative_extrusion", "use_relative_e_distances")
+    if preset.has("remaining_times"):
+        made.switch("progress", "remaining_times")
+    if preset.has("serial_speed") and 1200 <= preset.number("serial_speed") <= 12_000_000:
+        made.put("baud", int(preset.number("serial_speed")), "serial_speed")
+    made.skip(["thumbnails", "thumbnails_format"])
+    if not preset.has("thumbnails"):
+        return
+    usual = preset.text("thumbnails_format").upper() or "PNG"
+    kept, lost = [], []
+    for word in preset.items("thumbnails"):
+        size, _, form = word.partition("/")
+        form = form.strip().upper() or usual
+        fits = re.fullmatch(r"[1-9]\d{0,3}x[1-9]\d{0,3}", size) and max(map(int, size.split("x"))) <= 1024
+        if fits:
+            kept.append(f"{size}/QOI" if form == "QOI" else size)
+        if not fits or form not in ("PNG", "QOI"):
+            lost.append(word if "/" in word else f"{word}/{form}")
+    made.put("thumbnails", kept, "thumbnails", f"PNG for {', '.join(lost)}" if lost and kept else "")
+
+
+def _why(name: str) -> str:
+    """Why a setting of the printer has no counterpart."""
+    if name in ("toolchange_gcode", "color_change_gcode", "template_custom_gcode", "between_objects_gcode"):
+        return "nothing here asks for it"
+    if "toolchange" in name or name.startswith(
+        ("cooling_tube", "parking_pos", "extruder_offset", "single_extruder")
+    ):
+        return "one tool prints"
+    if name.startswith(("machine_min", "retract_lift", "retract_layer")):
+        return "no such limit here"
+    return "no counterpart"

@@ -1,0 +1,326 @@
+"""Print settings of other slicers as our qualities."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from printer_slicer.importing.conditions import known_setting
+from printer_slicer.importing.conversion import Conversion
+from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.report import Imported
+from printer_slicer.importing.speeds import speeds_of
+
+__all__ = ["quality_from"]
+
+_PATTERNS: Final = {
+    same: same
+    for same in (
+        "rectilinear",
+        "grid",
+        "triangles",
+        "cubic",
+        "gyroid",
+        "honeycomb",
+        "concentric",
+        "lightning",
+    )
+} | {"zig-zag": "rectilinear"}
+_NEAR_PATTERNS: Final = {
+    "stars": "triangles",
+    "tri-hexagon": "triangles",
+    "adaptivecubic": "cubic",
+    "supportcubic": "cubic",
+    "quartercubic": "cubic",
+    "3dhoneycomb": "honeycomb",
+    "crosshatch": "gyroid",
+    "tpmsd": "gyroid",
+    "scatteredrectilinear": "rectilinear",
+    "archimedeanchords": "concentric",
+    "octagramspiral": "concentric",
+}
+_SEAMS: Final = {
+    "aligned": "aligned",
+    "nearest": "nearest",
+    "rear": "rear",
+    "random": "random",
+    "back": "rear",
+}
+_BRIMS: Final = {"outer_only": "outer", "inner_only": "inner", "outer_and_inner": "both", "brim_ears": "ears"}
+_NEAR_BRIMS: Final = {"painted": "ears"}
+_WIDTHS: Final = (
+    "perimeter_extrusion_width",
+    "external_perimeter_extrusion_width",
+    "infill_extrusion_width",
+    "solid_infill_extrusion_width",
+    "top_infill_extrusion_width",
+)
+_NOZZLE: Final = re.compile(r"nozzle_diameter\[0\]\s*={1,2}\s*(\d*\.?\d+)")
+
+
+def quality_from(preset: Preset) -> Imported:
+    """Our quality for another slicer's print settings.
+
+    Args:
+        preset: its settings under PrusaSlicer's names; `together` holds the printer's, where it is known.
+
+    Raises:
+        ProfileError: a value that is no number or makes no sense, with place and remedy.
+    """
+    made = Conversion(preset)
+    made.put("name", preset.name)
+    made.put("planner", {"kind": "uniform"})
+    height = made.number("layer_height", "layer_height")
+    if not 0.01 <= height <= 1.6:
+        raise made.refuse("layer_height", f"layers of {height:g} mm", "0.01 to 1.6 mm are printed here")
+    _layers(made, height)
+    width = _widths(made, height)
+    _walls(made)
+    _skins(made, height)
+    _infill(made, height, width)
+    _bed(made, height)
+    speeds_of(made)
+    return made.done(_why)
+
+
+def _nozzle(made: Conversion) -> tuple[float, str]:
+    """The nozzle that widths hang on, and how it is known."""
+    preset = made.preset
+    known = dict(preset.together) | {name: entry.text for name, entry in preset.entries.items()}
+    try:
+        return float(known_setting("nozzle_diameter", 0, known)), "of the nozzle"
+    except (Unreadable, ValueError):
+        found = _NOZZLE.search(preset.raw("compatible_printers_condition"))
+        value = float(found[1]) if found else 0.4
+        return (
+            (value, f"of the nozzle of {value:g} mm it is for") if found else (0.4, "of a nozzle of 0.4 mm")
+        )
+
+
+def _layers(made: Conversion, height: float) -> None:
+    found = made.quantity("first_layer_height")
+    first = found.of(height) or height
+    how = "percentage of layer_height" if found.percent else "" if found.value else "0 means layer_height"
+    made.held("first_layer_height", first, 0, 1.6, "first_layer_height", how)
+    resolution = made.preset.number("resolution") or made.preset.number("gcode_resolution")
+    made.held("resolution", resolution, 0, 0.2, ("resolution", "gcode_resolution"))
+    if made.preset.text("arc_fitting") in ("emit_center", "1", "true"):
+        made.held(
+            "arc_tolerance", max(resolution, 0.0125), 0, 0.2, "arc_fitting", "as far off as the resolution"
+        )
+    made.skip(["arc_fitting"])
+    grown = made.preset.number("xy_size_compensation")
+    holes = (
+        made.preset.number("xy_inner_size_compensation")
+        if made.preset.has("xy_inner_size_compensation")
+        else grown
+    )
+    made.held("xy_compensation", grown, -1, 1, "xy_size_compensation")
+    if made.preset.has("xy_hole_compensation"):  # OrcaSlicer counts it as it is counted here
+        made.held(
+            "hole_compensation", made.preset.number("xy_hole_compensation"), -1, 1, "xy_hole_compensation"
+        )
+    else:
+        made.held("hole_compensation", -holes, -1, 1, ("xy_size_compensation", "xy_inner_size_compensation"))
+    made.held(
+        "elephant_foot",
+        max(made.preset.number("elefant_foot_compensation"), 0),
+        0,
+        1,
+        "elefant_foot_compensation",
+    )
+
+
+def _widths(made: Conversion, height: float) -> float:
+    """One width for all beads but those on the bed: that of the perimeters, which a part's size hangs on."""
+    preset = made.preset
+    nozzle, whose = _nozzle(made)
+    over_nozzle = preset.dialect not in {"prusaslicer", "slic3r"}
+
+    def width(name: str, layer: float) -> float:
+        """A width; 0: left to the program."""
+        return preset.quantity(name).of(nozzle if over_nozzle else layer)
+
+    made.skip(["extrusion_width", *_WIDTHS])
+    name = next((one for one in (*_WIDTHS[:2], "extrusion_width") if width(one, height)), "")
+    usual = width(name, height) if name else 1.125 * nozzle
+    percent = bool(name) and preset.quantity(name).percent
+    others = {
+        one: width(one, height)
+        for one in _WIDTHS
+        if width(one, height) and abs(width(one, height) - usual) > 1e-6
+    }
+    how = [f"percentage {whose if over_nozzle else 'of layer_height'}"] if percent else []
+    how += (
+        [f"all beads; {', '.join(f'{one} {value:g}' for one, value in others.items())} left out"]
+        if others
+        else []
+    )
+    if name:
+        made.held("extrusion_width", usual, 0, 4, name, "; ".join(how))
+    else:
+        made.put(
+            "extrusion_width", 0, "extrusion_width", "left to the program, which takes 1.125 nozzle diameters"
+        )
+    first = width("first_layer_extrusion_width", float(made.values["first_layer_height"]))
+    found = preset.quantity("first_layer_extrusion_width")
+    what = f"percentage {whose if over_nozzle else 'of first_layer_height'}" if found.percent else ""
+    made.held("first_layer_width", first, 0, 4, "first_layer_extrusion_width", what)
+    return usual
+
+
+def _walls(made: Conversion) -> None:
+    preset = made.preset
+    made.held("perimeters", int(preset.number("perimeters")), 0, 100, "perimeters")
+    classic = preset.text("perimeter_generator") == "classic"
+    how = "gaps and thin walls are filled by beads of varying width" if classic else ""
+    made.put("varying_walls", True, ("perimeter_generator", "thin_walls", "gap_fill_enabled"), how)
+    nozzle = _nozzle(made)[0]
+    for ours, theirs, usual in (
+        ("min_bead_width", "min_bead_width", 85),
+        ("min_feature", "min_feature_size", 25),
+    ):
+        if preset.has(theirs):
+            found = preset.quantity(theirs)
+            same = found.percent and found.value == usual
+            made.held(
+                ours,
+                0 if same else found.of(nozzle),
+                0,
+                4,
+                theirs,
+                "" if same or not found.percent else "percentage of the nozzle",
+            )
+    order = preset.text("wall_sequence") or preset.text("wall_infill_order")
+    if order:
+        name = "wall_sequence" if preset.has("wall_sequence") else "wall_infill_order"
+        made.put("outer_perimeter_first", order.startswith("outer wall"), name)
+    else:
+        made.switch("outer_perimeter_first", "external_perimeters_first")
+    made.switch("infill_first", "infill_first")
+    for name in ("extra_perimeters_on_overhangs", "extra_perimeters_overhangs"):
+        if preset.has(name):
+            made.switch("extra_perimeters", name)
+    for name in ("top_one_perimeter_type", "only_one_perimeter_top"):
+        if preset.has(name):
+            made.put("single_top_perimeter", preset.text(name) not in ("none", "0", "false"), name)
+    if preset.has("staggered_inner_seams"):
+        made.switch("staggered_inner_seams", "staggered_inner_seams")
+    made.choice("seam", "seam_position", _SEAMS, {}, "aligned")
+    made.switch("avoid_crossing", "avoid_crossing_perimeters")
+    detour = preset.quantity("avoid_crossing_perimeters_max_detour")
+    if not detour.percent:
+        # 0 is any detour there.
+        made.held("max_detour", detour.value or 10000, 0, 10000, "avoid_crossing_perimeters_max_detour")
+    made.switch("spiral", "spiral_vase")
+
+
+def _skins(made: Conversion, height: float) -> None:
+    """Shells by thickness: as much as the layers make, or the least thickness if that is more."""
+    preset = made.preset
+    first = float(made.values["first_layer_height"])
+    for side, begin in (("bottom", first), ("top", height)):
+        count, least = preset.number(f"{side}_solid_layers"), preset.number(f"{side}_solid_min_thickness")
+        thickness = begin + (count - 1) * height if count >= 1 else 0.0
+        how = "" if least > thickness else f"{count:g} layers" if count else ""
+        names = (f"{side}_solid_layers", f"{side}_solid_min_thickness")
+        made.held(f"{side}_thickness", max(thickness, least if count else 0), 0, 1000, names, how)
+    name = "ensure_vertical_shell_thickness"
+    full = preset.text(name) not in ("0", "disabled", "false", "", "none")
+    how = "across slopes nine tenths" if full else ""
+    made.put("slope_shell_ratio", 0.9 if full else 0, name, how)
+    ironing = (
+        preset.text("ironing_type") not in ("", "no ironing", "none")
+        if preset.dialect == "orca"
+        else preset.on("ironing")
+    )
+    made.put("ironing", ironing, ("ironing", "ironing_type"))
+    made.held("ironing_spacing", preset.number("ironing_spacing"), 0.1, 1, "ironing_spacing")
+    made.held("ironing_flow_ratio", made.of("ironing_flowrate", 1.0), 0.01, 0.3, "ironing_flowrate")
+    made.switch("thick_bridges", "thick_bridges")
+    made.held("bridge_flow_ratio", preset.number("bridge_flow_ratio"), 0.3, 2, "bridge_flow_ratio")
+    made.skip(["top_fill_pattern", "bottom_fill_pattern", "external_fill_pattern"])
+
+
+def _infill(made: Conversion, height: float, width: float) -> None:
+    preset = made.preset
+    made.choice("infill", "fill_pattern", _PATTERNS, _NEAR_PATTERNS, "rectilinear")
+    density = preset.quantity("fill_density")
+    share = density.value / 100 if density.percent or density.value > 1 else density.value
+    made.held("infill_density", share, 0, 1, "fill_density")
+    made.held("infill_angle_deg", preset.number("fill_angle"), -360, 360, "fill_angle")
+    made.held("min_sparse_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area")
+    for ours, theirs, most in (
+        ("infill_anchor", "infill_anchor", 50),
+        ("infill_anchor_max", "infill_anchor_max", 1000),
+    ):
+        found = preset.quantity(theirs)
+        how = "percentage of the bead's width" if found.percent else ""
+        made.held(ours, found.of(width), 0, most, theirs, how)
+    every = preset.number("infill_every_layers")
+    if every > 1:
+        made.held("sparse_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers")
+    made.skip(["infill_every_layers"])
+
+
+def _bed(made: Conversion, height: float) -> None:
+    """Skirt, brim, raft."""
+    preset = made.preset
+    first = float(made.values["first_layer_height"])
+    made.held("skirt_loops", int(preset.number("skirts")), 0, 20, "skirts")
+    made.held("skirt_distance", preset.number("skirt_distance"), 0, 50, "skirt_distance")
+    made.held("skirt_min_length", preset.number("min_skirt_length"), 0, 10000, "min_skirt_length")
+    layers = preset.number("skirt_height")
+    shield = preset.text("draft_shield") in ("enabled", "1")
+    tall = 10000 if shield else first + (layers - 1) * height if layers > 1 else 0
+    made.held(
+        "skirt_height",
+        tall,
+        0,
+        10000,
+        ("skirt_height", "draft_shield"),
+        f"{layers:g} layers" if tall and not shield else "",
+    )
+    kind = preset.text("brim_type")
+    none = kind in ("no_brim", "none")
+    made.held("brim_width", 0 if none else preset.number("brim_width"), 0, 50, ("brim_width", "brim_type"))
+    if not none:
+        made.choice("brim_type", "brim_type", _BRIMS, _NEAR_BRIMS, "outer")
+    made.held("brim_gap", max(preset.number("brim_separation"), 0), 0, 5, "brim_separation")
+    raft = preset.number("raft_layers")
+    made.skip(
+        [
+            "raft_layers",
+            "raft_contact_distance",
+            "raft_first_layer_expansion",
+            "raft_first_layer_density",
+            "raft_expansion",
+        ]
+    )
+    if raft >= 1:
+        made.held("raft_height", first + (raft - 1) * height, 0, 50, "raft_layers", f"{raft:g} layers")
+        made.held("raft_gap", preset.number("raft_contact_distance"), 0, 1, "raft_contact_distance")
+        made.held(
+            "raft_margin", preset.number("raft_first_layer_expansion"), 1, 50, "raft_first_layer_expansion"
+        )
+        made.held(
+            "raft_base_density", made.of("raft_first_layer_density", 1.0), 0.2, 1, "raft_first_layer_density"
+        )
+        if made.values["brim_width"]:
+            made.put("brim_width", 0, "brim_width", "the part stands on a raft")
+
+
+def _why(name: str) -> str:
+    """Why a print setting has no counterpart."""
+    if name.startswith("support_material") or name in ("dont_support_bridges", "interface_shells"):
+        return "no supports here"
+    if name.startswith(
+        ("wipe_tower", "ooze_prevention", "standby_temperature", "mmu_", "single_extruder")
+    ) or name.endswith("_extruder"):
+        return "one tool prints"
+    if name == "infill_overlap":
+        return "measured otherwise here: infill_overlap and sparse_overlap keep their defaults"
+    if name == "max_volumetric_speed":
+        return "the material's max_flow limits it"
+    return "no counterpart"

@@ -1,0 +1,85 @@
+"""What must hold before a profile is written: bounds, heat, sense."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.report import Imported
+from printer_slicer.profile.faults import fault_in
+
+__all__ = ["CEILINGS", "Ceilings", "check_safe"]
+
+_MACHINE: Final = "look at the value in the other slicer: no machine should be driven by it"
+
+
+class Ceilings(NamedTuple):
+    """The greatest temperatures that an import lets through, °C."""
+
+    nozzle: float = 300.0
+    bed: float = 120.0
+
+
+CEILINGS: Final = Ceilings()
+
+
+def check_safe(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
+    """Refuse a profile that would not be one of a safe machine.
+
+    Args:
+        made: the profile.
+        preset: what it was made from, for places.
+        ceilings: of temperatures.
+
+    Raises:
+        ProfileError: with place, value and remedy.
+    """
+    fault = fault_in(made.kind, made.values)
+    if fault:
+        key, problem = fault
+        raise ProfileError(f"{_where(made, preset, key)}: {problem}{_given(made, key)}", remedy=_MACHINE)
+    if made.kind == "printer":
+        _check_machine(made, preset)
+    for heater, most in zip(("nozzle", "bed"), ceilings, strict=True):
+        for key in (
+            f"first_layer_{heater}_temperature",
+            f"{heater}_temperature",
+            f"max_{heater}_temperature",
+        ):
+            wanted = made.values.get(key, 0.0)
+            if wanted > most:
+                raise ProfileError(
+                    f"{_where(made, preset, key)}: {wanted:g} °C, but an import lets {heater}s go up to {most:g} °C",
+                    remedy=f"if your machine stands it: --max-{heater}-temperature {wanted:g}",
+                )
+
+
+def _check_machine(made: Imported, preset: Preset) -> None:
+    values = made.values
+    if values["max_layer"] > values["nozzle_diameter"]:
+        raise ProfileError(
+            f"{_where(made, preset, 'max_layer')}: layers of {values['max_layer']:g} mm from a nozzle of "
+            f"{values['nozzle_diameter']:g} mm",
+            remedy="at most eight tenths of the nozzle can be pressed flat: lower it in the other slicer",
+        )
+
+
+def _where(made: Imported, preset: Preset, key: str) -> str:
+    """Where the source says what became a setting."""
+    for taken in made.taken:
+        if taken.ours == key or taken.ours.startswith(f"{key}."):
+            if not taken.theirs:
+                break
+            entry = next((one for one in preset.entries.values() if one.name == taken.theirs), None)
+            return f"{entry.place if entry else preset.place}: {taken.theirs} ({made.kind}.{key})"
+    return f"{preset.place}: {made.kind}.{key}"
+
+
+def _given(made: Imported, key: str) -> str:
+    found = made.values
+    for part in key.split("."):
+        if not isinstance(found, dict) or part not in found:
+            return ""
+        found = found[part]
+    return f"; it is {found!r}" if not isinstance(found, dict) else ""

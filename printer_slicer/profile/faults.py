@@ -1,0 +1,49 @@
+"""What is wrong with one part of a profile that does not come from a file of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from printer_slicer.profile.checks import conflicts
+from printer_slicer.profile.profile import Profile
+from printer_slicer.profile.settings import Material, Printer, Quality
+
+__all__ = ["fault_in", "faults_together"]
+
+_KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
+
+
+def fault_in(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
+    """The setting that is out of its bounds or of the wrong type, and what is wrong; None: all are good.
+
+    Args:
+        kind: `printer`, `material` or `quality`.
+        values: the settings that are set, nested as in a file.
+    """
+    try:
+        msgspec.convert(values, _KINDS[kind], strict=True)
+    except msgspec.ValidationError as error:
+        problem, _, where = str(error).partition(" - at `$")
+        return where.rstrip("`").lstrip(".").partition("[")[0], problem.replace("`", "")
+    return None
+
+
+def faults_together(
+    printer: Mapping[str, Any], material: Mapping[str, Any], quality: Mapping[str, Any]
+) -> list[tuple[str, str, str]]:
+    """What three parts, each good for itself, contradict each other in: (key, problem, remedy).
+
+    Args:
+        printer: the settings that are set, nested as in a file.
+        material: likewise.
+        quality: likewise.
+    """
+    profile = Profile(
+        printer=msgspec.convert(printer, Printer),
+        material=msgspec.convert(material, Material),
+        quality=msgspec.convert(quality, Quality),
+    )
+    return [(one.key, one.problem, one.remedy) for one in conflicts(profile)]

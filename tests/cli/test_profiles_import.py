@@ -1,0 +1,115 @@
+"""`profiles import`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from printer_slicer.cli import main
+from tests.importing.files import FLAT, flat_file, ini
+from tests.importing.test_bundle import BUNDLE
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
+    code = main(["profiles", "import", *map(str, words)])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def test_it_writes_three_files_that_slice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = run(capsys, flat_file(tmp_path), "-o", tmp_path / "made")
+    files = sorted(path.relative_to(tmp_path / "made") for path in (tmp_path / "made").rglob("*.toml"))
+
+    assert code == 0
+    assert [path.as_posix() for path in files] == [
+        "materials/plain_pla.toml", "printers/little_printer.toml", "qualities/0_20mm_plain.toml",
+    ]  # fmt: skip
+    assert (
+        "external_perimeter_speed = 50% -> speeds.outer_perimeter = 24 (percentage of perimeter_speed)"
+        in said
+    )
+    assert "left out support_material_spacing = 2.5 (no supports here)" in said
+    assert "3 profiles written, 0 refused" in said
+    flags = said.split("PART.stl ")[1].splitlines()[0].split()
+    assert main(["slice", "sample_parts/box.stl", "-o", str(tmp_path / "box.gcode"), "-q", *flags]) == 0
+
+
+def test_it_writes_over_nothing_unless_told_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = flat_file(tmp_path)
+    run(capsys, path, "-o", tmp_path)
+    mine = tmp_path / "printers" / "little_printer.toml"
+    mine.write_text("mine", encoding="utf-8")
+    code, _, error = run(capsys, path, "-o", tmp_path)
+
+    assert code == 2
+    assert f"{mine}" in error or "there already" in error
+    assert "--force" in error
+    assert mine.read_text() == "mine"
+    assert run(capsys, path, "-o", tmp_path, "--force")[0] == 0
+    assert mine.read_text() != "mine"
+
+
+def test_json_holds_the_whole_account(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = flat_file(tmp_path, machine_max_feedrate_x="-4")
+    code, said, _ = run(capsys, path, "--dry-run", "--json")
+    facts = json.loads(said)
+
+    assert code == 0
+    assert [one["kind"] for one in facts["imported"]] == ["material", "quality"]
+    assert facts["refused"][0]["kind"] == "printer"
+    assert "machine_max_feedrate_x" in facts["refused"][0]["problem"]
+    assert {
+        "theirs": "perimeters",
+        "text": "4",
+        "ours": "quality.perimeters",
+        "value": 4,
+        "how": "",
+    } in facts["imported"][1]["taken"]
+    assert not list(tmp_path.rglob("*.toml"))
+
+
+def test_a_bundle_is_listed_told_shortly_and_taken_by_printer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "Acme.ini"
+    path.write_text(BUNDLE, encoding="utf-8")
+    _, names, _ = run(capsys, path, "--list")
+    _, said, _ = run(capsys, path, "--dry-run")
+    _, one, _ = run(capsys, path, "--dry-run", "--for", "Acme A1")
+
+    assert "printer   Acme A1\n" in names
+    assert "refused: printer 'Ring': " in said
+    assert "7 profiles would be written, 2 refused" in said
+    assert "3 profiles would be written" in one
+
+
+def test_where_nothing_can_be_imported_the_reason_is_the_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "only.ini"
+    path.write_text(ini({"temperature": "490", "filament_type": "PLA"}), encoding="utf-8")
+    code, _, error = run(capsys, path)
+
+    assert code == 2
+    assert f"{path}:2: temperature" in error
+    assert "--max-nozzle-temperature 490" in error
+
+
+@pytest.mark.parametrize("words", [["--cura", "nothing"], ["--only", "Nobody"], ["--for", "x", "--list"]])
+def test_slips_in_flags_are_told(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "Acme.ini"
+    path.write_text(BUNDLE, encoding="utf-8")
+
+    assert run(capsys, path, *words)[0] == 2
+
+
+def test_the_other_verbs_are_still_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["profiles"]) == 0
+    assert "marlin_220 (default)" in capsys.readouterr().out
+    assert main(["profiles", "printer", "marlin_220", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["bed_x"] == 220
+    assert len(FLAT) > 40

@@ -1,0 +1,196 @@
+"""Bundles: inheritance, what suits what."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing import Imported, Refused, Wanted, import_profiles
+from printer_slicer.importing.conditions import holds
+from tests.importing.files import imported, loaded
+
+BUNDLE = """\
+# A vendor.
+[vendor]
+name = Acme
+
+[printer_model:A1]
+name = Acme A1
+default_materials = Acme PETG; Acme PLA
+
+[print:*base*]
+layer_height = 0.3
+perimeters = 2
+perimeter_speed = 40
+
+[print:*thick walls*]
+perimeters = 5
+perimeter_speed = 50
+
+[print:Fine]
+inherits = *base*; *thick walls*
+layer_height = 0.1
+first_layer_height = 0.2
+compatible_printers_condition = printer_model=="A1" and nozzle_diameter[0]==0.4
+
+[print:Turned]
+inherits = *thick walls*; *base*
+compatible_printers_condition = printer_model=~/(A2|A3).*/
+
+[filament:Acme PLA]
+temperature = 200
+compatible_printers_condition = printer_notes!~/.*HOT_ONLY.*/
+start_filament_gcode = "M900 K{if nozzle_diameter[0]==0.4}0.05{else}0.03{endif} ; advance"
+
+[filament:Acme PETG]
+temperature = 240
+first_layer_temperature = 245
+
+[filament:Acme hot]
+temperature = 290
+first_layer_temperature = 290
+compatible_printers_condition = printer_notes=~/.*HOT_ONLY.*/
+
+[filament:Adopted]
+inherits = Gone Elsewhere
+temperature = 210
+
+[printer:*common*]
+gcode_flavor = marlin
+bed_shape = 0x0,200x0,200x180,0x180
+max_layer_height = 0.25
+
+[printer:Acme A1]
+inherits = *common*
+printer_model = A1
+nozzle_diameter = 0.4
+default_print_profile = Fine
+
+[printer:Acme A2]
+inherits = Acme A1
+printer_model = A2
+nozzle_diameter = 0.6
+printer_notes = all of it HOT_ONLY\\nyes
+
+[printer:Ring]
+inherits = *ring*
+
+[printer:*ring*]
+inherits = *ring 2*
+
+[printer:*ring 2*]
+inherits = *ring*
+"""
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    path = tmp_path / "Acme.ini"
+    path.write_text(BUNDLE, encoding="utf-8")
+    return path
+
+
+def by_name(path: Path, **wanted: object) -> dict[str, Imported | Refused]:
+    return {one.name: one for one in import_profiles(path, Wanted(**wanted))}  # type: ignore[arg-type]
+
+
+def values(one: Imported | Refused) -> dict[str, object]:
+    assert isinstance(one, Imported)
+    return dict(one.values)
+
+
+def test_of_several_parents_the_later_wins_and_the_child_over_all(bundle: Path) -> None:
+    made = by_name(bundle)
+
+    assert values(made["Fine"])["layer_height"] == 0.1
+    assert values(made["Fine"])["perimeters"] == 5
+    assert values(made["Turned"])["perimeters"] == 2
+    assert values(made["Turned"])["layer_height"] == 0.3
+
+
+def test_abstract_sections_are_no_presets(bundle: Path) -> None:
+    assert set(by_name(bundle)) == {
+        *("Fine", "Turned", "Acme PLA", "Acme PETG", "Acme hot", "Adopted", "Acme A1", "Acme A2", "Ring")
+    }
+
+
+def test_what_inherits_from_itself_or_from_nothing_is_refused_with_the_place(bundle: Path) -> None:
+    made = by_name(bundle)
+    ring, adopted = made["Ring"], made["Adopted"]
+
+    assert isinstance(ring, Refused)
+    assert isinstance(adopted, Refused)
+    assert "*ring* -> *ring 2* -> *ring*" in ring.problem
+    line = BUNDLE.splitlines().index("inherits = Gone Elsewhere") + 1
+    assert adopted.problem.startswith(f"{bundle}:{line}: inherits = Gone Elsewhere: no such preset")
+
+
+def test_a_printer_brings_its_own_material_and_quality(bundle: Path, tmp_path: Path) -> None:
+    made = imported(bundle, printer="Acme A1")
+
+    assert {kind: one.name for kind, one in made.items()} == {
+        "printer": "Acme A1",
+        "material": "Acme PETG",
+        "quality": "Fine",
+    }
+    assert loaded(made, tmp_path).quality.layer_height == 0.1
+
+
+def test_what_depends_on_the_printer_is_as_it_is_for_that_printer(bundle: Path) -> None:
+    alone = by_name(bundle)["Acme PLA"]
+    assert isinstance(alone, Imported)
+
+    assert "pressure_advance" not in values(alone)
+    assert any("import it together with one" in note.text for note in alone.notes)
+    for printer, advance in (("Acme A1", 0.05), ("Acme A2", 0.03)):
+        made = by_name(bundle, printer=printer, names=("Acme PLA",))
+        assert values(made["Acme PLA"])["pressure_advance"] == advance
+
+
+def test_a_printer_may_become_as_hot_as_the_materials_meant_for_it(bundle: Path) -> None:
+    made = by_name(bundle)
+
+    assert values(made["Acme A1"])["max_nozzle_temperature"] == 275
+    assert values(made["Acme A2"])["max_nozzle_temperature"] == 290
+
+
+def test_a_printer_prints_the_layers_of_the_qualities_meant_for_it(bundle: Path) -> None:
+    assert values(by_name(bundle)["Acme A1"])["max_layer"] == 0.25  # Turned is not for it
+    assert values(by_name(bundle)["Acme A2"])["max_layer"] == 0.35  # of the first layer, by default
+
+
+def test_names_choose(bundle: Path) -> None:
+    assert set(by_name(bundle, names=("Acme P*",))) == {"Acme PLA", "Acme PETG"}
+    with pytest.raises(ProfileError, match="no preset of this name"):
+        by_name(bundle, names=("Nobody",))
+    with pytest.raises(ProfileError, match="did you mean 'Acme A1'"):
+        by_name(bundle, printer="Acme A11")
+
+
+@pytest.mark.parametrize(
+    ("condition", "expected"),
+    [
+        ("nozzle_diameter[0]==0.4", True),
+        ("nozzle_diameter[0]!=0.4 or num_extruders>1", False),
+        ("printer_notes=~/.*MODEL_MK(2.5|3).*/ and ! (single_extruder_multi_material)", True),
+        ("printer_model!~/A.*/ && true", False),
+        ('printer_model=="A1"', True),
+        ("1 + 2 * 3 == 7 and 7 / 2 == 3 and 7 % 4 == 3 and -7 / 2 == -3", True),
+        ("unheard_of == 1", None),
+        ("nozzle_diameter[0] ==", None),
+        ("printer_notes =~ /(.*.*)*X/", None),
+        ("(" * 500 + "1", None),
+        ("not " * 5000 + "true", None),
+    ],
+)
+def test_conditions(condition: str, expected: bool | None) -> None:
+    known = {
+        "nozzle_diameter": "0.4",
+        "printer_model": "A1",
+        "single_extruder_multi_material": "0",
+        "printer_notes": "keep\\nPRINTER_MODEL_MK3",
+    }
+
+    assert holds(condition, known) is expected

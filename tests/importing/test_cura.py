@@ -1,0 +1,214 @@
+"""Cura's definitions, their expressions, and profiles that change them."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing import Wanted, import_profiles
+from printer_slicer.importing.cura_values import evaluate_cura
+from printer_slicer.importing.foreign import Unreadable
+from tests.importing.files import imported, json_file, loaded
+
+LITERALS: dict[str, Any] = {
+    "machine_width": 200, "machine_depth": 210, "machine_height": 220, "machine_center_is_zero": False,
+    "machine_shape": "rectangular", "machine_gcode_flavor": "RepRap (Marlin/Sprinter)", "machine_heated_bed": True,
+    "machine_nozzle_size": 0.4, "machine_start_gcode": "G28\nG1 Y{machine_depth}\nG1 E5",
+    "machine_end_gcode": "M104 S0 ; {material_print_temperature}", "machine_max_feedrate_x": 299792458000,
+    "machine_max_feedrate_y": 350, "machine_max_feedrate_z": 299792458000, "machine_max_feedrate_e": 45,
+    "machine_max_acceleration_x": 3000, "machine_acceleration": 1500, "machine_max_jerk_xy": 12,
+    "acceleration_enabled": False, "retraction_amount": 4.5, "retraction_enable": True, "retraction_hop": 0.4,
+    "retraction_hop_enabled": False, "retraction_retract_speed": 41, "material_flow": 97, "cool_fan_enabled": True,
+    "cool_fan_speed_0": 0, "cool_fan_full_layer": 3, "material_bed_temperature": 55,
+    "infill_sparse_density": 20, "z_seam_type": "back", "initial_layer_line_width_factor": 125,
+    "ironing_flow": 10, "retraction_combing": "all", "xy_offset": 0, "xy_offset_layer_0": -0.1,
+    "adhesion_type": "skirt",
+    "skirt_line_count": 2, "brim_width": 8, "layer_height": 0.2, "material_print_temperature": 203,
+}  # fmt: skip
+EXPRESSIONS = {
+    "layer_height_0": "resolveOrValue('layer_height') * 1.5",
+    "material_print_temperature_layer_0": "material_print_temperature + 7",
+    "material_bed_temperature_layer_0": "max(extruderValues('material_bed_temperature'))",
+    "cool_fan_speed_max": "100.0 if cool_fan_enabled else 0.0",
+    "cool_fan_speed_min": "cool_fan_speed_max / 2",
+    "wall_line_width_0": "machine_nozzle_size",
+    "wall_line_width_x": "wall_line_width_0 * 1.1",
+    "wall_line_count": "max(1, round(1.2 / wall_line_width_0))",
+    "infill_pattern": "'lines' if infill_sparse_density > 25 else 'grid'",
+    "top_layers": "0 if infill_sparse_density == 100 else math.ceil(round(0.8 / layer_height, 4))",
+    "bottom_layers": "top_layers",
+    "speed_print": "60",
+    "speed_wall_x": "speed_print * 0.75",
+    "speed_wall_0": "speed_wall_x / 1.5",
+    "speed_infill": "speed_print",
+    "speed_topbottom": "not_understood(speed_print)",
+    "speed_travel": "150.0 if speed_print < 60 else 250.0 if speed_print > 100 else speed_print * 2.5",
+    "speed_print_layer_0": "speed_print / 3",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A definition that inherits from a base, with an extruder beside it."""
+    settings = {key: {"type": "x", "default_value": value} for key, value in LITERALS.items()}
+    settings |= {
+        key: {"type": "float", "default_value": 33, "value": text} for key, text in EXPRESSIONS.items()
+    }
+    group = {"type": "category", "children": settings}
+    json_file(tmp_path / "fdmbase.def.json", {"version": 2, "name": "base", "settings": {"all": group}})
+    machine = {
+        "version": 2,
+        "name": "Acme Mini",
+        "inherits": "fdmbase",
+        "metadata": {"machine_extruder_trains": {"0": "acme_extruder"}},
+        "overrides": {
+            "machine_width": {"default_value": 180},
+            "speed_print": {"value": "80"},
+            "retraction_amount": {"default_value": 5},
+        },
+    }
+    json_file(tmp_path / "acme.def.json", machine)
+    extruder = {"version": 2, "overrides": {"machine_nozzle_size": {"default_value": 0.6}}}
+    json_file(tmp_path / "acme_extruder.def.json", extruder)
+    return tmp_path
+
+
+def test_a_machine_with_what_it_inherits_makes_a_profile(folder: Path) -> None:
+    profile = loaded(imported(folder / "acme.def.json"), folder)
+    printer, material, quality = profile.printer, profile.material, profile.quality
+
+    assert (printer.name, printer.corners, printer.bed_z) == ("Acme Mini", ((0, 0), (180, 210)), 220)
+    assert (printer.nozzle_diameter, printer.retract_length, printer.retract_speed) == (0.6, 5, 41)
+    assert (printer.max_speed_x, printer.max_speed_y, printer.acceleration) == (500, 350, 1500)
+    assert (material.nozzle_temperature, material.first_layer_nozzle_temperature) == (203, 210)
+    assert (material.first_layer_bed_temperature, material.flow_ratio) == (55, 0.97)
+    assert (material.fan_ratio, material.fan_ratio_max, material.fan_off_below) == (0.5, 1, 0.2)
+    assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.3, 2)
+    assert (quality.extrusion_width, quality.first_layer_width) == (0.66, 0.75)
+    assert (quality.speeds.inner_perimeter, quality.speeds.outer_perimeter, quality.speeds.sparse) == (
+        60,
+        40,
+        80,
+    )
+    assert (quality.speeds.travel, quality.speeds.solid) == (200, 33)
+    assert (quality.infill, quality.seam, quality.skirt_loops, quality.brim_width) == ("grid", "rear", 2, 0)
+    assert (quality.elephant_foot, quality.top_thickness) == (0.1, 0.8)
+
+
+def test_it_heats_before_its_start_gcode_as_the_source_does(folder: Path) -> None:
+    text = str(imported(folder / "acme.def.json")["printer"].values["start_gcode"]).splitlines()
+
+    assert text.index("M109 S{first_layer_nozzle_temperature}") < text.index("G28")
+    assert "G1 Y{bed_y}" in text
+
+
+def test_changes_reach_what_hangs_on_them(folder: Path) -> None:
+    changes = {
+        "layer_height": "0.1",
+        "speed_print": "=40 * 2.5",
+        "adhesion_type": "brim",
+        "cool_fan_enabled": "False",
+    }
+    made = imported(folder / "acme.def.json", cura=changes)
+
+    assert made["quality"].values["first_layer_height"] == 0.15
+    assert made["quality"].values["speeds"]["inner_perimeter"] == 75
+    assert made["quality"].values["brim_width"] == 8
+    assert made["material"].values["fan_ratio_max"] == 0
+    with pytest.raises(ProfileError, match="layer_hight: Cura has no such setting"):
+        import_profiles(folder / "acme.def.json", Wanted(cura={"layer_hight": "1"}))
+
+
+PROFILE = (
+    "[general]\nversion = 4\nname = fine\ndefinition = acme\n\n[metadata]\ntype = quality\n\n"
+    "[values]\nlayer_height = 0.15\nspeed_print = =100\n"
+)
+
+
+def test_profiles_change_the_machine_that_they_name(folder: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "mine"
+    elsewhere.mkdir()
+    plain, packed = elsewhere / "fine.inst.cfg", elsewhere / "fine.curaprofile"
+    plain.write_text(PROFILE, encoding="utf-8")
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("fine", PROFILE)
+
+    with pytest.raises(ProfileError, match="its machine 'acme' is not beside it"):
+        import_profiles(plain)
+    for path in (plain, packed):
+        values = imported(path, folders=(folder,))["quality"].values
+        assert (values["layer_height"], values["speeds"]["sparse"]) == (0.15, 100)
+
+
+def setting(name: str) -> Any:
+    values = {"a": 3, "b": 0.5, "c": "grid", "on": True, "items": [1, 2, 3]}
+    if name not in values:
+        raise Unreadable(f"{name} is no setting")
+    return values[name]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a + b * 2", 4),
+        ("1 if c == 'grid' else 2", 1),
+        ("math.ceil(round(0.8 / 0.3, 4)) + math.floor(2.7)", 5),
+        ("max(a, 7)", 7),
+        ("sum(map(int, [1.5, 2.5]))", 3),
+        ("any(extruderValues('on')) and not False", True),
+        ("'x' in ['x', c] and a in items", True),
+        ("items[1] ** 3 % 5", 3),
+        ("0 < a <= 3 != 4", True),
+        ("a or b", 3),
+        ("-a // 2", -2),
+        ("defaultExtruderPosition()", 0),
+        ("math.tan(math.radians(45)) * math.pi", pytest.approx(math.pi)),
+    ],
+)
+def test_expressions(text: str, expected: Any) -> None:
+    assert evaluate_cura(text, setting) == expected
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "().__class__",
+        "(lambda: 1)()",
+        "[x for x in items]",
+        "open('/etc/passwd')",
+        "9 ** 9 ** 9",
+        "'x' * 10 ** 9",
+        "1 / 0",
+        "gone",
+        "a[0]",
+        "max()",
+        "items[9]",
+        "f'{a}'",
+        "a if",
+        "(" * 300 + "1" + ")" * 300,
+        "1e300 * 1e300",
+        "print(1)",
+        "a.real",
+        "int('9' * 5000)",
+    ],
+)
+def test_what_is_no_plain_expression_is_refused_and_nothing_runs(text: str) -> None:
+    with pytest.raises(Unreadable):
+        evaluate_cura(text, setting)
+
+
+@given(st.text(alphabet="ab c()[]+-*/%<>=!'.0123456789andorotif elsemxmi,", max_size=60))
+def test_any_text_is_a_value_or_refused(text: str) -> None:
+    try:
+        value = evaluate_cura(text, setting)
+    except Unreadable:
+        return
+    assert isinstance(value, (bool, int, float, str, list, tuple)) or callable(value) is False

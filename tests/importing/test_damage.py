@@ -1,0 +1,158 @@
+"""Damaged and hostile files: an import or a clear error, never anything else."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
+from printer_slicer.macros import read_template
+from printer_slicer.profile.faults import fault_in
+from tests.importing.files import FLAT, ini
+from tests.importing.test_bundle import BUNDLE
+from tests.importing.test_cura import EXPRESSIONS, LITERALS
+from tests.importing.test_orca import COMMON, FILAMENT, MACHINE, PROCESS
+
+STRANGE = [
+    "nan",
+    "inf",
+    "-1e400",
+    "1e308",
+    "",
+    ";",
+    '"',
+    "\\",
+    "{",
+    "[",
+    "%",
+    "0x0",
+    "-",
+    "\x00",
+    "é\u2028",
+    "9" * 400,
+    "{if",
+    "=",
+    ",",
+]
+CURA = {key: {"type": "x", "default_value": value} for key, value in LITERALS.items()} | {
+    key: {"type": "float", "default_value": 33, "value": text} for key, text in EXPRESSIONS.items()
+}
+GCODE = "G28\n; prusaslicer_config = begin\n" + "".join(f"; {key} = {value}\n" for key, value in FLAT.items())
+SEEDS: dict[str, str] = {
+    "flat.ini": ini(FLAT),
+    "bundle.ini": BUNDLE,
+    "part.gcode": GCODE,
+    "machine.json": json.dumps(COMMON | MACHINE | {"inherits": ""}),
+    "filament.json": json.dumps(FILAMENT),
+    "process.json": json.dumps(PROCESS),
+    "one.def.json": json.dumps({"version": 2, "name": "One", "settings": {"all": {"children": CURA}}}),
+    "project.json": json.dumps({**COMMON, **MACHINE, **FILAMENT, **PROCESS, "inherits": "", "type": ""}),
+}
+
+
+def damaged(text: str, chance: np.random.Generator) -> str:
+    """The text with some values, characters or lines replaced."""
+    for _ in range(chance.integers(1, 7)):
+        what = chance.integers(4)
+        place = int(chance.integers(len(text) + 1))
+        strange = STRANGE[chance.integers(len(STRANGE))]
+        if what == 0:
+            text = text[:place] + strange + text[place + int(chance.integers(5)) :]
+        elif what == 1:
+            lines = text.split("\n")
+            at = int(chance.integers(len(lines)))
+            key, sign, _ = lines[at].partition("=" if chance.integers(2) else ": ")
+            lines[at] = key + sign + strange
+            text = "\n".join(lines)
+        elif what == 2:
+            text = text[:place] + chr(int(chance.integers(1, 0x2FF))) + text[place:]
+        else:
+            text = text[: int(chance.integers(place, len(text) + 1))]
+    return text
+
+
+def check(path: Path) -> int:
+    """Import a file; how many profiles came of it. Whatever comes is a profile or tells place and remedy."""
+    try:
+        results = import_profiles(path)
+    except ProfileError as error:
+        told = str(path.parent) in str(error) and bool(error.remedy)
+        assert told, error  # noqa: PT017 - most damaged files are refused, some are not
+        return 0
+    for one in results:
+        if isinstance(one, Refused):
+            assert one.problem
+            assert one.remedy
+            continue
+        assert isinstance(one, Imported)
+        assert fault_in(one.kind, tomllib.loads(profile_text(one))) is None
+        for name, value in one.values.items():
+            if name.endswith("_gcode"):
+                read_template(value, name)
+    return len(results)
+
+
+@pytest.mark.parametrize("name", SEEDS)
+def test_damaged_files_import_or_are_refused(name: str, tmp_path: Path) -> None:
+    chance = np.random.default_rng(7)
+    path = tmp_path / name
+    path.write_text(SEEDS[name], encoding="utf-8")
+    whole = check(path)
+    came = 0
+    for _ in range(60):
+        path.write_text(damaged(SEEDS[name], chance), encoding="utf-8", errors="replace")
+        came += check(path)
+
+    assert whole > 0
+    assert came > 0
+
+
+def nested(folder: Path) -> Path:
+    path = folder / "deep.json"
+    path.write_text("[" * 100_000, encoding="utf-8")
+    return path
+
+
+def a_bomb(folder: Path) -> Path:
+    path = folder / "bomb.3mf"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("Metadata/Slic3r_PE.config", b"a = 1\n" * 5_000_000)
+    return path
+
+
+def a_ladder(folder: Path) -> Path:
+    """Each preset inherits twice from the one below: resolved one by one that is 2**40 steps."""
+    path = folder / "ladder.ini"
+    steps = [f"[print:p{n}]\ninherits = p{n - 1}; p{n - 1}\nlayer_height = 0.2\n" for n in range(1, 40)]
+    path.write_text("[print:p0]\nlayer_height = 0.2\n" + "".join(steps), encoding="utf-8")
+    return path
+
+
+def a_slow_pattern(folder: Path) -> Path:
+    path = folder / "slow.ini"
+    condition = "compatible_printers_condition = printer_notes=~/" + ".*a" * 30 + "/\n"
+    path.write_text(
+        f"[printer:P]\nprinter_notes = {'a' * 5000}b\n[print:Q]\nlayer_height = 0.2\n{condition}",
+        encoding="utf-8",
+    )
+    return path
+
+
+def deep_blocks(folder: Path) -> Path:
+    path = folder / "blocks.ini"
+    path.write_text(
+        ini(FLAT | {"start_gcode": "{if true}" * 3000 + "G28" + "{endif}" * 3000}), encoding="utf-8"
+    )
+    return path
+
+
+@pytest.mark.parametrize("make", [nested, a_bomb, a_ladder, a_slow_pattern, deep_blocks])
+def test_files_made_to_do_harm_do_none(make: Callable[[Path], Path], tmp_path: Path) -> None:
+    check(make(tmp_path))

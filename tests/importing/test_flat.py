@@ -1,0 +1,216 @@
+"""One set of settings: config.ini, the end of G-code, the project in a 3MF file."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing import import_profiles
+from tests.importing.files import FLAT, flat_file, imported, ini, loaded, refused
+
+
+def test_what_has_a_counterpart_is_taken_with_its_value(tmp_path: Path) -> None:
+    profile = loaded(imported(flat_file(tmp_path)), tmp_path)
+    printer, material, quality = profile.printer, profile.material, profile.quality
+
+    assert (printer.name, material.name, quality.name) == ("Little Printer", "Plain PLA", "0.20mm PLAIN")
+    assert (printer.flavour, printer.corners, printer.bed_z) == ("marlin", ((0, 0), (220, 200)), 240)
+    assert (printer.max_speed_x, printer.max_speed_y, printer.max_speed_z) == (300, 310, 11)
+    assert (printer.acceleration, printer.retract_length) == (700, 1.5)
+    assert (material.nozzle_temperature, material.first_layer_nozzle_temperature) == (205, 212)
+    assert (material.bed_temperature, material.first_layer_bed_temperature) == (58, 62)
+    assert (material.max_flow, material.fan_ratio, material.fan_ratio_max) == (11, 0.4, 0.9)
+    assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.25, 4)
+    assert (quality.infill, quality.infill_density, quality.extrusion_width) == ("gyroid", 0.18, 0.45)
+    assert (quality.speeds.inner_perimeter, quality.speeds.outer_perimeter) == (48, 24)
+    assert (quality.speeds.solid, quality.speeds.first_layer, quality.speeds.travel) == (60, 21, 160)
+
+
+def test_the_account_names_what_was_taken_approximated_and_left_out(tmp_path: Path) -> None:
+    quality = imported(flat_file(tmp_path))["quality"]
+    taken = {one.ours: one for one in quality.taken}
+    left = {one.theirs: one for one in quality.left}
+
+    assert (taken["perimeters"].theirs, taken["perimeters"].text, taken["perimeters"].how) == (
+        "perimeters",
+        "4",
+        "",
+    )
+    assert taken["speeds.outer_perimeter"].how == "percentage of perimeter_speed"
+    assert taken["top_thickness"].value == 1
+    assert "5 layers" in taken["top_thickness"].how
+    assert left["support_material_spacing"].why == "no supports here"
+    assert not {"temperature", "bed_shape", "print_settings_id"} & set(left)
+
+
+def test_every_setting_is_accounted_for(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path))
+    told = {one.theirs for part in made.values() for one in (*part.taken, *part.left)}
+    with_others = {  # made into one setting together with the one that is named, or says where the file is from
+        "machine_max_acceleration_extruding", "gap_fill_enabled", "printer_settings_id", "filament_settings_id",
+        "print_settings_id", "fan_always_on",
+    }  # fmt: skip
+
+    assert set(FLAT) - told <= with_others
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "kind", "said"),
+    [
+        ("temperature", "450", "material", "--max-nozzle-temperature 450"),
+        ("first_layer_bed_temperature", "180", "material", "--max-bed-temperature 180"),
+        ("machine_max_feedrate_x", "-5", "printer", "machine_max_feedrate_x (printer.max_speed_x)"),
+        ("machine_max_feedrate_y", "13000", "printer", "it is 13000"),
+        ("machine_max_acceleration_z", "1e9", "printer", "printer.max_acceleration_z"),
+        ("machine_max_acceleration_x", "nan", "printer", "'nan' is no number"),
+        ("machine_max_feedrate_z", "inf", "printer", "'inf' is no number"),
+        ("nozzle_diameter", "0", "printer", "printer.nozzle_diameter"),
+        ("bed_shape", "", "printer", "is no corner of a bed"),
+        ("bed_shape", "0x0,0x0,0x0", "printer", "the bed is empty"),
+        ("bed_shape", "0x0,nanx1,3x4", "printer", "is no corner of a bed"),
+        ("bed_shape", "0x0,2x0,2x2,0x2", "printer", "printer.bed_x"),
+        ("max_print_height", "-1", "printer", "printer.bed_z"),
+        ("min_layer_height", "0.9", "printer", "over the thickest layer"),
+        ("max_layer_height", "0.6", "printer", "from a nozzle of 0.4 mm"),
+        ("gcode_flavor", "makerware", "printer", "no flavour here is like 'makerware'"),
+        ("printer_technology", "SLA", "printer", "a resin printer"),
+        ("use_volumetric_e", "1", "printer", "E counts mm³"),
+        ("layer_height", "0", "quality", "layers of 0 mm"),
+        ("perimeter_speed", "-3", "quality", "a speed of -3"),
+        ("perimeters", "many", "quality", "'many' is no number"),
+        ("filament_diameter", "17.5", "material", "material.filament_diameter"),
+    ],
+)
+def test_what_would_make_an_unsafe_machine_is_refused_with_place_and_remedy(
+    tmp_path: Path, key: str, value: str, kind: str, said: str
+) -> None:
+    path = flat_file(tmp_path, **{key: value})
+    found = refused(path, kind)
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if text.startswith(f"{key} ="))
+
+    assert said in f"{found.problem}\n{found.remedy}"
+    assert f"{path}:{line}: " in found.problem
+    assert found.remedy
+
+
+def test_a_hotter_machine_is_imported_where_somebody_vouches_for_it(tmp_path: Path) -> None:
+    from printer_slicer.importing import Ceilings
+
+    made = imported(flat_file(tmp_path, temperature="430"), ceilings=Ceilings(450, 120))
+
+    assert made["material"].values["nozzle_temperature"] == 430
+    assert made["printer"].values["max_nozzle_temperature"] == 430
+
+
+def test_a_bed_that_begins_elsewhere_keeps_its_place(tmp_path: Path) -> None:
+    shifted = loaded(imported(flat_file(tmp_path, bed_shape="5x3,215x3,215x203,5x203")), tmp_path)
+    centred = loaded(imported(flat_file(tmp_path, bed_shape="-60x-50,60x-50,60x50,-60x50")), tmp_path)
+
+    assert shifted.printer.corners == ((5, 3), (215, 203))
+    assert (centred.printer.corners, centred.printer.origin) == (((-60, -50), (60, 50)), "centre")
+
+
+def test_parts_on_a_round_bed_stay_on_it(tmp_path: Path) -> None:
+    from math import cos, hypot, pi, sin
+
+    outline = ",".join(
+        f"{100 * cos(2 * pi * k / 72):.3f}x{100 * sin(2 * pi * k / 72):.3f}" for k in range(72)
+    )
+    printer = loaded(imported(flat_file(tmp_path, bed_shape=outline)), tmp_path).printer
+
+    assert 95 < max(hypot(x, y) for x, y in printer.corners) <= 100
+
+
+def test_the_nozzle_may_go_where_its_own_gcode_goes(tmp_path: Path) -> None:
+    start = "G28\\nG1 Y-3.0 F1000\\nG1 X60 E9\\nG91\\nG1 X-90\\nG90\\n;G1 X-50\\nM104 S1\\nM140 S1\\n"
+
+    assert imported(flat_file(tmp_path, start_gcode=start))["printer"].values["reach"] == 3
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_heating_is_added_as_the_source_does_where_start_gcode_does_not_heat(
+    tmp_path: Path, there: bool
+) -> None:
+    start = "M104 S{temperature[0]}\\nM140 S60\\nG28" if there else "G28 ; M104 in a remark heats nothing"
+    text = str(imported(flat_file(tmp_path, start_gcode=start))["printer"].values["start_gcode"])
+
+    assert ("M109 S{first_layer_nozzle_temperature}" in text) is not there
+    assert ("M190 S{first_layer_bed_temperature}" in text) is not there
+
+
+def test_superslicer_means_the_nozzle_by_percentages_of_widths(tmp_path: Path) -> None:
+    changes = {"perimeter_extrusion_width": "110%", "extrusion_width": "110%"}
+    theirs = imported(flat_file(tmp_path, **changes))["quality"]
+    other = tmp_path / "other.ini"
+    other.write_text("# generated by SuperSlicer\n" + ini(FLAT | changes), encoding="utf-8")
+
+    assert theirs.values["extrusion_width"] == pytest.approx(0.22)  # of the layer
+    assert imported(other)["quality"].values["extrusion_width"] == pytest.approx(0.44)
+
+
+GCODE_FORMS = {
+    "marked": ("; prusaslicer_config = begin\n", "; prusaslicer_config = end\n"),
+    "superslicer": ("; SuperSlicer_config = begin\n", "; SuperSlicer_config = end\n"),
+    "slic3r": ("", ""),
+}
+
+
+@pytest.mark.parametrize("form", GCODE_FORMS)
+def test_settings_at_the_end_of_gcode_are_found(tmp_path: Path, form: str) -> None:
+    begin, end = GCODE_FORMS[form]
+    lines = "".join(f"; {key} = {value}\n" for key, value in FLAT.items())
+    path = tmp_path / "part.gcode"
+    path.write_text(f"; made\nG28\nG1 X1\n; filament used = 1\n\n{begin}{lines}{end}", encoding="utf-8")
+    flat = imported(flat_file(tmp_path))
+
+    assert {kind: one.values for kind, one in imported(path).items()} == {
+        kind: one.values for kind, one in flat.items()
+    }
+
+
+def test_settings_in_a_project_are_found(tmp_path: Path) -> None:
+    path = tmp_path / "part.3mf"
+    with zipfile.ZipFile(path, "w") as archive:
+        lines = "".join(f"; {key} = {value}\n" for key, value in FLAT.items())
+        archive.writestr("Metadata/Slic3r_PE.config", "; generated by PrusaSlicer\n\n" + lines)
+
+    assert imported(path)["quality"].values == imported(flat_file(tmp_path))["quality"].values
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "said"),
+    [
+        ("a.gcode", b"G28\nG1 X1\n", "G-code without settings"),
+        ("a.3mf", b"PK\x03\x04broken", "cannot be unpacked"),
+        ("a.ini", b"[vendor]\nname = x\n", "no settings of a printer"),
+        ("a.ini", b"what is this\n", "neither [section], setting nor comment"),
+        ("a.ini", b"", "no settings of a printer"),
+        ("a.ini", b"\x00\x01\x02", "no text"),
+        ("a.json", b"{]", "not valid JSON"),
+        ("a.json", b"{}", "neither machine, filament nor process"),
+        ("a.json", b'{"version": 2, "overrides": {}, "inherits": "gone"}', "gone.def.json is not beside it"),
+        ("a.curaprofile", b"no", "cannot be unpacked"),
+        ("a.inst.cfg", b"[general]\n", "no profile of Cura's"),
+    ],
+)
+def test_files_that_hold_no_settings_are_refused_with_a_remedy(
+    tmp_path: Path, name: str, data: bytes, said: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(data)
+
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(path)
+
+    assert said in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path / "gone.ini", tmp_path):
+        with pytest.raises(ProfileError, match="cannot be read"):
+            import_profiles(path)

@@ -1,0 +1,199 @@
+"""Presets of OrcaSlicer and BambuStudio."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing import Imported, Wanted, import_profiles
+from tests.importing.files import imported, json_file, loaded
+
+MACHINE = {
+    "type": "machine",
+    "name": "Acme 300 0.4 nozzle",
+    "inherits": "acme_common",
+    "printable_area": ["0x0", "300x0", "300x310", "0x310"],
+    "printable_height": "320",
+    "nozzle_diameter": ["0.4"],
+}
+COMMON = {
+    "type": "machine",
+    "name": "acme_common",
+    "gcode_flavor": "klipper",
+    "machine_max_speed_x": ["400", "200"],
+    "machine_max_speed_z": ["9"],
+    "machine_max_acceleration_extruding": ["8000", "8000"],
+    "machine_max_jerk_x": ["7"],
+    "machine_max_jerk_y": ["7"],
+    "retraction_length": ["0.7"],
+    "z_hop": ["0.2"],
+    "max_layer_height": ["0.28"],
+    "machine_start_gcode": "PRINT_START EXTRUDER=[nozzle_temperature_initial_layer] "
+    "BED=[bed_temperature_initial_layer_single]\n"
+    "M109 S{nozzle_temperature_initial_layer[0]}\nM140 S60\n",
+    "layer_change_gcode": ";at {layer_z}",
+}
+FILAMENT = {
+    "type": "filament",
+    "name": "Acme PETG",
+    "filament_type": ["PETG"],
+    "nozzle_temperature": ["238"],
+    "nozzle_temperature_initial_layer": ["244"],
+    "hot_plate_temp": ["75"],
+    "hot_plate_temp_initial_layer": ["80"],
+    "filament_flow_ratio": ["0.96"],
+    "filament_max_volumetric_speed": ["9.5"],
+    "enable_pressure_advance": ["1"],
+    "pressure_advance": ["0.045"],
+    "fan_min_speed": ["30"],
+    "fan_max_speed": ["70"],
+    "slow_down_layer_time": ["9"],
+}
+PROCESS = {
+    "type": "process",
+    "name": "0.20 Acme",
+    "layer_height": "0.2",
+    "initial_layer_print_height": "0.25",
+    "line_width": "110%",
+    "inner_wall_line_width": "110%",
+    "wall_loops": "3",
+    "sparse_infill_density": "22%",
+    "sparse_infill_pattern": "crosshatch",
+    "outer_wall_speed": "120",
+    "inner_wall_speed": "180",
+    "sparse_infill_speed": "200",
+    "small_perimeter_speed": "50%",
+    "travel_speed": "350",
+    "default_acceleration": "6000",
+    "outer_wall_acceleration": "50%",
+    "wall_sequence": "outer wall/inner wall",
+    "xy_hole_compensation": "0.05",
+    "enable_support": "1",
+    "bool_as_bool": True,
+}
+
+
+def write(folder: Path) -> list[Path]:
+    json_file(folder / "common of acme.json", COMMON)
+    return [
+        json_file(folder / name, values)
+        for name, values in (
+            ("machine.json", MACHINE),
+            ("filament.json", FILAMENT),
+            ("process.json", PROCESS),
+        )
+    ]
+
+
+def test_three_presets_make_a_profile(tmp_path: Path) -> None:
+    made: dict[str, Imported] = {}
+    for path in write(tmp_path):
+        made |= imported(path)
+    profile = loaded(made, tmp_path)
+    printer, material, quality = profile.printer, profile.material, profile.quality
+
+    assert (printer.name, printer.flavour, printer.corners) == (
+        "Acme 300 0.4 nozzle", "klipper", ((0, 0), (300, 310))
+    )  # fmt: skip
+    assert (printer.bed_z, printer.max_speed_x, printer.max_speed_z, printer.acceleration) == (
+        320,
+        400,
+        9,
+        8000,
+    )
+    assert (printer.retract_length, printer.z_hop, printer.max_layer) == (0.7, 0.2, 0.28)
+    assert printer.square_corner_velocity == 7
+    assert printer.layer_gcode.strip() == ";at {layer_z}"
+    assert (
+        "EXTRUDER={first_layer_nozzle_temperature} BED={first_layer_bed_temperature}" in printer.start_gcode
+    )
+    assert (material.type, material.nozzle_temperature, material.first_layer_nozzle_temperature) == (
+        "PETG",
+        238,
+        244,
+    )
+    assert (material.bed_temperature, material.first_layer_bed_temperature) == (75, 80)
+    assert (material.flow_ratio, material.max_flow, material.pressure_advance) == (0.96, 9.5, 0.045)
+    assert (material.fan_ratio, material.fan_ratio_max, material.min_layer_time) == (0.3, 0.7, 9)
+    assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.25, 3)
+    assert (quality.extrusion_width, quality.infill, quality.infill_density) == (0.44, "gyroid", 0.22)
+    assert (quality.speeds.outer_perimeter, quality.speeds.small_perimeter, quality.speeds.travel) == (
+        120,
+        90,
+        350,
+    )
+    assert (quality.accelerations.outer_perimeter, quality.accelerations.sparse) == (3000, 6000)
+    assert (quality.outer_perimeter_first, quality.hole_compensation) == (True, 0.05)
+
+
+def test_what_it_inherits_may_be_in_another_folder(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    json_file(there / "any.json", COMMON)
+    json_file(there / "broken.json", [1])
+    path = json_file(here / "machine.json", MACHINE)
+
+    with pytest.raises(ProfileError, match="inherits 'acme_common', which is not beside it"):
+        import_profiles(path)
+    assert imported(path, folders=(there,))["printer"].values["z_hop"] == 0.2
+
+
+def test_a_circle_of_presets_is_refused(tmp_path: Path) -> None:
+    json_file(tmp_path / "a.json", {"type": "process", "name": "a", "inherits": "b"})
+    path = json_file(tmp_path / "b.json", {"type": "process", "name": "b", "inherits": "a"})
+
+    with pytest.raises(ProfileError, match="inherits from itself: b -> a -> b"):
+        import_profiles(path)
+
+
+def test_a_project_holds_all_three(tmp_path: Path) -> None:
+    names = {
+        "printer_settings_id": "Acme 300", "filament_settings_id": ["Acme PETG"], "print_settings_id": "0.20 Acme",
+    }  # fmt: skip
+    project = {**COMMON, **MACHINE, **FILAMENT, **PROCESS, **names}
+    for key in ("type", "inherits", "name"):
+        del project[key]
+    path = tmp_path / "plate.3mf"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("Metadata/project_settings.config", json.dumps(project))
+    made = imported(path)
+
+    assert {kind: one.name for kind, one in made.items()} == {
+        "printer": "Acme 300", "material": "Acme PETG", "quality": "0.20 Acme",
+    }  # fmt: skip
+    assert made["quality"].values["extrusion_width"] == 0.44
+    assert loaded(made, tmp_path).printer.bed_x == 300
+
+
+@pytest.mark.parametrize("begin", ["; CONFIG_BLOCK_START", "; HEADER"])
+def test_settings_in_its_gcode_are_found(tmp_path: Path, begin: str) -> None:
+    settings = {**COMMON, **MACHINE, **FILAMENT, **PROCESS}
+    lines = [
+        f"; {key} = {','.join(value) if isinstance(value, list) else str(value).replace(chr(10), chr(92) + 'n')}"
+        for key, value in settings.items()
+        if key not in ("type", "inherits", "name")
+    ]
+    path = tmp_path / "plate.gcode"
+    end = "; CONFIG_BLOCK_END" if "CONFIG" in begin else ""
+    path.write_text("\n".join([begin, *lines, end, "G28", "G1 X1 E1", ""]), encoding="utf-8")
+    made = imported(path)
+
+    assert made["printer"].values["max_speed_x"] == 400
+    assert made["printer"].values["layer_gcode"] == ";at {layer_z}"
+    assert made["material"].values["nozzle_temperature"] == 238
+    assert made["quality"].values["perimeters"] == 3
+
+
+def test_what_it_says_twice_or_not_at_all_is_told(tmp_path: Path) -> None:
+    path = json_file(
+        tmp_path / "a.json", {"type": "process", "layer_height": "0.2", "enable_support": "1", "x": {"y": 1}}
+    )
+    (made,) = import_profiles(path, Wanted())
+
+    assert isinstance(made, Imported)
+    assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == ["enable_support"]
