@@ -4,7 +4,8 @@
 
     profile = ps.load_profile(quality="adaptive")
     stages = ps.slice_stages(ps.load_mesh("part.stl"), profile)
-    text = ps.gcode_of(stages.program, profile)
+    job = ps.job_of(stages, profile)
+    job.save("part.gcode")
 
 Names are imported when they are first used, so importing the package costs nothing.
 """
@@ -14,48 +15,75 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from printer_slicer import showing
+
 if TYPE_CHECKING:
     from printer_slicer.checking import Check, check_gcode
-    from printer_slicer.deviation import Deviation, measure_deviation
-    from printer_slicer.drawing import draw_layer, draw_plan, layer_picture, material_picture, picture_bytes
-    from printer_slicer.errors import PrinterSlicerError
+    from printer_slicer.drawing import Picture, draw, draw_plan
+    from printer_slicer.errors import PrinterSlicerError, StrategyError
     from printer_slicer.extrusion import move_seconds
+    from printer_slicer.gcode import FLAVOURS, Dialect
+    from printer_slicer.geometry import Areas, Polylines
     from printer_slicer.healing import repair
+    from printer_slicer.infill import Infill, InfillTask
     from printer_slicer.jobs import Job, job_from, job_of
     from printer_slicer.mesh_io import LIMITS, Limits, Model, export_stl, load_mesh, load_model
-    from printer_slicer.model import LayerPlan, Mesh, Program, Repairs, Sections
+    from printer_slicer.model import (
+        LayerPlan,
+        Mesh,
+        Program,
+        Regions,
+        Repairs,
+        Role,
+        Sections,
+        Toolpaths,
+        Travels,
+        Walls,
+    )
     from printer_slicer.pipeline import Stages, gcode_of, plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, joined, place, transformed
-    from printer_slicer.planning import plan_layers
-    from printer_slicer.printing import print_job
+    from printer_slicer.printing import Controls, Done, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
-    from printer_slicer.slicing import contours, cut
+    from printer_slicer.strategies import Strategies
     from printer_slicer.surface import Certificate, certify, read_surface
     from printer_slicer.verdict import Verdict, dry_run
 
 _HOMES = {
+    "FLAVOURS": "gcode",
     "LIMITS": "mesh_io",
+    "Areas": "geometry",
     "Certificate": "surface",
     "Check": "checking",
-    "Deviation": "deviation",
+    "Controls": "printing",
+    "Dialect": "gcode",
+    "Done": "printing",
+    "Infill": "infill",
+    "InfillTask": "infill",
     "Job": "jobs",
     "LayerPlan": "model",
     "Limits": "mesh_io",
     "Mesh": "model",
     "Model": "mesh_io",
+    "Picture": "drawing",
     "Placement": "placing",
+    "Polylines": "geometry",
     "PrinterSlicerError": "errors",
     "Profile": "profile",
     "Program": "model",
+    "Regions": "model",
     "Repairs": "model",
+    "Role": "model",
     "Sections": "model",
     "Stages": "pipeline",
+    "Strategies": "strategies",
+    "StrategyError": "errors",
+    "Toolpaths": "model",
+    "Travels": "model",
     "Verdict": "verdict",
+    "Walls": "model",
     "certify": "surface",
     "check_gcode": "checking",
-    "contours": "slicing",
-    "cut": "slicing",
-    "draw_layer": "drawing",
+    "draw": "drawing",
     "draw_plan": "drawing",
     "dry_run": "verdict",
     "export_stl": "mesh_io",
@@ -63,16 +91,11 @@ _HOMES = {
     "job_from": "jobs",
     "job_of": "jobs",
     "joined": "placing",
-    "layer_picture": "drawing",
     "load_mesh": "mesh_io",
     "load_model": "mesh_io",
     "load_profile": "profile",
-    "material_picture": "drawing",
-    "measure_deviation": "deviation",
     "move_seconds": "extrusion",
-    "picture_bytes": "drawing",
     "place": "placing",
-    "plan_layers": "planning",
     "plan_part": "pipeline",
     "print_job": "printing",
     "profile_with": "profile",
@@ -84,28 +107,41 @@ _HOMES = {
 }
 
 __all__ = [
+    "FLAVOURS",
     "LIMITS",
+    "Areas",
     "Certificate",
     "Check",
-    "Deviation",
+    "Controls",
+    "Dialect",
+    "Done",
+    "Infill",
+    "InfillTask",
     "Job",
     "LayerPlan",
     "Limits",
     "Mesh",
     "Model",
+    "Picture",
     "Placement",
+    "Polylines",
     "PrinterSlicerError",
     "Profile",
     "Program",
+    "Regions",
     "Repairs",
+    "Role",
     "Sections",
     "Stages",
+    "Strategies",
+    "StrategyError",
+    "Toolpaths",
+    "Travels",
     "Verdict",
+    "Walls",
     "certify",
     "check_gcode",
-    "contours",
-    "cut",
-    "draw_layer",
+    "draw",
     "draw_plan",
     "dry_run",
     "export_stl",
@@ -113,16 +149,11 @@ __all__ = [
     "job_from",
     "job_of",
     "joined",
-    "layer_picture",
     "load_mesh",
     "load_model",
     "load_profile",
-    "material_picture",
-    "measure_deviation",
     "move_seconds",
-    "picture_bytes",
     "place",
-    "plan_layers",
     "plan_part",
     "print_job",
     "profile_with",
@@ -145,3 +176,13 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def _as_svg(value: object) -> str:
+    """A value's picture, for notebooks."""
+    from printer_slicer.drawing import draw  # noqa: PLC0415 - the package costs nothing until it is used
+
+    return draw(value).svg()
+
+
+showing.drawn_by(_as_svg)

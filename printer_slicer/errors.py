@@ -3,7 +3,8 @@
     PrinterSlicerError                1
     ├── UsageError                    2   a flag, a name, a setting
     │   ├── ProfileError              2   a profile: file, key, bound
-    │   └── PolicyError               2   the job holds what was not allowed
+    │   ├── PolicyError               2   the job holds what was not allowed
+    │   └── StrategyError             2   a function passed from outside gave what cannot be used
     ├── PartError                     3   the part cannot be sliced
     │   ├── MeshError                 3   the file is not a usable mesh
     │   └── PlanError                 3   no layer plan exists within the machine's limits
@@ -29,6 +30,7 @@ __all__ = [
     "PrintError",
     "PrinterSlicerError",
     "ProfileError",
+    "StrategyError",
     "UsageError",
     "VerificationError",
 ]
@@ -64,6 +66,10 @@ class PolicyError(UsageError):
     def __init__(self, message: str, *, remedy: str = "", names: tuple[str, ...] = ()) -> None:
         super().__init__(message, remedy=remedy)
         self.names = names
+
+
+class StrategyError(UsageError):
+    """A planner, infill, flavour or post-processor that was passed as a function gave what cannot be used."""
 
 
 class OutputError(PrinterSlicerError):

@@ -11,15 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, Moves, read_moves
+from printer_slicer.gcode import FLAVOURS, Dialect, Moves, read_moves
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
-from printer_slicer.pipeline import Report, gcode_of, quiet, slice_stages
+from printer_slicer.pipeline import Report, Stages, gcode_of, quiet, slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.policy import Finding, check_names, scan
 from printer_slicer.profile import Profile
+from printer_slicer.saving import save
+from printer_slicer.strategies import OURS, Strategies
 from printer_slicer.stream.framing import check_commands, strip
 
 __all__ = [
@@ -78,6 +80,21 @@ class Job:
         """The layer plan, if the job was sliced here."""
         return self.program.plan if self.program else None
 
+    def __repr__(self) -> str:
+        layers = f"{self.plan.n_layers} layers, " if self.plan else ""
+        told = f", {len(self.findings)} findings" if self.findings else ""
+        return (
+            f"<Job {self.name!r}: {layers}{len(self.commands)} commands, {self.seconds / 60:.0f} min{told}>"
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the G-code.
+
+        Raises:
+            OutputError: the file cannot be written; what was there before is as it was.
+        """
+        save(Path(path), self.text)
+
     def allowing(self, names: Iterable[str]) -> Job:
         """The same job with these findings allowed.
 
@@ -134,32 +151,40 @@ def job_and_moves(path: Path, profile: Profile, *, streamed: bool = True) -> tup
     return _judged(path.name, read_text(path), profile, streamed=streamed)
 
 
-def job_of(
-    mesh: Mesh,
+def job_of(  # noqa: PLR0913 - every choice has a usual value
+    part: Mesh | Stages,
     profile: Profile,
     *,
     name: str = "",
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
+    strategies: Strategies = OURS,
 ) -> Job:
-    """The job that prints a part, sliced now.
+    """The job that prints a part, sliced now or before.
 
     Args:
-        mesh: the part.
+        part: as a mesh, or what `slice_stages` made of it; then `placement`, `report` and `strict` had their time.
         profile: what it is sliced with.
         name: what to call the job; empty: as the part.
         placement: where the part is put.
         report: is told the name of each stage as it begins.
         strict: whether a mesh that needs repair is refused.
+        strategies: functions from outside in place of ours.
 
     Raises:
         PrinterSlicerError: it cannot be sliced.
     """
-    stages = slice_stages(mesh, profile, placement=placement, report=report, strict=strict)
+    stages = (
+        part
+        if isinstance(part, Stages)
+        else slice_stages(
+            part, profile, placement=placement, report=report, strict=strict, strategies=strategies
+        )
+    )
     report("writing")
-    text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels)
-    job, _ = _judged(name or mesh.name, text, profile)
+    text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
+    job, _ = _judged(name or stages.part.name, text, profile, flavour=strategies.flavour)
     return replace(job, program=stages.program, allowed=_ASKED_FOR, repairs=stages.repairs)
 
 
@@ -176,7 +201,7 @@ def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, 
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.
     """
-    return _read(name, text, limits, corner, flavour)[0]
+    return _read(name, text, limits, corner, FLAVOURS[flavour])[0]
 
 
 def _read(
@@ -184,7 +209,7 @@ def _read(
     text: bytes,
     limits: Limits,
     corner: tuple[float, float],
-    flavour: str,
+    flavour: Dialect,
     *,
     streamed: bool = True,
 ) -> tuple[Job, Moves]:
@@ -194,7 +219,7 @@ def _read(
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
     if streamed:
         _refuse_unsendable(name, text, commands)
-    moves = read_moves(commands, corner, FLAVOURS[flavour])
+    moves = read_moves(commands, corner, flavour)
     end = moves.end[-1] if len(moves.end) else np.zeros(3)
     job = Job(
         name,
@@ -208,11 +233,14 @@ def _read(
     return job, moves
 
 
-def _judged(name: str, text: bytes, profile: Profile, *, streamed: bool = True) -> tuple[Job, Moves]:
+def _judged(
+    name: str, text: bytes, profile: Profile, *, streamed: bool = True, flavour: Dialect | None = None
+) -> tuple[Job, Moves]:
     """The job that a text is, with what is found in it, and its moves."""
     printer = profile.printer
     limits, corner = limits_of(printer), printer.corners[0]
-    job, moves = _read(name, text, limits, corner, printer.flavour, streamed=streamed)
+    dialect = flavour or FLAVOURS[printer.flavour]
+    job, moves = _read(name, text, limits, corner, dialect, streamed=streamed)
     findings = scan(job.commands, profile, moves=moves, marks=job.marks)
     lines = lines_of(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))

@@ -42,6 +42,7 @@ from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut, section_repairs
+from printer_slicer.strategies import OURS, Strategies, checked_lines, checked_plan, checked_program
 from printer_slicer.surface import Certificate, certify, read_surface
 from printer_slicer.thick_walls import thickened
 from printer_slicer.thumbnails import thumbnail_lines
@@ -73,12 +74,17 @@ class Stages:
 
     Attributes:
         part: repaired and placed.
+        sections: the solid area of each layer. These, the walls and the regions see the part on the bed; where there is
+            a raft, toolpaths, travels and program have its layers before the part's, and the part lifted.
+        walls: the perimeters, and what is left inside them.
+        regions: that by purpose.
+        toolpaths: polylines in the order in which they are printed.
+        travels: the ways between them.
+        program: the moves.
+        link: what it took to stay under the lines per second of the link, if the profile tells them.
         labels: which moves lay which of several things; None where there is one.
         repairs: what was put right, at the places of the mesh that was given.
         shift: (3,) mm from the placed part to where that mesh was.
-        link: what it took to stay under the lines per second of the link, if the profile tells them.
-        sections: these, the walls and the regions see the part on the bed; where there is a raft, the toolpaths,
-            travels and the program have its layers before the part's, and the part lifted.
     """
 
     part: Mesh
@@ -93,8 +99,17 @@ class Stages:
     repairs: Repairs = field(default_factory=Repairs)
     shift: Float = field(default_factory=lambda: frozen_array(np.zeros(3), np.float64, (3,)))
 
+    def __repr__(self) -> str:
+        values = ("part", "sections", "walls", "regions", "toolpaths", "travels", "program")
+        return "\n".join(["<Stages", *(f"  {name}: {getattr(self, name)!r}" for name in values), ">"])
 
-def slice_stages(
+    @property
+    def plan(self) -> LayerPlan:
+        """The layers of the part, without those of a raft."""
+        return self.sections.plan
+
+
+def slice_stages(  # noqa: PLR0913 - as for `slice_part`: every choice has a usual value
     mesh: Mesh,
     profile: Profile,
     *,
@@ -102,6 +117,7 @@ def slice_stages(
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
+    strategies: Strategies = OURS,
 ) -> Stages:
     """Slice a part and keep the value of each stage.
 
@@ -112,9 +128,11 @@ def slice_stages(
         placement: where the part is put; by default on the middle of the bed.
         report: is told the name of each stage as it begins.
         strict: whether a mesh that needs repair is refused.
+        strategies: functions from outside in place of ours.
 
     Raises:
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
+        StrategyError: a function from outside gives what cannot be used.
     """
     report("repairing")
     mended, repairs = repair(mesh)
@@ -125,29 +143,39 @@ def slice_stages(
     shift = frozen_array(mended.bounds[0] - part.bounds[0], np.float64, (3,))
     del mesh, mended  # where nobody else holds them: millions of facets weigh hundreds of megabytes
     report("planning")
-    stages = _down_from(part, plan or plan_part(part, profile), profile, report)
+    plan = plan or plan_part(part, profile, strategies)
+    stages = _down_from(part, plan, profile, report, strategies)
     repairs = replace(repairs, done=(*repairs.done, *section_repairs(stages.sections, shift)))
     if strict:
         refuse_repaired(part.name, repairs)
     return replace(stages, repairs=repairs, shift=shift)
 
 
-def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
+def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> LayerPlan:
     """The layer plan of a placed part.
 
     A planner that is given a time budget knows times from a model. Here the budget is held against the moves, and the
-    planner is asked for more or less until they agree.
+    planner is asked for more or less until they agree. A planner from outside is asked once.
+
+    Args:
+        part: standing on z = 0.
+        profile: printer, material and quality.
+        strategies: may hold a planner.
 
     Raises:
         PartError: the part cannot be divided into layers.
+        StrategyError: the planner from outside gives what cannot be used.
     """
+    if strategies.planner:
+        return checked_plan(strategies.planner(part, profile), part, profile, strategies.planner)
     plan, budget = plan_layers(part, profile), profile.dials.time_budget
     if not budget:
         return plan
 
     def seconds_of(plan: LayerPlan) -> float:
         """How long the moves of a print with these layers take, s."""
-        return float(move_seconds(_down_from(part, plan, profile, quiet).program, profile).sum())
+        stages = _down_from(part, plan, profile, quiet, strategies)
+        return float(move_seconds(stages.program, profile).sum())
 
     asked, low, high = budget, 0.0, np.inf
     tried: list[tuple[float, LayerPlan]] = []
@@ -169,7 +197,9 @@ def plan_part(part: Mesh, profile: Profile) -> LayerPlan:
     return min(within, key=lambda plan: certify(read_surface(part), plan).volume_error)
 
 
-def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) -> Stages:
+def _down_from(
+    part: Mesh, plan: LayerPlan, profile: Profile, report: Report, strategies: Strategies
+) -> Stages:
     """From a placed part and its plan to the moves."""
     profile = profile_with(profile, _SPIRAL) if profile.quality.spiral else profile
     report("slicing")
@@ -180,7 +210,7 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     regions = classify(sections, walls, profile)
     report("toolpaths")
     perimeters, groups = thickened(graded(walls.paths, sections), sections, regions, profile)
-    paths = [perimeters, infill_paths(regions, profile, groups)]
+    paths = [perimeters, infill_paths(regions, profile, groups, strategies.own_infill)]
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",
@@ -197,7 +227,8 @@ def _down_from(part: Mesh, plan: LayerPlan, profile: Profile, report: Report) ->
     stages = Stages(part, sections, walls, regions, toolpaths, travels, program)
     if profile.printer.link_lines_per_second:
         stages = _kept_up(stages, printed, profile)
-    return replace(stages, labels=labels_of(stages.program, part, plan))
+    program = checked_program(stages.program, strategies.on_program)
+    return replace(stages, program=program, labels=labels_of(program, part, plan))
 
 
 def _kept_up(stages: Stages, printed: Sections, profile: Profile) -> Stages:
@@ -213,7 +244,7 @@ def _kept_up(stages: Stages, printed: Sections, profile: Profile) -> Stages:
     return replace(stages, toolpaths=toolpaths, travels=travels, program=program, link=link)
 
 
-def slice_part(
+def slice_part(  # noqa: PLR0913 - every choice has a usual value
     mesh: Mesh,
     profile: Profile,
     *,
@@ -221,9 +252,18 @@ def slice_part(
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
+    strategies: Strategies = OURS,
 ) -> Program:
     """The moves that print a part; arguments and errors are those of `slice_stages`."""
-    return slice_stages(mesh, profile, plan=plan, placement=placement, report=report, strict=strict).program
+    return slice_stages(
+        mesh,
+        profile,
+        plan=plan,
+        placement=placement,
+        report=report,
+        strict=strict,
+        strategies=strategies,
+    ).program
 
 
 def gcode_of(
@@ -233,6 +273,7 @@ def gcode_of(
     part: Mesh | None = None,
     certificate: Certificate | None = None,
     labels: Labels | None = None,
+    strategies: Strategies = OURS,
 ) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes.
 
@@ -242,14 +283,16 @@ def gcode_of(
         part: shown in the pictures of `printer.thumbnails`; without it there are none.
         certificate: of the plan, to be told in comments.
         labels: which moves lay which of several things on the plate, to be marked.
+        strategies: may hold a flavour, and functions that change the lines.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
+        StrategyError: a function from outside gives what cannot be used.
     """
-    facts: tuple[str, ...] = ()
+    facts = strategies.facts()
     if certificate is not None:
         worst = certificate.worst
-        facts = (
+        facts += (
             f"layer heights = {len(set(certificate.plan.height.tolist()))}",
             f"certified error [mm] = {certificate.max_error:.4f}",
             f"certified error attained = layer {worst.layer + 1}, z {worst.z:.4g}, {worst.kind}",
@@ -258,4 +301,7 @@ def gcode_of(
         )
     pictures = thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []
     seconds = move_seconds(program, profile)
-    return write_gcode(program, profile, seconds, facts, comments=pictures, labels=labels)
+    text = write_gcode(
+        program, profile, seconds, facts, comments=pictures, labels=labels, flavour=strategies.own_flavour
+    )
+    return checked_lines(text, strategies.on_lines)

@@ -56,6 +56,11 @@ IN_THE_MIDDLE: Final = Placement()
 def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) -> Mesh:
     """The part on the bed, by default standing in its middle.
 
+    Args:
+        mesh: the part, anywhere.
+        printer: whose bed it is.
+        placement: where on it.
+
     Raises:
         PartError: the part is larger than the bed, higher than the printer, beside the bed or under it.
     """

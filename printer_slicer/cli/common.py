@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from threading import Lock, Timer
 from typing import TYPE_CHECKING
 
-from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.errors import UsageError
+from printer_slicer.saving import check_writable, save
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
@@ -209,59 +208,14 @@ class _LateBar:
             self._show = lambda: bar.update(task, description=self._stage, completed=self._done)
 
 
-def check_writable(path: Path) -> None:
-    """Refuse an output for which there is no place, before long work begins.
-
-    Raises:
-        OutputError: it is a folder, or its folder is missing.
-    """
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder", remedy="name a file in it")
-    if not path.parent.is_dir():
-        raise OutputError(
-            f"{path}: the folder {path.parent} does not exist", remedy=f"mkdir -p {path.parent}"
-        )
-
-
 def write_file(path: Path, data: bytes) -> None:
     """Write a whole file, or leave what was there before untouched; `-` is stdout, and links stay links.
 
     Raises:
         OutputError: the folder is missing, the disk full, or writing not allowed.
     """
-    if str(path) == "-":
-        sys.stdout.buffer.write(data)
-        sys.stdout.buffer.flush()
+    if str(path) != "-":
+        save(path, data)
         return
-    try:
-        check_writable(path)
-        _write(path.resolve(), data)
-    except (OSError, ValueError, RuntimeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise OutputError(
-            f"{path}: cannot be written: {reason}", remedy="check name, free space and permissions, or use -o"
-        ) from None
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write beside the file first: what stands there is good until the new one is whole."""
-    if path.exists() and not path.is_file():  # a device or a pipe: there is nothing to keep
-        path.write_bytes(data)
-        return
-    with NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".partial", delete=False) as partial:
-        try:
-            partial.write(data)
-            partial.flush()
-            # Temporary files are private; this one becomes what the person asked for, with the usual permissions.
-            Path(partial.name).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
-            Path(partial.name).replace(path)
-        except BaseException:
-            Path(partial.name).unlink(missing_ok=True)
-            raise
-
-
-def _umask() -> int:
-    """The permissions that this process takes away from new files; asking means setting."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    sys.stdout.buffer.write(data)
+    sys.stdout.buffer.flush()

@@ -5,11 +5,13 @@ from printer_slicer.drawing.layer import draw_layer, layer_picture
 from printer_slicer.drawing.material import material_picture
 from printer_slicer.drawing.plan import draw_plan
 from printer_slicer.drawing.sheet import View, sheet_picture
+from printer_slicer.drawing.values import draw
 
 __all__ = [
     "Picture",
     "View",
     "check_picture",
+    "draw",
     "draw_layer",
     "draw_plan",
     "layer_picture",

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 from functools import cache
 from html import escape
 from itertools import groupby, pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
 from printer_slicer.errors import UsageError
 from printer_slicer.model import Float
+from printer_slicer.saving import save
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
     from PIL.ImageFont import FreeTypeFont
@@ -159,6 +159,23 @@ class Picture:
         title = f"<title>{escape(_visible(self.title))}</title>"
         back = f'<rect width="{self.width}" height="{self.height}" fill="#ffffff"/>'
         return "\n".join([head, title, back, *_svg_parts(self.shapes), "</svg>"]) + "\n"
+
+    def _repr_svg_(self) -> str:
+        """What notebooks ask for."""
+        return self.svg()
+
+    def __repr__(self) -> str:
+        return f"<Picture {self.title!r}, {self.width} x {self.height} px>"
+
+    def save(self, path: str | Path) -> None:
+        """Write it, as PNG or SVG by the name.
+
+        Raises:
+            UsageError: the name ends otherwise.
+            OutputError: the file cannot be written.
+        """
+        where = Path(path)
+        save(where, picture_bytes(self, where))
 
     def png(self) -> bytes:
         """The picture as a PNG file, one px of the picture a pixel.

@@ -20,7 +20,12 @@ _timed: WeakKeyDictionary[Program, tuple[Limits, Float]] = WeakKeyDictionary()
 
 
 def move_seconds(program: Program, profile: Profile) -> Float:
-    """(K,) how long each move takes on this printer, with unlimited look-ahead."""
+    """(K,) how long each move takes on this printer, s, with unlimited look-ahead.
+
+    Args:
+        program: the moves.
+        profile: its printer's limits decide.
+    """
     limits = limits_of(profile.printer)
     known = _timed.get(program)
     if known is None or known[0] != limits:

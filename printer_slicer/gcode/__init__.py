@@ -7,6 +7,7 @@ from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.klipper import KLIPPER
+from printer_slicer.gcode.labels import LABEL_WORDS
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.marlin_legacy import MARLIN_LEGACY
 from printer_slicer.gcode.prusa import PRUSA
@@ -19,7 +20,16 @@ from printer_slicer.gcode.writer import Told, write_program
 from printer_slicer.model import Float, Labels, Program
 from printer_slicer.profile import Profile
 
-__all__ = ["FLAVOURS", "Dialect", "Moves", "changed_limits", "read_moves", "spoken", "write_gcode"]
+__all__ = [
+    "FLAVOURS",
+    "LABEL_WORDS",
+    "Dialect",
+    "Moves",
+    "changed_limits",
+    "read_moves",
+    "spoken",
+    "write_gcode",
+]
 
 FLAVOURS: Final[Mapping[str, Dialect]] = {
     "marlin": MARLIN,
@@ -32,7 +42,7 @@ FLAVOURS: Final[Mapping[str, Dialect]] = {
 }
 
 
-def write_gcode(
+def write_gcode(  # noqa: PLR0913 - what else is known of a program
     program: Program,
     profile: Profile,
     seconds: Float | None = None,
@@ -40,6 +50,7 @@ def write_gcode(
     *,
     comments: Sequence[str] = (),
     labels: Labels | None = None,
+    flavour: Dialect | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect, settings included as comments.
 
@@ -50,9 +61,10 @@ def write_gcode(
         facts: more to tell at the top.
         comments: lines that stand behind the first one as they are.
         labels: which moves lay which of several things.
+        flavour: takes the place of the profile's.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
     """
-    dialect = FLAVOURS[profile.printer.flavour]
+    dialect = flavour or FLAVOURS[profile.printer.flavour]
     return write_program(program, profile, dialect, Told(seconds, facts, comments, labels))

@@ -9,6 +9,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from printer_slicer.showing import Drawn
+
 __all__ = [
     "Areas",
     "Bool",
@@ -176,7 +178,7 @@ def placed(xy: Float, place: Int) -> Float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Areas:
+class Areas(Drawn):
     """The areas of all layers: closed rings, solids to the left (counter-clockwise), holes to the right.
 
     Attributes:
@@ -199,6 +201,9 @@ class Areas:
             raise ValueError("ring_start needs one entry more than ring_layer")
         if len(self.ring_layer) and not 0 <= self.ring_layer[0] <= self.ring_layer[-1] < self.n_layers:
             raise ValueError(f"ring_layer leaves the {self.n_layers} layers")
+
+    def __repr__(self) -> str:
+        return f"<Areas: {self.n_layers} layers, {self.n_rings} rings, {len(self.xy)} points>"
 
     @classmethod
     def empty(cls, n_layers: int) -> Areas:

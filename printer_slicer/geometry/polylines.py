@@ -53,11 +53,27 @@ class Polylines:
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
+    def __repr__(self) -> str:
+        return f"<Polylines: {self.n_lines} lines, {len(self.xy)} points, {self.length().sum():.4g} mm>"
+
     @classmethod
     def of(cls, xy: Float, size: Int, layer: Int, edge: Int | None = None) -> Polylines:
         """Open lines given one after the other with `size` (M,) points each, by ascending layer."""
         ends = np.full((len(size), 2), -1) if edge is None else edge
         return cls(xy, np.append(0, np.cumsum(size)), layer, ends, np.zeros(len(size), np.bool_))
+
+    @classmethod
+    def from_lines(cls, lines: Sequence[Sequence[Float]]) -> Polylines:
+        """Open lines from one list of (n, 2) lines per layer; those of fewer than two points are dropped."""
+        kept = [
+            (layer, np.asarray(line, np.float64))
+            for layer, many in enumerate(lines)
+            for line in many
+            if len(line) > 1
+        ]
+        size = np.array([len(line) for _, line in kept], np.int64)
+        xy = np.concatenate([line for _, line in kept]) if kept else np.zeros((0, 2))
+        return cls.of(xy, size, np.array([layer for layer, _ in kept], np.int64))
 
     @classmethod
     def hatched(cls, lines: Lines) -> Polylines:

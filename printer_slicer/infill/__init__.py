@@ -12,17 +12,18 @@ from printer_slicer.infill.grid import grid_lines
 from printer_slicer.infill.gyroid import gyroid_lines
 from printer_slicer.infill.honeycomb import honeycomb_lines
 from printer_slicer.infill.lightning import lightning_lines, planted
+from printer_slicer.infill.own import Infill, InfillTask, pattern_of
 from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.resting import carried_layers, rested
 from printer_slicer.infill.solid import solid_paths
-from printer_slicer.infill.sparse import bare_lines, laid_out, sparse_paths
+from printer_slicer.infill.sparse import Layout, bare_lines, laid_out, sparse_paths
 from printer_slicer.infill.task import Pattern
 from printer_slicer.infill.thick import groups_of
 from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.model import Int, Regions, Toolpaths
 from printer_slicer.profile import Profile
 
-__all__ = ["PATTERNS", "Pattern", "infill_paths"]
+__all__ = ["PATTERNS", "Infill", "InfillTask", "Pattern", "infill_paths"]
 
 PATTERNS: Final[Mapping[str, Pattern]] = {
     "rectilinear": rectilinear_lines,
@@ -36,21 +37,37 @@ PATTERNS: Final[Mapping[str, Pattern]] = {
 }
 
 
-def infill_paths(regions: Regions, profile: Profile, groups: Int | None = None) -> Toolpaths:
+def infill_paths(
+    regions: Regions, profile: Profile, groups: Int | None = None, own: Infill | None = None
+) -> Toolpaths:
     """Lines that fill every region: solid ones bead by bead, sparse ones to `quality.infill_density`.
 
-    `groups` (L,) is the first of those layers with which each one's sparse infill is printed, if that is known already.
+    Args:
+        regions: what is inside the walls.
+        profile: pattern, density, anchors.
+        groups: (L,) the first of those layers with which each one's sparse infill is printed, if that is known already.
+        own: takes the place of the profile's pattern.
+
+    Raises:
+        StrategyError: `own` gives what cannot be printed, or misses the density.
     """
     quality = profile.quality
     if quality.infill_density == 0:
         return Toolpaths.joined(regions.plan, solid_paths(regions, profile))
     limit = min(quality.sparse_every, profile.highest_bead)
     groups = groups_of(regions.sparse, regions.plan, limit, groups)
-    # Trees have the density only where they hold something.
-    measured = quality.infill != "lightning"
-    layout = laid_out(regions, groups, PATTERNS[quality.infill], profile, measured=measured)
-    if not measured:
-        layout = replace(layout, pattern=planted(layout.task))
+    layout = _layout(regions, groups, profile, own)
     resting = rested(regions, bare_lines(layout, carried_layers(regions)), profile)
     parts = [*solid_paths(resting, profile), sparse_paths(layout, resting, profile)]
     return Toolpaths.joined(regions.plan, parts)
+
+
+def _layout(regions: Regions, groups: Int, profile: Profile, own: Infill | None) -> Layout:
+    """Where the lines lie, of the profile's pattern or of one's own."""
+    if own:
+        layout = laid_out(regions, groups, pattern_of(own), profile, measured=own.measured)
+        return replace(layout, insisting_on=own.name if own.measured else "")
+    name = profile.quality.infill
+    # Trees have the density only where they hold something.
+    layout = laid_out(regions, groups, PATTERNS[name], profile, measured=name != "lightning")
+    return layout if layout.measured else replace(layout, pattern=planted(layout.task))

@@ -13,6 +13,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
 from printer_slicer.geometry.areas import distinct
+from printer_slicer.infill.own import insist_on_density
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import fillings
 from printer_slicer.model import Regions, Role, Toolpaths
@@ -37,6 +38,7 @@ class Layout:
         reach: share of the longest anchors that leaves room for lines.
         measured: whether the density is a share of the volume; else it is the pattern's affair.
         groups: (L,) the first of those layers with which each one's sparse infill is printed.
+        insisting_on: name of a pattern that must have the density; empty: it may miss it where it has no room.
     """
 
     task: Task
@@ -44,6 +46,7 @@ class Layout:
     reach: float
     measured: bool
     groups: Int
+    insisting_on: str = ""
 
 
 def laid_out(regions: Regions, groups: Int, pattern: Pattern, profile: Profile, *, measured: bool) -> Layout:
@@ -92,7 +95,10 @@ def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpath
     lines = _anchored(task, bare, profile, layout.reach)
     share = np.ones_like(more)
     if layout.measured:
-        share = _share(_laid(task, lines, more), _volume(own, regions.sparse, profile))
+        laid, volume = _laid(task, lines, more), _volume(own, regions.sparse, profile)
+        share = _share(laid, volume)
+        if layout.insisting_on:
+            insist_on_density(layout.insisting_on, float((laid * share).sum()), float(volume.sum()), profile)
     return _toolpaths(task, lines, task.bead * share / more)
 
 

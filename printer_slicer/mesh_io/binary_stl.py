@@ -131,6 +131,10 @@ def _mostly_facets(piece: bytes) -> bool:
 def export_stl(mesh: Mesh, path: str | os.PathLike[str]) -> None:
     """Write a binary STL; the same mesh always gives the same bytes.
 
+    Args:
+        mesh: what to write; its numbers are mm.
+        path: of the file.
+
     Raises:
         OutputError: the file cannot be written.
     """

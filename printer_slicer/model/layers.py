@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from printer_slicer.geometry import Areas, Float, Int, frozen_array
+from printer_slicer.showing import Drawn
 
 __all__ = ["Contours", "Gap", "LayerPlan", "Regions", "Sections"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LayerPlan:
+class LayerPlan(Drawn):
     """Where the layers end and where the mesh is cut for each.
 
     Attributes:
@@ -31,6 +32,13 @@ class LayerPlan:
     def __post_init__(self) -> None:
         object.__setattr__(self, "top", frozen_array(self.top, np.float64, (-1,)))
         object.__setattr__(self, "cut", frozen_array(self.cut, np.float64, (len(self.top),)))
+
+    def __repr__(self) -> str:
+        if not self.n_layers:
+            return "<LayerPlan: no layers>"
+        low, high = float(self.height.min()), float(self.height.max())
+        heights = f"of {low:.4g} mm" if low == high else f"of {low:.4g} to {high:.4g} mm"
+        return f"<LayerPlan {self.planner}: {self.n_layers} layers {heights}, top {self.top[-1]:.6g} mm>"
 
     @classmethod
     def from_tops(cls, top: Float, planner: str = "", *, cut_ratio: float = 0.5) -> LayerPlan:
@@ -101,7 +109,7 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sections:
+class Sections(Drawn):
     """The solid area of the part in each layer, simplified to the resolution of the profile.
 
     Attributes:
@@ -119,9 +127,13 @@ class Sections:
     gaps: tuple[Gap, ...] = ()
     turned: Areas | None = None
 
+    def __repr__(self) -> str:
+        volume = float(self.solid.area() @ self.plan.height)
+        return f"<Sections: {self.plan.n_layers} layers, {self.solid.n_rings} contours, {volume:.6g} mm3>"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Regions:
+class Regions(Drawn):
     """What is inside the walls, by purpose; no overlap within a layer.
 
     Attributes:
@@ -159,3 +171,9 @@ class Regions:
         n_rings = self.internal_bridge.n_rings
         given = self.internal_bridge_angle if len(self.internal_bridge_angle) else np.zeros(n_rings)
         object.__setattr__(self, "internal_bridge_angle", frozen_array(given, np.float64, (n_rings,)))
+
+    def __repr__(self) -> str:
+        names = ("bottom_skin", "bridge", "internal_bridge", "top_skin", "solid", "sparse")
+        volumes = {name: float(getattr(self, name).area() @ self.plan.height) for name in names}
+        told = ", ".join(f"{name} {volume:.4g}" for name, volume in volumes.items() if volume)
+        return f"<Regions: {self.plan.n_layers} layers, mm3: {told or 'nothing'}>"

@@ -34,6 +34,10 @@ class Mesh:
     def __post_init__(self) -> None:
         object.__setattr__(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
 
+    def __repr__(self) -> str:
+        x, y, z = self.size.tolist() if self.n_facets else (0, 0, 0)
+        return f"<Mesh {self.name!r}: {self.n_facets} facets, {x:.4g} x {y:.4g} x {z:.4g} mm>"
+
     @property
     def n_facets(self) -> int:
         """Number of facets."""
@@ -132,7 +136,12 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class Repairs:
-    """All that was done to a mesh before it was cut, in the order in which it was done; `sound`: it was one shell."""
+    """What was put right in a mesh before it was cut.
+
+    Attributes:
+        done: all of it, in the order in which it was done.
+        sound: whether the mesh was one shell.
+    """
 
     done: tuple[Repair, ...] = ()
     sound: bool = False

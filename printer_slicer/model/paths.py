@@ -13,6 +13,7 @@ from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.areas import consecutive, distinct, following_around, lengths
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.roles import Role
+from printer_slicer.showing import Drawn
 
 __all__ = [
     "Acceleration",
@@ -34,7 +35,7 @@ _OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Toolpaths:
+class Toolpaths(Drawn):
     """Polylines to print: path `i` is `xy[start[i]:start[i + 1]]`.
 
     Attributes:
@@ -100,6 +101,10 @@ class Toolpaths:
         ):
             if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    def __repr__(self) -> str:
+        metres = float(self.length().sum()) / 1000
+        return f"<Toolpaths: {self.plan.n_layers} layers, {self.n_paths} paths, {metres:.4g} m>"
 
     @classmethod
     def gathered(  # noqa: PLR0913 - one argument per column
@@ -289,7 +294,7 @@ Event = Fan | Heat | Acceleration | PressureAdvance
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Program:
+class Program(Drawn):
     """Moves before they become text: straight lines from one position to the next.
 
     Attributes:
@@ -336,6 +341,10 @@ class Program:
         ):
             if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    def __repr__(self) -> str:
+        metres = self.filament_used / 1000
+        return f"<Program: {self.plan.n_layers} layers, {self.n_moves} moves, {metres:.4g} m of filament>"
 
     @property
     def has_arcs(self) -> bool:

@@ -38,6 +38,10 @@ class Travels:
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
 
+    def __repr__(self) -> str:
+        crossing = int((self.crossings > 0).sum())
+        return f"<Travels: {self.n_ways} ways, {int(self.retract.sum())} retract, {crossing} cross outlines>"
+
     @classmethod
     def straight(cls, retract: Bool, crossings: Int) -> Travels:
         """Ways (M,) that pass nothing."""

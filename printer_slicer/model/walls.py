@@ -37,3 +37,6 @@ class Walls:
             object.__setattr__(
                 self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
             )
+
+    def __repr__(self) -> str:
+        return f"<Walls: {self.plan.n_layers} layers, {self.paths.n_paths} perimeters>"

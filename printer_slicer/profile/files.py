@@ -113,7 +113,15 @@ def _changed(sources: dict[str, _Source], changes: Mapping[str, object]) -> dict
 
 
 def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
-    """The same profile with some settings changed; bounds are checked, unlike by the structs' constructors."""
+    """The same profile with some settings changed; bounds are checked, unlike by the structs' constructors.
+
+    Args:
+        profile: stays as it is.
+        changes: as for `load_profile`.
+
+    Raises:
+        ProfileError: a change that is out of bounds, or of a setting that there is not.
+    """
     sources = {
         kind: _Source(
             msgspec.to_builtins(getattr(profile, kind)), {}, f"{kind} {getattr(profile, kind).name!r}"

@@ -1,0 +1,203 @@
+"""The public list against reality, and values that show themselves."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pytest
+
+import printer_slicer as ps
+from tests.api.example import run
+from tests.parts import cone
+
+ROOT: Final = Path(__file__).parents[2]
+SVG: Final = "{http://www.w3.org/2000/svg}"
+PROFILE: Final = ps.load_profile("marlin_220", "pla", "adaptive")
+STAGES: Final = ps.slice_stages(cone(8, 3, 6), PROFILE)
+FUNCTIONS: Final = [name for name in ps.__all__ if inspect.isfunction(getattr(ps, name))]
+CLASSES: Final = [name for name in ps.__all__ if inspect.isclass(getattr(ps, name))]
+DRAWN: Final = ("plan", "sections", "regions", "toolpaths", "program")
+
+
+def attributes_of(kind: Any) -> list[str]:
+    """The attributes that a class's docstring tells of."""
+    text = inspect.getdoc(kind) or ""
+    lines = text.partition("Attributes:\n")[2].splitlines()
+    own = [line for line in lines if line.startswith("    ") and not line.startswith("     ") and ":" in line]
+    return [name.strip() for line in own for name in line.partition(":")[0].split(",")]
+
+
+def test_every_public_name_exists_and_nothing_else_is_public() -> None:
+    there = {name for name in vars(ps) if not name.startswith("_")}
+    modules = {name for name in there if inspect.ismodule(getattr(ps, name))}
+
+    assert [name for name in ps.__all__ if not hasattr(ps, name)] == []
+    assert there - modules - set(ps.__all__) - {"TYPE_CHECKING", "annotations", "import_module"} == set()
+    assert set(dir(ps)) == set(ps.__all__)
+
+
+def test_the_public_list_is_small() -> None:
+    assert len(ps.__all__) <= 60
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_public_function_tells_of_each_argument_and_is_typed(name: str) -> None:
+    function = getattr(ps, name)
+    text, signature = inspect.getdoc(function) or "", inspect.signature(function)
+    unsaid = [one for one in signature.parameters if f"{one}:" not in text and f"`{one}`" not in text]
+    typed = [one.annotation for one in signature.parameters.values()]
+
+    # One argument in one sentence needs no list; one function may refer to another.
+    assert text
+    assert unsaid == [] or len(signature.parameters) == 1 or "arguments" in text, unsaid
+    assert inspect.Parameter.empty not in typed
+    assert signature.return_annotation is not inspect.Signature.empty
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_every_public_value_tells_of_each_attribute(name: str) -> None:
+    kind = getattr(ps, name)
+    fields = [field.name for field in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else []
+
+    assert inspect.getdoc(kind)
+    assert set(fields) - set(attributes_of(kind)) - {"layer_heights"} == set()
+
+
+def test_the_reference_lists_all_public_names_and_only_these() -> None:
+    text = (ROOT / "docs" / "reference" / "api.md").read_text(encoding="utf-8")
+    told = [line.split("}")[1].strip() for line in text.splitlines() if line.startswith("```{eval-api}")]
+
+    assert sorted(name for names in told for name in names.split()) == sorted(ps.__all__)
+
+
+def test_the_package_is_typed_and_an_example_passes_mypy_strict() -> None:
+    example = ROOT / "tests" / "api" / "example.py"
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", str(example)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (ROOT / "printer_slicer" / "py.typed").is_file()
+
+
+def test_the_example_runs(tmp_path: Path) -> None:
+    verdict = run(ROOT / "sample_parts" / "box.stl", tmp_path)
+
+    assert verdict.ok
+    assert (tmp_path / "part.gcode").read_text().startswith("; made by me\n")
+    assert (tmp_path / "told.txt").read_text().startswith("32 layers, ")
+
+
+# Values in a notebook
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_values_draw_themselves(name: str) -> None:
+    value = getattr(STAGES, name)
+    root = ET.fromstring(value._repr_svg_())
+    said = " ".join(node.text or "" for node in root.iter(f"{SVG}text"))
+
+    assert root.tag == f"{SVG}svg"
+    assert f"{STAGES.plan.n_layers} layers" in said
+    assert list(root.iter(f"{SVG}path")) + list(root.iter(f"{SVG}rect"))[1:] != []
+
+
+@pytest.mark.parametrize("name", DRAWN[1:])
+def test_one_layer_is_drawn_at_its_place(name: str) -> None:
+    value = getattr(STAGES, name)
+    picture = ps.draw(value, 3)
+
+    assert f"layer 3, z {STAGES.plan.top[3]:.4g} mm" in picture.title
+    with pytest.raises(ValueError, match=f"layer {STAGES.plan.n_layers}: there are layers 0 to"):
+        ps.draw(value, STAGES.plan.n_layers)
+
+
+def test_a_section_is_drawn_as_large_as_it_is() -> None:
+    """The radius of the cone's section, from the picture's own scale."""
+    picture = ps.draw(STAGES.sections, 0)
+    rings = [shape for shape in picture.shapes if type(shape).__name__ == "Line"]
+    spans = np.ptp(rings[0].points, axis=0)  # type: ignore[union-attr]
+    x, y = np.ptp(STAGES.sections.solid.ring(0), axis=0)
+
+    assert spans[0] / spans[1] == pytest.approx(x / y, rel=1e-6)
+    assert spans.max() == pytest.approx(560 * max(x, y) / (max(x, y) + 2), rel=1e-6)
+
+
+def test_the_plan_has_a_bar_for_every_layer() -> None:
+    bars = [shape for shape in ps.draw(STAGES.plan).shapes if getattr(shape, "name", "") == "layer"]
+
+    assert len(bars) == STAGES.plan.n_layers
+
+
+def test_values_without_anything_in_them_have_a_picture_too() -> None:
+    empty = ps.Areas.empty(3)
+
+    assert "nothing there" in ps.draw(empty)._repr_svg_()
+    assert "nothing there" in ps.draw(empty, 1)._repr_svg_()
+    assert "without layers" in ps.draw(ps.LayerPlan.from_tops(np.zeros(0)))._repr_svg_()
+
+
+def test_what_has_no_picture_is_refused() -> None:
+    with pytest.raises(TypeError, match="no picture of a value of type int"):
+        ps.draw(7)
+
+
+def test_pictures_are_saved_by_name(tmp_path: Path) -> None:
+    picture = ps.draw(STAGES.plan)
+    picture.save(tmp_path / "plan.svg")
+    picture.save(str(tmp_path / "plan.png"))
+
+    assert (tmp_path / "plan.svg").read_text() == picture.svg() == picture._repr_svg_()
+    assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ps.PrinterSlicerError, match="is not a kind of picture"):
+        picture.save(tmp_path / "plan.gif")
+
+
+def test_a_job_is_saved_whole(tmp_path: Path) -> None:
+    job = ps.job_of(STAGES, PROFILE)
+    job.save(tmp_path / "part.gcode")
+
+    assert (tmp_path / "part.gcode").read_bytes() == job.text
+    with pytest.raises(ps.PrinterSlicerError, match=r"the folder .* does not exist"):
+        job.save(tmp_path / "missing" / "part.gcode")
+
+
+def test_a_job_of_stages_is_the_job_of_their_part() -> None:
+    assert ps.job_of(STAGES, PROFILE).text == ps.job_of(cone(8, 3, 6), PROFILE).text
+
+
+def test_values_say_what_they_are() -> None:
+    plan = STAGES.plan
+    said = {
+        repr(STAGES.part): "<Mesh 'cone': ",
+        repr(plan): f"<LayerPlan optimal: {plan.n_layers} layers of",
+        repr(STAGES.sections): f"<Sections: {plan.n_layers} layers, {plan.n_layers} contours, ",
+        repr(STAGES.sections.solid): f"<Areas: {plan.n_layers} layers, ",
+        repr(STAGES.walls): f"<Walls: {plan.n_layers} layers, ",
+        repr(STAGES.regions): f"<Regions: {plan.n_layers} layers, mm3: bottom_skin ",
+        repr(STAGES.toolpaths): f"<Toolpaths: {plan.n_layers} layers, ",
+        repr(STAGES.travels): f"<Travels: {STAGES.travels.n_ways} ways, ",
+        repr(STAGES.program): f"<Program: {plan.n_layers} layers, {STAGES.program.n_moves} moves, ",
+        repr(ps.job_of(STAGES, PROFILE)): f"<Job 'cone': {plan.n_layers} layers, ",
+        repr(ps.draw(plan)): "<Picture '",
+        repr(ps.LayerPlan.from_tops(np.zeros(0))): "<LayerPlan: no layers>",
+        repr(
+            ps.Polylines.from_lines([[np.array([(0.0, 0), (3, 4)])]])
+        ): "<Polylines: 1 lines, 2 points, 5 mm>",
+    }
+
+    assert [text for text, begins in said.items() if not text.startswith(begins)] == []
+    assert max(map(len, said)) < 200
+    assert repr(STAGES).count("\n") == 8
