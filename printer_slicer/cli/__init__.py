@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
 
+from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
+from printer_slicer.cli.inputs import inputs
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import PrinterSlicerError
 
@@ -42,7 +44,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             stream, TextIOWrapper
         ):  # a terminal may know fewer letters than our texts and file names have
             stream.reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
-    arguments = build_parser().parse_args(argv)
+    parser = build_parser()
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could be typed
+        from printer_slicer.cli.completing import complete
+
+        complete(parser)
+    arguments = parser.parse_args(argv)
     code = 0
     try:
         code = _run(arguments)
@@ -55,10 +62,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: argparse.Namespace) -> int:
     """Run the command; failures become messages and exit codes."""
+    folder = ""
     try:
-        return int(arguments.run(arguments))
+        with inputs(arguments) as folder:
+            return int(arguments.run(arguments))
     except PrinterSlicerError as error:
-        return _fail(str(error), error.exit_code)
+        return _fail(str(error).replace(f"{folder}{os.sep}", "") if folder else str(error), error.exit_code)
     except KeyboardInterrupt:
         return _fail("cancelled", 6)
     except OSError:
@@ -88,5 +97,5 @@ def _output_failed(error: OSError) -> int:
 
 def _fail(message: str, code: int) -> int:
     with contextlib.suppress(OSError):  # nobody is left to be told
-        print(f"printer-slicer: {visible(message)}", file=sys.stderr)
+        print(f"{coloured('printer-slicer:', 'error', sys.stderr)} {visible(message)}", file=sys.stderr)
     return code

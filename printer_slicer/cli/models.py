@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.memory import keep_memory
 from printer_slicer.errors import UsageError
@@ -204,4 +205,5 @@ def refuse_model_flags(arguments: argparse.Namespace) -> None:
 def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
     """Tell people on stderr; not with --quiet."""
     for text in () if arguments.quiet else warnings:
-        print(f"printer-slicer: warning: {visible(text)}", file=sys.stderr)
+        prefix = coloured("printer-slicer: warning:", "warning", sys.stderr)
+        print(f"{prefix} {visible(text)}", file=sys.stderr)

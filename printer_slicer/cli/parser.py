@@ -12,9 +12,11 @@ from printer_slicer.cli.door_parsers import add_allow, add_beforehand, add_docto
 from printer_slicer.cli.importing import add_import
 from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
+from printer_slicer.cli.parsing import Command
 from printer_slicer.cli.parsing import command as _command
 from printer_slicer.cli.parsing import later as _later
 from printer_slicer.cli.parsing import output as _output
+from printer_slicer.cli.shell_parsers import add_completion, add_man
 from printer_slicer.cli.values import factor, height, length, pixels, positive, seconds
 from printer_slicer.version import VERSION
 
@@ -48,7 +50,8 @@ def build_parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=argparse.ArgumentParser)
+    usual: type[argparse.ArgumentParser] = Command
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual, title="commands")
     _slice(commands)
     _plan(commands)
     _contours(commands)
@@ -64,6 +67,8 @@ def build_parser() -> argparse.ArgumentParser:
     _ports(commands)
     add_doctor(commands)
     _profiles(commands)
+    add_completion(commands)
+    add_man(commands)
     return parser
 
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from importlib import import_module
 
-__all__ = ["command", "later", "output"]
+__all__ = ["Command", "command", "later", "output"]
 
 
 def later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
@@ -17,6 +17,34 @@ def later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
         return int(getattr(import_module(f"printer_slicer.cli.{module}"), function)(arguments))
 
     return run
+
+
+class Command(argparse.ArgumentParser):
+    """A parser whose usage names what must be typed; what may be typed stands in the help."""
+
+    def format_usage(self) -> str:
+        """The first line of the help, and what comes before errors."""
+        self.usage = self.usage or _short(self)
+        return super().format_usage()
+
+    def format_help(self) -> str:
+        """The help."""
+        self.usage = self.usage or _short(self)
+        return super().format_help()
+
+
+def _short(parser: argparse.ArgumentParser) -> str:
+    """Name, options that are required, and what stands without flags."""
+    words = [parser.prog, "[options]"]
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other list
+        what = action.metavar or action.dest.upper()
+        shown = " ".join(what) if isinstance(what, tuple) else what
+        if action.option_strings:
+            words += [f"{action.option_strings[0]} {shown}"] if action.required else []
+        else:
+            more = {"+": f"{shown} [{shown} ...]", "?": f"[{shown}]", "*": f"[{shown} ...]"}
+            words.append(more.get(str(action.nargs), shown))
+    return " ".join(words).replace("%", "%%")
 
 
 def command(

@@ -23,10 +23,6 @@ def test_a_model_out_of_a_pipe_needs_a_name_for_its_gcode(tmp_path: Path) -> Non
     assert piped("-o", tmp_path / "box.gcode").code == 0
 
 
-def test_a_minus_is_told_how_pipes_are_named() -> None:
-    assert is_message(typed("slice", "-", *QUICK), "-: no such file", "/dev/stdin")
-
-
 @pytest.mark.parametrize("flag", ["--printer", "--material", "--quality"])
 def test_a_profile_without_a_name_is_refused(flag: str) -> None:
     """As of a variable of the shell that is not set; another printer's moves would be made."""

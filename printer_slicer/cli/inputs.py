@@ -1,0 +1,119 @@
+"""The files of a command line: `-` is stdin; patterns that the shell left as they are become the files they mean."""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import IO, Final
+
+from printer_slicer.errors import UsageError
+
+__all__ = ["inputs"]
+
+_STDIN: Final = Path("-")
+_CHUNK, _MOST = 1 << 20, 1 << 31  # bytes; readers of each format have limits of their own
+_GCODE: Final = re.compile(rb"\s*(;|[GMTN]\d|%|$)", re.IGNORECASE)
+_LINES: Final = 40  # that must look like G-code
+# What other text formats begin with, where it might be taken for a comment or a command.
+_MODELS: Final = re.compile(rb"\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|<|\{)", re.IGNORECASE)
+
+
+@contextmanager
+def inputs(arguments: argparse.Namespace) -> Iterator[str]:
+    """Put the files that are meant into `arguments.models` and `arguments.gcode`.
+
+    Yields:
+        The folder that stdin was kept in, "" if nothing came from there; people need not read of it.
+
+    Raises:
+        UsageError: a pattern that no file fits, `-` twice, or nothing in stdin.
+    """
+    models = [path for one in getattr(arguments, "models", ()) for path in _meant(one)]
+    gcode = getattr(arguments, "gcode", None)
+    if gcode is not None:
+        arguments.gcode = gcode = _only(gcode)
+    wanted = [*models, *([gcode] if gcode is not None else [])].count(_STDIN)
+    if wanted > 1:
+        raise UsageError("-: stdin can be read only once", remedy="write one of the two to a file")
+    if hasattr(arguments, "models"):
+        arguments.models = models
+    if not wanted:
+        yield ""
+        return
+    with TemporaryDirectory(prefix="printer-slicer-") as folder:
+        path = _kept(Path(folder), is_gcode=gcode == _STDIN)
+        if gcode == _STDIN:
+            arguments.gcode = path
+        else:
+            arguments.models = [path if one == _STDIN else one for one in models]
+            _insist_on_output(arguments, models)
+        yield folder
+
+
+def _meant(path: Path) -> list[Path]:
+    """The files that a word of the command line stands for."""
+    text = str(path)
+    if not glob.has_magic(text) or path.exists():
+        return [path]
+    found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - they may be absolute
+    if not found:
+        raise UsageError(f"{path}: no file fits this pattern", remedy="check it, and the folder you are in")
+    return list(map(Path, found))
+
+
+def _only(path: Path) -> Path:
+    """The file that a pattern for one file stands for."""
+    found = _meant(path)
+    if len(found) > 1:
+        raise UsageError(
+            f"{path}: fits {len(found)} files, {found[0].name} and {found[1].name} among them; one is expected",
+            remedy='one after the other: for file in *.gcode; do printer-slicer check "$file"; done',
+        )
+    return found[0]
+
+
+def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> None:
+    """G-code of a model from stdin has no name of its own."""
+    if models[0] == _STDIN and "output" in vars(arguments) and arguments.output is None:
+        raise UsageError("-: G-code of a model from stdin has no name", remedy="name it with -o; - is stdout")
+
+
+def _kept(folder: Path, *, is_gcode: bool) -> Path:
+    """Stdin as a file, named after what it holds.
+
+    Raises:
+        UsageError: there is nothing in it, or too much.
+    """
+    stream: IO[bytes] = sys.stdin.buffer if sys.stdin else open("/dev/null", "rb")  # noqa: PTH123, SIM115 - `<&-`
+    if stream.isatty():
+        print("printer-slicer: reading stdin, as - says; Ctrl-D ends it", file=sys.stderr)
+    path, length = folder / "stdin", 0
+    with path.open("wb") as file:
+        while chunk := stream.read(_CHUNK):
+            length += len(chunk)
+            if length > _MOST:
+                raise UsageError(
+                    f"-: more than {_MOST >> 30} GiB in stdin", remedy="give the file by its name"
+                )
+            file.write(chunk)
+    if not length:
+        raise UsageError(
+            "-: nothing came from stdin", remedy="pipe a model or G-code into it, or name a file"
+        )
+    with path.open("rb") as file:
+        kind = ".gcode" if is_gcode or _looks_like_gcode(file.read(1 << 16)) else ""
+    return path.rename(path.with_suffix(kind)) if kind else path
+
+
+def _looks_like_gcode(head: bytes) -> bool:
+    """Whether text begins with comments and commands, and is not one of the models that are text."""
+    if _MODELS.match(head) or b"\0" in head:
+        return False
+    lines = head.splitlines()[:_LINES]
+    return bool(lines) and sum(bool(_GCODE.match(line)) for line in lines) >= 0.9 * len(lines)
