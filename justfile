@@ -38,6 +38,14 @@ cover:
 bench *ARGS:
     python benchmarks/compare.py {{ARGS}}
 
+# wheel and sdist in fresh environments of every Python that is found
+install *ARGS:
+    python benchmarks/installing.py {{ARGS}}
+
+# the site, in build/site; warnings are errors
+docs:
+    sphinx-build -W --keep-going -q -b html docs build/site
+
 # parts and pictures of docs/gallery.md
 gallery *NAMES:
     python -m benchmarks.gallery {{NAMES}}

@@ -263,7 +263,7 @@ def blocks(language: str) -> list[tuple[Path, int, str]]:
     found = []
     for path in DOCUMENTS:
         text = path.read_text(encoding="utf-8")
-        for match in re.finditer(rf"(?ms)^( *)```{language}\n(.*?)^ *```", text):
+        for match in re.finditer(rf"(?ms)^( *)```{language}(?: not-here)?\n(.*?)^ *```", text):
             indent = match[1]
             lines = [line.removeprefix(indent) for line in match[2].splitlines()]
             found.append((path, text[: match.start()].count("\n") + 1, "\n".join(lines) + "\n"))
