@@ -16,9 +16,12 @@ from contextlib import chdir
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import pytest
 
 from printer_slicer.cli import main
+from printer_slicer.mesh_io import export_stl, load_mesh
+from printer_slicer.placing import transformed
 
 ROOT: Final = Path(__file__).parents[1]
 # The gallery and the checking of it have tests of their own; the README's first commands are run by `just install`.
@@ -53,13 +56,24 @@ def lines(block: str) -> Iterator[str]:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """With what the examples take for granted."""
-    (tmp_path / "sample_parts").symlink_to(ROOT / "sample_parts")
+    shutil.copytree(ROOT / "sample_parts", tmp_path / "sample_parts")
     shutil.copy(ROOT / "sample_parts" / "box.stl", tmp_path / "part.stl")
+    # The vase is sliced ten times: a lower one shows as much, sooner.
+    vase = transformed(load_mesh(ROOT / "sample_parts" / "vase.stl"), scale=np.array([1.0, 1.0, 0.4]))
+    export_stl(vase, tmp_path / "sample_parts" / "vase.stl")
     script = tmp_path / "bin" / "printer-slicer"
     script.parent.mkdir()
     script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m printer_slicer "$@"\n')
     script.chmod(0o755)
     return tmp_path
+
+
+def in_shell(block: str) -> None:
+    """Run a block in a shell of its own."""
+    done = subprocess.run(
+        ["/bin/sh", "-e"], input=block, text=True, capture_output=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, f"{block}\n{done.stderr}"
 
 
 def with_vase(path: Path) -> bool:
@@ -79,10 +93,7 @@ def test_the_shell_examples_of_a_document_run(
             assert main(["slice", "sample_parts/vase.stl", "-o", "vase.gcode", "--quiet"]) == 0
         for block in examples(path):
             if SHELL.search(block):
-                done = subprocess.run(
-                    ["/bin/sh", "-e"], input=block, text=True, capture_output=True, timeout=300, check=False
-                )
-                assert done.returncode == 0, f"{block}\n{done.stderr}"
+                in_shell(block)
                 continue
             for line in lines(block):
                 words = shlex.split(line)
