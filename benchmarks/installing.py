@@ -2,8 +2,8 @@
 
     python benchmarks/installing.py [PYTHON ...]
 
-Builds both, each from what the other one is not; then, for every Python of a version that we support: a new environment,
-the wheel and nothing of the checkout, and the first command of the README, on parts that lie elsewhere. The sdist is
+Builds both from the files that git knows; then, for every Python of a version that we support: a new environment, the
+wheel and nothing of the checkout, and the first command of the README, on parts that lie elsewhere. The sdist is
 installed under one of them. Prints a table; the exit code says whether all of it went well.
 """
 

@@ -45,7 +45,10 @@ def write_slc(sections: Sections) -> bytes:
     z = np.concatenate([[0.0], plan.top]).astype(np.float32)
     if (np.diff(z) <= 0).any():
         layer = int(np.flatnonzero(np.diff(z) <= 0)[0])
-        raise OutputError(f"layer {layer + 1} is too thin for the 32-bit numbers of SLC")
+        raise OutputError(
+            f"layer {layer + 1} is too thin for the 32-bit numbers of SLC",
+            remedy="plan thicker layers, or write .cli or .svg, which hold finer ones",
+        )
     head = _header(rounded, float(z[-1])) + _RESERVED
     return head + _table(plan) + b"".join(_layers(rounded, z.tolist()))
 

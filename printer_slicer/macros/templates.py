@@ -92,7 +92,10 @@ class Template:
         for part in self._parts(self.pieces, known):
             size += len(part)
             if size > _MOST_CHARACTERS:
-                raise ProfileError(f"{self.place}: more than {_MOST_CHARACTERS} characters come out")
+                raise ProfileError(
+                    f"{self.place}: more than {_MOST_CHARACTERS} characters come out",
+                    remedy="look for lists and texts that it says over and over",
+                )
             text.append(part)
         return "".join(text).strip("\n").splitlines()
 
