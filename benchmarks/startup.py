@@ -37,6 +37,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         commands = {
             _BARE: [sys.executable, "-c", "pass"],
             "python -c 'import numpy'": [sys.executable, "-c", "import numpy"],
+            "python -c 'import printer_slicer'": [sys.executable, "-c", "import printer_slicer"],
+            "python -c 'import printer_slicer as ps; ps.slice_part'": [
+                sys.executable,
+                "-c",
+                "import printer_slicer as ps; ps.slice_part",
+            ],
             "printer-slicer --help": ours("--help"),
             "printer-slicer profiles": ours("profiles"),
             "printer-slicer slice box.stl": ours("slice", box, "-o", out),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 
 from printer_slicer.errors import VerificationError
-from printer_slicer.gcode import read_moves
+from printer_slicer.gcode import read_moves, spoken
 from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Printer, Profile
@@ -150,6 +150,32 @@ class Verdict:
     def ok(self) -> bool:
         """Whether the job would print as intended."""
         return not self.problems
+
+    def __repr__(self) -> str:
+        state = "ok" if self.ok else f"{len(self.problems)} problems"
+        return f"<Verdict {self.job!r}: {state}, {self.executed} of {self.commands} commands>"
+
+    def _repr_svg_(self) -> str:
+        """What notebooks ask for."""
+        from printer_slicer.drawing import card  # noqa: PLC0415 - only where it is looked at
+
+        return card(*_told(self)).svg()
+
+
+def _told(verdict: Verdict) -> tuple[str, dict[str, str], tuple[str, ...]]:
+    """Headline, facts and problems of a verdict, for a picture."""
+    laid = len(verdict.heights) - len(verdict.primed)
+    facts = {
+        "executed": f"{verdict.executed} of {verdict.commands} commands, "
+        + ("each once and in order" if verdict.identical else "NOT what was sent"),
+        "layers": f"plastic at {laid} heights, "
+        + ("as planned" if verdict.heights_equal else "NOT as planned"),
+        "motion": f"{spoken(verdict.simulated_seconds)} simulated, {spoken(verdict.modelled_seconds)} modelled",
+        "in all": f"{spoken(verdict.total_seconds)} with homing and heating",
+        "filament": f"{verdict.report.filament / 1000:.2f} m",
+    }
+    how = "would print as intended" if verdict.ok else f"has {len(verdict.problems)} problems"
+    return f"{verdict.job} {how}", facts, verdict.problems
 
 
 def dry_run(job: Job, profile: Profile, *, on_event: Callable[[Event], None] = lambda _: None) -> Verdict:

@@ -153,6 +153,21 @@ def test_values_without_anything_in_them_have_a_picture_too() -> None:
     assert "without layers" in ps.draw(ps.LayerPlan.from_tops(np.zeros(0)))._repr_svg_()
 
 
+def test_a_verdict_is_a_card_that_tells_what_is_wrong() -> None:
+    job = ps.job_of(STAGES, PROFILE)
+    good = ps.dry_run(job, PROFILE)
+    bad = dataclasses.replace(good, problems=tuple(f"problem {k} {'x' * 200}" for k in range(12)))
+    shown = [ET.fromstring(verdict._repr_svg_()) for verdict in (good, bad)]
+    said = [" | ".join(node.text or "" for node in root.iter(f"{SVG}text")) for root in shown]
+
+    assert said[0].startswith("cone would print as intended | executed | ")
+    assert f"{good.commands} of {good.commands} commands, each once and in order" in said[0]
+    assert said[1].startswith("cone has 12 problems")
+    assert said[1].count("problem ") == 8
+    assert said[1].endswith("and 4 more")
+    assert repr(good) == f"<Verdict 'cone': ok, {good.commands} of {good.commands} commands>"
+
+
 def test_what_has_no_picture_is_refused() -> None:
     with pytest.raises(TypeError, match="no picture of a value of type int"):
         ps.draw(7)
