@@ -77,7 +77,7 @@ def _choices(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--for",
-        dest="printer",
+        dest="preset",
         metavar="PRINTER",
         default="",
         help="a printer of a bundle, with what suits it",
@@ -140,7 +140,7 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         overrides[key.strip()] = value.strip()
     wanted = Wanted(
         names=tuple(arguments.only),
-        printer=arguments.printer,
+        printer=arguments.preset,
         ceilings=Ceilings(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
         folders=tuple(arguments.folder),
         cura=overrides,
