@@ -161,7 +161,9 @@ def _sum(sign: str, first: float, second: float) -> float | int:
 
 def _called(name: str, values: list[float | int]) -> Plain:
     if name in ("min", "max") and len(values) >= 2:
-        return min(values) if name == "min" else max(values)
+        chosen = min(values) if name == "min" else max(values)
+        # Among fractions a whole number is a fraction, too, which matters to a division by it.
+        return chosen if all(isinstance(one, int) for one in values) else float(chosen)
     if name == "int" and len(values) == 1:
         return int(values[0])
     if name == "round" and len(values) == 1:

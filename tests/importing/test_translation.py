@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from printer_slicer.importing.conditions import value_of
@@ -194,6 +194,7 @@ def combined(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     )
 
 
+@example("7 / min(2, 3.5)")
 @given(st.recursive(ATOMS, combined, max_leaves=8))
 def test_expressions_have_the_same_value_in_both_languages(text: str) -> None:
     translator = Translator({"nozzle_diameter": "0.4"})
