@@ -46,6 +46,11 @@ install *ARGS:
 docs:
     sphinx-build -W --keep-going -q -b html docs build/site
 
+# what is made from the settings: docs/reference/settings.md and the schemas for editors
+settings:
+    printer-slicer profiles settings --markdown > docs/reference/settings.md
+    printer-slicer profiles schema -o profiles/schema
+
 # parts and pictures of docs/gallery.md
 gallery *NAMES:
     python -m benchmarks.gallery {{NAMES}}

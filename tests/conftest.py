@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import HealthCheck, settings
 # How long an example takes says nothing of the code on a machine that others use, too.
 settings.register_profile("shared machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("shared machine")
+
+# Nobody's own profiles; set before test modules ask what there is.
+os.environ["PRINTER_SLICER_PROFILES"] = ""
 
 
 @pytest.fixture(autouse=True)

@@ -21,7 +21,9 @@ import pytest
 
 from printer_slicer.cli import main
 from printer_slicer.mesh_io import export_stl, load_mesh
+from printer_slicer.model import Mesh
 from printer_slicer.placing import transformed
+from printer_slicer.profile.folders import VARIABLE
 
 ROOT: Final = Path(__file__).parents[1]
 # The gallery and the checking of it have tests of their own; the README's first commands are run by `just install`.
@@ -37,7 +39,7 @@ DOCUMENTS: Final = sorted(
 ELSEWHERE: Final = re.compile(
     r"pip install|/dev/tty|://|--pty|python -m (benchmarks|pytest)|benchmarks/|gallery/|\.3mf|bracket|figure"
 )
-SHELL: Final = re.compile(r"[|&;<>$*`]|^\s*(for|do|done|mkdir|#)", re.MULTILINE)
+SHELL: Final = re.compile(r"[|&;<>$*`#]|^\s*(for|do|done|mkdir)", re.MULTILINE)
 
 
 def examples(path: Path) -> list[str]:
@@ -57,7 +59,9 @@ def lines(block: str) -> Iterator[str]:
 def folder(tmp_path: Path) -> Path:
     """With what the examples take for granted."""
     shutil.copytree(ROOT / "sample_parts", tmp_path / "sample_parts")
-    shutil.copy(ROOT / "sample_parts" / "box.stl", tmp_path / "part.stl")
+    box = load_mesh(ROOT / "sample_parts" / "box.stl")
+    for name, left in {"part": 0, "lid": 0, "can": 40}.items():
+        export_stl(Mesh(box.triangles + np.array([left, 0.0, 0.0]), name), tmp_path / f"{name}.stl")
     # The vase is sliced ten times: a lower one shows as much, sooner.
     vase = transformed(load_mesh(ROOT / "sample_parts" / "vase.stl"), scale=np.array([1.0, 1.0, 0.4]))
     export_stl(vase, tmp_path / "sample_parts" / "vase.stl")
@@ -88,6 +92,7 @@ def test_the_shell_examples_of_a_document_run(
 ) -> None:
     monkeypatch.setenv("PATH", f"{folder / 'bin'}:/usr/bin:/bin")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv(VARIABLE, str(folder / "own"))
     with chdir(folder):
         if with_vase(path):
             assert main(["slice", "sample_parts/vase.stl", "-o", "vase.gcode", "--quiet"]) == 0

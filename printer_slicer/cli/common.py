@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PATIENCE",
     "Stages",
+    "changes_from",
     "check_writable",
     "profile_from",
     "refuse_mixing",
@@ -47,6 +48,17 @@ def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profi
     """
     from printer_slicer.profile import load_profile
 
+    names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
+    folders = getattr(arguments, "profiles", ())
+    return load_profile(*names, changes_from(arguments), slices=slices, folders=folders)
+
+
+def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
+    """The settings that --set and flags with names of their own change.
+
+    Raises:
+        UsageError: one that is no setting with a value, or an empty name of a profile.
+    """
     changes = _dialled(arguments)
     if getattr(arguments, "baud", None):
         changes["printer.baud"] = arguments.baud
@@ -62,8 +74,7 @@ def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profi
             raise UsageError(
                 f"--{flag}: the name is empty", remedy="leave it out, or see `printer-slicer profiles`"
             )
-    names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
-    return load_profile(*names, changes, slices=slices)
+    return changes
 
 
 def _dialled(arguments: argparse.Namespace) -> dict[str, object]:

@@ -11,7 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["SHELLS", "complete", "shell_code"]
+from printer_slicer.cli.dials import DIALS
+
+__all__ = ["SHELLS", "actions_of", "complete", "shell_code"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")
@@ -72,18 +74,12 @@ def _names(kind: str) -> _Completer:
     def known(prefix: str) -> _Words:
         """Those that begin so."""
         from printer_slicer.profile import profile_paths
+        from printer_slicer.profile.inspection import headline
 
-        names = {name: _meaning(path) for name, path in profile_paths(kind).items()}
+        names = {name: headline(path) for name, path in profile_paths(kind).items()}
         return _beginning(names, prefix) | dict.fromkeys(_paths(prefix, (".toml",)), "")
 
     return known
-
-
-def _meaning(path: Path) -> str:
-    """The first line of a profile, if it is a comment."""
-    with path.open(encoding="utf-8") as file:
-        first = file.readline()
-    return first.lstrip("# ").strip() if first.startswith("#") else ""
 
 
 def _any_profile(prefix: str) -> _Words:
@@ -148,10 +144,19 @@ def _allowed(prefix: str) -> _Words:
     return _beginning(NAMES, prefix)
 
 
-def _planners(prefix: str) -> _Words:
-    from printer_slicer.profile.planners import PLANNER_SETTINGS
+def _choices(setting: str) -> _Completer:
+    """The few words of which a setting is one."""
 
-    return _beginning({name: (kind.__doc__ or "") for name, kind in PLANNER_SETTINGS.items()}, prefix)
+    def known(prefix: str) -> _Words:
+        """Those that begin so."""
+        if setting.endswith("planner.kind"):
+            from printer_slicer.profile.planners import PLANNER_SETTINGS
+
+            return _beginning({name: kind.__doc__ or "" for name, kind in PLANNER_SETTINGS.items()}, prefix)
+        few = {row[0]: _values(row[1], row[3]) for row in _rows()}
+        return [word for word in few[setting] if word.startswith(prefix)]
+
+    return known
 
 
 def _of(*words: str) -> _Completer:
@@ -188,9 +193,7 @@ _OF_FLAGS: Final[Mapping[str, _Completer]] = {
     "--quality": _names("quality"),
     "--inherits": _any_profile,
     "--set": _settings,
-    "--planner": _planners,
-    "--containment": _of("mid", "positive", "negative"),
-    "--objective": _of("balanced", "time", "layers", "volume"),
+    **{flag: _choices(dial.setting) for flag, dial in DIALS.items()},
     "--units": _of("mm", "cm", "m", "inch", "foot", "micron"),
     "--allow": _allowed,
     "--port": _ports,

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from printer_slicer.cli.common import say, visible, write_file
 from printer_slicer.cli.parsing import later, output
+from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder
 from printer_slicer.cli.values import positive
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 
@@ -159,9 +160,13 @@ def _list(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
 
 def _write(arguments: argparse.Namespace, made: Sequence[Any]) -> list[Path]:
     """Write all files, or none where one is there already."""
-    from printer_slicer.importing import FOLDERS, names_of_files, profile_text
+    from printer_slicer.importing import names_of_files, profile_text
+    from printer_slicer.profile.folders import FOLDERS
+    from printer_slicer.profile.schema import directive
 
-    root = arguments.out or _user_folder()
+    if not made:
+        return []
+    root: Path = arguments.out or own_folder((), "profiles import", "name one with -o FOLDER")
     paths = [
         root / FOLDERS[one.kind] / f"{name}.toml"
         for one, name in zip(made, names_of_files(made), strict=True)
@@ -174,22 +179,11 @@ def _write(arguments: argparse.Namespace, made: Sequence[Any]) -> list[Path]:
         raise OutputError(
             f"{there[0]}{more}: there already", remedy="--force writes over it, -o FOLDER elsewhere"
         )
+    schemas = kept_schemas(None if arguments.out else root)
     for path, one in zip(paths, made, strict=True):
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"{path.parent}: cannot be made: {error.strerror}", remedy="choose another folder with -o"
-            ) from None
-        write_file(path, profile_text(one).encode())
+        make_folder(path.parent)
+        write_file(path, f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode())
     return paths
-
-
-def _user_folder() -> Path:
-    """Where a person's own profiles are."""
-    from platformdirs import user_config_path
-
-    return user_config_path("printer_slicer", appauthor=False)
 
 
 def _facts(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:

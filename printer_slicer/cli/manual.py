@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from printer_slicer.cli.completing import shell_code
 from printer_slicer.cli.parser import build_parser
+from printer_slicer.profile.folders import VARIABLE
 from printer_slicer.version import VERSION
 
 __all__ = ["as_man", "as_markdown", "completion_command", "man_command"]
@@ -16,6 +17,7 @@ _FILES = "A file named - is stdin or stdout. Patterns such as '*.stl' are expand
 _ENVIRONMENT = {
     "NO_COLOR": "no colours, even on a terminal",
     "PRINTER_SLICER_KEY": "key or password for `send`, where no --key-file is given",
+    VARIABLE: "folders of your own profiles, in place of the platform's; separated as in PATH; empty: none",
     "PRINTER_SLICER_STATE": "folder for what must be known to go on with a print; default: the system's place for it",
     "PRINTER_SLICER_GEOMETRY": "`planar` takes the second engine for areas, slower, to compare with",
     "PRINTER_SLICER_TRACEBACK": "shows where an internal error happened",

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Final
 
+from printer_slicer.cli.dials import add_dials
 from printer_slicer.cli.door_parsers import add_allow, add_beforehand, add_doctor, add_send
-from printer_slicer.cli.importing import add_import
 from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
 from printer_slicer.cli.parsing import Command
 from printer_slicer.cli.parsing import command as _command
 from printer_slicer.cli.parsing import later as _later
 from printer_slicer.cli.parsing import output as _output
+from printer_slicer.cli.profile_parsers import add_profiles, add_settings
 from printer_slicer.cli.shell_parsers import add_completion, add_man
-from printer_slicer.cli.values import factor, height, length, pixels, positive, seconds
+from printer_slicer.cli.values import factor, height, length, pixels, positive
 from printer_slicer.version import VERSION
 
 __all__ = ["build_parser"]
@@ -66,7 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
     add_send(commands)
     _ports(commands)
     add_doctor(commands)
-    _profiles(commands)
+    add_profiles(commands)
     add_completion(commands)
     add_man(commands)
     return parser
@@ -88,81 +87,12 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-_READERS: Final[dict[str, Callable[[str], object]]] = {"--time-budget": seconds}
-
-
 def _common(parser: argparse.ArgumentParser) -> None:
     """Flags that decide how a part becomes G-code, and how results are said."""
-    group = parser.add_argument_group("settings")
-    group.add_argument("--printer", metavar="NAME", help="printer profile, or path of a .toml file")
-    group.add_argument("--material", metavar="NAME", help="material profile, likewise")
-    group.add_argument("--quality", metavar="NAME", help="quality profile, likewise")
-    group.add_argument(
-        "--set", metavar="KEY=VALUE", action="append", default=[], help="change one setting; may be repeated"
-    )
+    group = add_settings(parser)
     group.add_argument("--strict", action="store_true", help="refuse a part whose mesh needs repair")
-    _heights(parser)
+    add_dials(parser)
     _output(parser)
-
-
-# flag -> setting, what to type, meaning
-_DIALS: Final = {
-    "--planner": (
-        "quality.planner.kind",
-        "NAME",
-        "how heights are chosen: optimal, uniform, area, cusp, stepwise, genetic",
-    ),
-    "--tolerance": (
-        "quality.tolerance",
-        "MM",
-        "greatest certified distance of a wrong place from the surface",
-    ),
-    "--heights": ("heights", "LIST", "0.1,0.2,0.3 or LOW:HIGH or LOW:HIGH:STEP, in mm"),
-    "--first-layer": (
-        "quality.first_layer_height",
-        "MM",
-        "height of the first layer; 0: as the planner likes",
-    ),
-    "--containment": (
-        "quality.containment",
-        "NAME",
-        "mid, positive (nothing missing), negative (nothing too much)",
-    ),
-    "--objective": (
-        "quality.planner.objective",
-        "NAME",
-        "balanced, time, layers, volume; for --planner optimal",
-    ),
-    "--error-price": (
-        "quality.planner.error_price",
-        "S",
-        "seconds that a mm3 of volume error may cost; likewise",
-    ),
-    "--snap": ("quality.planner.snap_tolerance", "MM", "layers end this near to flats; likewise"),
-    "--max-step": ("quality.planner.max_step", "MM", "greatest difference of neighbouring layers; likewise"),
-    "--max-layers": ("quality.planner.max_layers", "N", "least error with no more layers; likewise"),
-    "--time-budget": (
-        "quality.planner.time_budget",
-        "TIME",
-        "least error in this time: 90m, 1h30m, 5400; likewise",
-    ),
-}
-
-
-def _heights(parser: argparse.ArgumentParser) -> None:
-    """Flags that decide where layers end: short names of settings."""
-    group = parser.add_argument_group("layer heights")
-    for flag, (setting, what, meaning) in _DIALS.items():
-        group.add_argument(
-            flag, metavar=what, dest=f"dial {setting}", type=_READERS.get(flag, str), help=meaning
-        )
-    group.add_argument(
-        "--range",
-        metavar="LOW:HIGH:RULE",
-        action="append",
-        default=[],
-        help="tolerance=MM or layer_height=MM between two heights; may be repeated; likewise",
-    )
 
 
 def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -397,20 +327,3 @@ def _ports(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser = _command(commands, "ports", "list the serial ports", "  printer-slicer ports --json")
     _output(parser)
     parser.set_defaults(run=_later("profiles", "ports_command"))
-
-
-def _profiles(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "profiles",
-        "list the shipped profiles and all settings",
-        "  printer-slicer profiles\n  printer-slicer profiles settings\n  printer-slicer profiles printer marlin_220\n"
-        "  printer-slicer profiles import config.ini   from other slicers; `profiles import --help` says more",
-    )
-    parser.add_argument(
-        "what", nargs="?", choices=("list", "settings", "printer", "material", "quality"), default="list"
-    )
-    parser.add_argument("name", nargs="?", help="which one to show")
-    _output(parser)
-    add_import(parser)
-    parser.set_defaults(run=_later("profiles", "profiles_command"))

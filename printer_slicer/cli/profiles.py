@@ -4,78 +4,313 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NoReturn
 
-from printer_slicer.errors import UsageError
+from printer_slicer.cli.common import changes_from, say, write_file
+from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder, write_schemas
+from printer_slicer.errors import OutputError, ProfileError, UsageError
+
+if TYPE_CHECKING:
+    from printer_slicer.profile.reading import Source
 
 __all__ = ["ports_command", "profiles_command"]
 
+_KINDS: Final = ("printer", "material", "quality")
+_WIDE: Final = 100  # letters: what is longer is not lined up
+
 
 def profiles_command(arguments: argparse.Namespace) -> int:
-    """List the shipped profiles, show one, or list all settings."""
-    if arguments.what == "settings":
-        return _settings(arguments)
-    if arguments.what == "list":
-        return _list(arguments)
-    if not arguments.name:
-        raise UsageError(
-            f"profiles {arguments.what}: which one?", remedy=f"printer-slicer profiles {arguments.what} NAME"
-        )
-    return _show(arguments)
+    """Do what was asked about profiles."""
+    what = arguments.what
+    if what in _KINDS:  # `profiles printer NAME`
+        what, arguments.names = "show", [arguments.what, *arguments.names]
+        if len(arguments.names) == 1:
+            _refuse(f"profiles {arguments.what}: which one?", f"profiles {arguments.what} NAME")
+    return _COMMANDS[what](arguments)
+
+
+def _refuse(problem: str, example: str) -> NoReturn:
+    """What was typed makes no sense."""
+    raise UsageError(problem, remedy=f"printer-slicer {example}")
+
+
+def _document(arguments: argparse.Namespace, value: object) -> None:
+    if not arguments.quiet:
+        print(json.dumps(value, ensure_ascii=False))
 
 
 def _list(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile import DEFAULT_NAMES, KINDS, profile_paths
+    from printer_slicer.profile.folders import profile_root
+    from printer_slicer.profile.inspection import headline
 
-    known = {kind: profile_paths(kind) for kind in KINDS}
-    if arguments.quiet:
-        return 0
+    wanted = [name.removesuffix("s") for name in arguments.names] or list(KINDS)
+    for name in wanted:
+        if name not in KINDS:
+            _refuse(f"profiles list {name}: no such kind", f"profiles list {'|'.join(KINDS)}")
+    known = {kind: profile_paths(kind, arguments.profiles) for kind in wanted}
     if arguments.json:
-        print(
-            json.dumps(
-                {kind: {name: str(path) for name, path in paths.items()} for kind, paths in known.items()}
-            )
+        _document(
+            arguments, {kind: {name: str(path) for name, path in known[kind].items()} for kind in known}
         )
         return 0
+    shipped = profile_root()
     for kind, paths in known.items():
-        print(f"--{kind}")
+        say(arguments, f"--{kind}")
         for name, path in paths.items():
-            first = path.read_text(encoding="utf-8").splitlines()[0]
-            meaning = first.lstrip("# ") if first.startswith("#") else ""
-            print(f"  {name + (' (default)' if name == DEFAULT_NAMES[kind] else ''):<26}{meaning}")
+            shown = name + (" (default)" if name == DEFAULT_NAMES[kind] else "")
+            own = "" if path.is_relative_to(shipped) else f" [{path}]"
+            say(arguments, f"  {shown:<26}{headline(path)}{own}")
     return 0
 
 
-def _show(arguments: argparse.Namespace) -> int:
-    from printer_slicer.profile import part_settings
+def _one(arguments: argparse.Namespace, words: Sequence[str]) -> tuple[str, str]:
+    """The kind and the name of a profile, from `NAME`, `KIND NAME` or a path."""
+    from printer_slicer.profile.reading import kind_of
 
-    chosen = part_settings(arguments.what, arguments.name)
-    if arguments.quiet:
-        return 0
-    if arguments.json:
-        print(json.dumps(chosen))
+    if len(words) == 2 and words[0] in _KINDS:
+        return words[0], words[1]
+    if len(words) != 1:
+        _refuse(f"profiles {arguments.what}: which one?", f"profiles {arguments.what} NAME")
+    return kind_of(words[0], arguments.profiles), words[0]
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from printer_slicer.profile.inspection import settings_told
+    from printer_slicer.profile.reading import read_chain
+
+    if arguments.names:
+        kind, name = _one(arguments, arguments.names)
+        parts = {"": settings_told(kind, read_chain(kind, name, arguments.profiles))}
     else:
-        for key, value in chosen.items():
-            text = f'"""\n{value}"""' if isinstance(value, str) and "\n" in value else value
-            print(f"{key} = {text}")
+        sources = _sources(arguments)
+        parts = {f"{kind}.": settings_told(kind, source) for kind, source in sources.items()}
+    told = {f"{prefix}{key}": one for prefix, part in parts.items() for key, one in part.items()}
+    if arguments.json:
+        _document(arguments, {key: {"value": one.value, "from": one.place} for key, one in told.items()})
+        return 0
+    lines = {key: f"{key} = {_shown(one.value)}" for key, one in told.items()}
+    wide = min(max(len(line) for line in lines.values()), 44)
+    for key, line in lines.items():
+        say(arguments, f"{line:<{wide}}  # {told[key].place}")
+    return 0
+
+
+def _shown(value: object) -> str:
+    """A value on one line."""
+    from printer_slicer.profile.template import toml_value
+
+    return toml_value(value) if not isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _sources(arguments: argparse.Namespace) -> Mapping[str, Source]:
+    """The parts that the flags describe, which suit each other."""
+    from printer_slicer.profile import load_profile
+    from printer_slicer.profile.files import read_sources
+
+    names = {kind: getattr(arguments, kind) for kind in _KINDS}
+    changes = changes_from(arguments)
+    load_profile(names["printer"], names["material"], names["quality"], changes, folders=arguments.profiles)
+    return read_sources(names, changes, arguments.profiles)
+
+
+def _diff(arguments: argparse.Namespace) -> int:
+    from printer_slicer.profile.inspection import differences
+    from printer_slicer.profile.reading import read_chain
+
+    words = list(arguments.names)
+    given = words.pop(0) if len(words) == 3 and words[0] in _KINDS else ""
+    if len(words) != 2:
+        _refuse("profiles diff: which two?", "profiles diff NAME OTHER")
+    kinds = [given or _one(arguments, [word])[0] for word in words]
+    if kinds[0] != kinds[1]:
+        raise UsageError(
+            f"{words[0]} is a {kinds[0]}, {words[1]} a {kinds[1]}", remedy="compare two of the same kind"
+        )
+    one, other = (read_chain(kinds[0], word, arguments.profiles) for word in words)
+    found = differences(kinds[0], one, other)
+    if arguments.json:
+        _document(arguments, {key: dict(zip(words, pair, strict=True)) for key, pair in found.items()})
+        return 0
+    for key, (left, right) in found.items():
+        say(arguments, f"{key:<36}{_side(left)} -> {_side(right)}")
+    if not found:
+        say(arguments, "no difference")
+    return 0
+
+
+def _side(value: object) -> str:
+    return "-" if value is None else _shown(value)
+
+
+def _new(arguments: argparse.Namespace) -> int:
+    from printer_slicer.profile import DEFAULT_NAMES
+    from printer_slicer.profile.folders import FOLDERS
+    from printer_slicer.profile.reading import read_chain
+    from printer_slicer.profile.schema import directive
+    from printer_slicer.profile.template import new_profile
+
+    if len(arguments.names) != 2 or arguments.names[0] not in _KINDS:
+        _refuse("profiles new: of which kind, and what name?", "profiles new printer my_printer")
+    kind, name = arguments.names
+    root = None if arguments.output else _root_of_new(arguments, kind, name)
+    path: Path = root / FOLDERS[kind] / f"{name}.toml" if root else arguments.output
+    to_stdout = str(path) == "-"
+    if path.exists() and not to_stdout:
+        raise OutputError(f"{path}: is there already", remedy="take another name, or -o another file")
+    parent = arguments.inherits or DEFAULT_NAMES[kind]
+    source = read_chain(kind, parent, arguments.profiles)
+    if "/" in parent or parent.endswith(".toml"):
+        parent = str(Path(parent).absolute())  # a relative path would begin at the new file
+    if root:
+        make_folder(path.parent)
+    text = new_profile(kind, name, parent, source, directive(kind, kept_schemas(root)))
+    write_file(path, text.encode())
+    if not to_stdout:
+        say(arguments, f"{path} written; change it, and use it: --{kind} {name if root else path}")
+    return 0
+
+
+def _root_of_new(arguments: argparse.Namespace, kind: str, name: str) -> Path:
+    """The folder of profiles that a new one goes to by its name."""
+    if not re.fullmatch(r"[\w][\w.+-]*", name) or name.endswith(".toml"):
+        _refuse(f"profiles new: {name!r} is no name", f"profiles new {kind} my_{kind}   (or -o FILE)")
+    remedy = f"printer-slicer profiles new {kind} {name} -o FILE"
+    return own_folder(arguments.profiles, "profiles new", remedy)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from printer_slicer.profile.inspection import faults_of
+
+    if not arguments.names:
+        _refuse("profiles check: which file?", "profiles check FILE")
+    words = list(arguments.names)
+    kind = words.pop(0) if len(words) > 1 and words[0] in _KINDS else ""
+    found: list[tuple[str, str]] = []
+    checked: dict[str, str] = {}
+    for name in words:
+        try:
+            own = kind or _one(arguments, [name])[0]
+            checked[own] = name
+            found += [
+                (f"{one.place}: {one.problem}", one.remedy)
+                for one in faults_of(own, name, arguments.profiles)
+            ]
+        except ProfileError as error:
+            found.append((error.args[0], error.remedy))
+    if not found:
+        found += _together(arguments, checked)
+    return _told(arguments, found, words)
+
+
+def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Whether parts that are named together suit each other."""
+    from printer_slicer.profile import load_profile
+
+    flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
+    names = {**flags, **checked}
+    if len(names) < 2 and not arguments.set:
+        return []
+    try:
+        load_profile(**names, changes=changes_from(arguments), folders=arguments.profiles)
+    except ProfileError as error:
+        return [(error.args[0], error.remedy)]
+    return []
+
+
+def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words: Sequence[str]) -> int:
+    """Say what is wrong; 2 if anything is."""
+    if arguments.json:
+        _document(arguments, [{"problem": problem, "remedy": remedy} for problem, remedy in found])
+    elif found:
+        for problem, remedy in found:
+            print(f"{problem}\n  {remedy}" if remedy else problem, file=sys.stderr)
+    else:
+        say(arguments, f"{', '.join(words)}: nothing wrong")
+    return 2 if found else 0
+
+
+def _path(arguments: argparse.Namespace) -> int:
+    from printer_slicer.profile.folders import own_folders, profile_root
+    from printer_slicer.profile.reading import path_of
+
+    if arguments.names:
+        kind, name = _one(arguments, arguments.names)
+        path = path_of(kind, name, arguments.profiles)
+        if arguments.json:
+            _document(arguments, {"kind": kind, "path": str(path)})
+        else:
+            say(arguments, str(path))
+        return 0
+    folders = {"named": arguments.profiles, "own": own_folders(), "shipped": [profile_root()]}
+    if arguments.json:
+        _document(arguments, {what: [str(path) for path in paths] for what, paths in folders.items()})
+        return 0
+    for what, paths in folders.items():
+        for path in paths:
+            say(arguments, f"{what:<9}{path}{'' if path.is_dir() else '   (not there yet)'}")
     return 0
 
 
 def _settings(arguments: argparse.Namespace) -> int:
     from printer_slicer.profile import settings_table
+    from printer_slicer.profile.document import settings_markdown
 
-    names = ("key", "type", "unit", "bounds", "default", "meaning")
-    if arguments.quiet:
+    if arguments.markdown:
+        say(arguments, settings_markdown().rstrip("\n"))
         return 0
-    rows = [dict(zip(names, row, strict=True)) for row in settings_table()]
+    words = [word.lower() for word in arguments.names]
+    rows = [
+        row for row in settings_table() if all(word in f"{row.key} {row.meaning}".lower() for word in words)
+    ]
     if arguments.json:
-        print(json.dumps(rows))
+        _document(arguments, [row._asdict() for row in rows])
         return 0
     for row in rows:
-        unit = f" {row['unit']}" if row["unit"] else ""
-        bounds = f" ({row['bounds']})" if row["bounds"] else ""
-        default = "" if "\n" in row["default"] else row["default"]
-        print(f"{row['key']:<42}{default}{unit}{bounds}  {row['meaning']}")
+        unit = f" {row.unit}" if row.unit else ""
+        bounds = f" ({row.bounds})" if row.bounds else ""
+        default = "" if "\n" in row.default else row.default
+        say(arguments, f"{row.key:<42}{default}{unit}{bounds}  {row.meaning}")
+    if not rows:
+        raise UsageError(
+            f"profiles settings {' '.join(words)}: no setting tells of that", remedy="try a shorter word"
+        )
     return 0
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from printer_slicer.profile.folders import SCHEMAS, profile_root
+    from printer_slicer.profile.schema import schema_of
+
+    if arguments.output is None:
+        wanted = arguments.names or list(_KINDS)
+        if not set(wanted) <= set(_KINDS):
+            _refuse(f"profiles schema {' '.join(wanted)}: no such kind", "profiles schema quality")
+        if arguments.json or arguments.names:
+            schemas = {kind: schema_of(kind) for kind in wanted}
+            _document(arguments, schemas[wanted[0]] if len(wanted) == 1 else schemas)
+        else:
+            say(arguments, str(profile_root() / SCHEMAS))
+        return 0
+    paths = write_schemas(arguments.output)
+    say(arguments, "\n".join(f"{path} written" for path in paths))
+    return 0
+
+
+_COMMANDS: Final[Mapping[str, Callable[[argparse.Namespace], int]]] = {
+    "list": _list,
+    "show": _show,
+    "diff": _diff,
+    "new": _new,
+    "check": _check,
+    "path": _path,
+    "settings": _settings,
+    "schema": _schema,
+}
 
 
 def ports_command(arguments: argparse.Namespace) -> int:

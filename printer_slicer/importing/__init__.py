@@ -3,10 +3,9 @@
 from printer_slicer.importing.importing import Wanted, import_profiles
 from printer_slicer.importing.report import Imported, Left, Note, Refused, Taken
 from printer_slicer.importing.safety import Ceilings
-from printer_slicer.importing.writing import FOLDERS, names_of_files, profile_text
+from printer_slicer.importing.writing import names_of_files, profile_text
 
 __all__ = [
-    "FOLDERS",
     "Ceilings",
     "Imported",
     "Left",

@@ -10,9 +10,8 @@ from typing import Any, Final
 
 from printer_slicer.importing.report import Imported
 
-__all__ = ["FOLDERS", "names_of_files", "profile_text"]
+__all__ = ["names_of_files", "profile_text"]
 
-FOLDERS: Final = {"printer": "printers", "material": "materials", "quality": "qualities"}
 _LONGEST: Final = 80
 _WORDS: Final = re.compile(r"[^a-z0-9]+")
 _RESERVED: Final = re.compile(r"con|prn|aux|nul|com\d|lpt\d")  # names of devices on Windows

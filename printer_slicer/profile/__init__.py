@@ -1,17 +1,10 @@
 """The settings: what they are (`settings`), where they come from (`files`), what they mean together (`checks`)."""
 
-from printer_slicer.profile.files import (
-    DEFAULT_NAMES,
-    KINDS,
-    load_profile,
-    part_settings,
-    profile_paths,
-    profile_with,
-    settings_table,
-    settings_text,
-)
+from printer_slicer.profile.files import load_profile, profile_with, settings_text
 from printer_slicer.profile.firmware import FIRMWARES, Firmware
+from printer_slicer.profile.folders import profile_paths
 from printer_slicer.profile.profile import Profile
+from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS
 from printer_slicer.profile.settings import (
     Accelerations,
     AreaPlanner,
@@ -27,6 +20,7 @@ from printer_slicer.profile.settings import (
     StepwisePlanner,
     UniformPlanner,
 )
+from printer_slicer.profile.tables import settings_table
 
 __all__ = [
     "DEFAULT_NAMES",
@@ -48,7 +42,6 @@ __all__ = [
     "StepwisePlanner",
     "UniformPlanner",
     "load_profile",
-    "part_settings",
     "profile_paths",
     "profile_with",
     "settings_table",

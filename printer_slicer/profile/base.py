@@ -11,7 +11,8 @@ __all__ = ["Settings", "meta"]
 
 def meta(meaning: str, unit: str = "", **bounds: Any) -> Meta:
     """The meaning, the unit and the bounds of one setting."""
-    return Meta(description=meaning, extra={"unit": unit}, **bounds)
+    shown = {"unit": unit} if unit else None
+    return Meta(description=meaning, extra={"unit": unit}, extra_json_schema=shown, **bounds)
 
 
 class Settings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -9,11 +9,9 @@ import msgspec
 
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.profile import Profile
-from printer_slicer.profile.settings import Material, Printer, Quality
+from printer_slicer.profile.reading import KINDS
 
 __all__ = ["fault_in", "faults_together"]
-
-_KINDS: Mapping[str, type[msgspec.Struct]] = {"printer": Printer, "material": Material, "quality": Quality}
 
 
 def fault_in(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
@@ -24,7 +22,7 @@ def fault_in(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
         values: the settings that are set, nested as in a file.
     """
     try:
-        msgspec.convert(values, _KINDS[kind], strict=True)
+        msgspec.convert(values, KINDS[kind], strict=True)
     except msgspec.ValidationError as error:
         problem, _, where = str(error).partition(" - at `$")
         return where.rstrip("`").lstrip(".").partition("[")[0], problem.replace("`", "")
@@ -41,9 +39,7 @@ def faults_together(
         material: likewise.
         quality: likewise.
     """
-    profile = Profile(
-        printer=msgspec.convert(printer, Printer),
-        material=msgspec.convert(material, Material),
-        quality=msgspec.convert(quality, Quality),
-    )
+    parts = {"printer": printer, "material": material, "quality": quality}
+    made: dict[str, Any] = {kind: msgspec.convert(values, KINDS[kind]) for kind, values in parts.items()}
+    profile = Profile(**made)
     return [(one.key, one.problem, one.remedy) for one in conflicts(profile)]

@@ -8,78 +8,9 @@ from msgspec import field
 
 from printer_slicer.profile.base import Settings, meta
 from printer_slicer.profile.planners import OptimalPlanner, Planner
+from printer_slicer.profile.speeds import Accelerations, Speeds
 
-__all__ = ["Accelerations", "Quality", "Speeds"]
-
-
-class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How fast each role is printed; the material's flow limit may lower any of them."""
-
-    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
-    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
-    sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
-    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
-    top_skin: Annotated[float, meta("top skins", "mm/s", gt=0, le=1000)] = 40
-    ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000)] = 15
-    bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
-    internal_bridge: Annotated[
-        float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
-    ] = 40
-    overhang_75_ratio: Annotated[
-        float,
-        meta("perimeters with 75 % of their bead over the layer below, of their speed", "0-1", gt=0, le=1),
-    ] = 0.9
-    overhang_50_ratio: Annotated[float, meta("the same with 50 % of it", "0-1", gt=0, le=1)] = 0.7
-    overhang_25_ratio: Annotated[float, meta("the same with 25 % of it", "0-1", gt=0, le=1)] = 0.55
-    overhang_0_ratio: Annotated[
-        float, meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1)
-    ] = 0.45
-    raft: Annotated[float, meta("rafts", "mm/s", gt=0, le=1000)] = 30
-    first_layer: Annotated[
-        float,
-        meta(
-            "everything on the first layer, and on the part's first over a raft, at most",
-            "mm/s",
-            gt=0,
-            le=1000,
-        ),
-    ] = 20
-    slow_below: Annotated[
-        float,
-        meta("from the first layer's speed up to this z speeds grow to the full ones", "mm", ge=0, le=100),
-    ] = 0
-    small_perimeter: Annotated[
-        float, meta("perimeters of small_perimeter_radius, at most; 0: as the others", "mm/s", ge=0, le=1000)
-    ] = 0
-    small_perimeter_radius: Annotated[
-        float, meta("loops no longer than a circle of this radius are small", "mm", ge=0, le=100)
-    ] = 6.5
-    even_flow_ratio: Annotated[
-        float,
-        meta(
-            "speeds follow the layer height: 0 not at all, 1 so that every layer melts as much as one of layer_height",
-            "0-1",
-            ge=0,
-            le=1,
-        ),
-    ] = 0
-    even_flow_most: Annotated[
-        float, meta("for that, speeds change by at most this factor", "ratio", ge=1, le=10)
-    ] = 2
-    travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
-
-
-class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How hard each role is accelerated; 0: as `printer.acceleration` has it, which is the most for all of them."""
-
-    first_layer: Annotated[float, meta("everything on the first layer", "mm/s²", ge=0, le=100000)] = 0
-    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000)] = 0
-    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000)] = 0
-    overhang: Annotated[float, meta("perimeters that hang over air", "mm/s²", ge=0, le=100000)] = 0
-    bridge: Annotated[float, meta("bridges", "mm/s²", ge=0, le=100000)] = 0
-    sparse: Annotated[float, meta("sparse infill", "mm/s²", ge=0, le=100000)] = 0
-    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s²", ge=0, le=100000)] = 0
-    top_skin: Annotated[float, meta("top skins and ironing", "mm/s²", ge=0, le=100000)] = 0
+__all__ = ["Quality"]
 
 
 class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -88,9 +19,17 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Annotated[str, meta("what people call this quality")]
     planner: Planner = field(default_factory=OptimalPlanner)
     layer_height: Annotated[float, meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
-    first_layer_height: Annotated[float, meta("0: as the planner has it", "mm", ge=0, le=1.6)] = 0
+    first_layer_height: Annotated[
+        float, meta("height of the first layer; 0: as the planner has it", "mm", ge=0, le=1.6)
+    ] = 0
     first_layer_flow: Annotated[
-        float, meta("extrusion of the layer on the bed is multiplied by this", "ratio", ge=0.5, le=1.5)
+        float,
+        meta(
+            "extrusion of the layer on the bed is multiplied by this",
+            "ratio",
+            ge=0.5,
+            le=1.5,
+        ),
     ] = 1
     thinnest_layer: Annotated[
         float, meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
@@ -140,7 +79,13 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
     ] = 0
     elephant_foot_height: Annotated[
-        float, meta("height over which that inset fades away; 0: the first layer only", "mm", ge=0, le=5)
+        float,
+        meta(
+            "height over which that inset fades away; 0: the first layer only",
+            "mm",
+            ge=0,
+            le=5,
+        ),
     ] = 0
     extrusion_width: Annotated[
         float, meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
@@ -152,20 +97,28 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     varying_walls: Annotated[
         bool,
         meta(
-            "fill places too narrow for all perimeters with beads of varying width; false is a little quicker"
+            "fill places too narrow for all perimeters with beads of varying width; false is a little quicker",
         ),
     ] = True
     min_bead_width: Annotated[
-        float, meta("narrowest bead where walls are thin; 0: 0.85 nozzle diameters", "mm", ge=0, le=4)
+        float,
+        meta(
+            "narrowest bead where walls are thin; 0: 0.85 nozzle diameters",
+            "mm",
+            ge=0,
+            le=4,
+        ),
     ] = 0
     max_bead_width: Annotated[
-        float, meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4)
+        float,
+        meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4),
     ] = 0
     min_feature: Annotated[
         float, meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     single_top_perimeter: Annotated[
-        bool, meta("only the outer perimeter where nothing lies above; the rest becomes top skin")
+        bool,
+        meta("only the outer perimeter where nothing lies above; the rest becomes top skin"),
     ] = False
     extra_perimeters: Annotated[bool, meta("more perimeters where the edge of a layer hangs over air")] = (
         False
@@ -242,15 +195,24 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ironing: Annotated[bool, meta("smooth top skins with the nozzle, in lines close together")] = False
     ironing_spacing: Annotated[float, meta("from line to line of ironing", "mm", ge=0.1, le=1)] = 0.1
     ironing_flow_ratio: Annotated[
-        float, meta("plastic in ironing, as a share of a full layer", "ratio", ge=0.01, le=0.3)
+        float,
+        meta(
+            "plastic in ironing, as a share of a full layer",
+            "ratio",
+            ge=0.01,
+            le=0.3,
+        ),
     ] = 0.15
     thick_bridges: Annotated[
         bool,
-        meta("bridges are round threads as thick as the nozzle, not pressed flat to the layer's height"),
+        meta(
+            "bridges are round threads as thick as the nozzle, not pressed flat to the layer's height",
+        ),
     ] = True
     bridge_flow_ratio: Annotated[float, meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
     internal_bridge_flow_ratio: Annotated[
-        float, meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2)
+        float,
+        meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2),
     ] = 1
     bridge_anchor: Annotated[
         float, meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
@@ -264,17 +226,35 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_density: Annotated[float, meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
     infill_angle_deg: Annotated[float, meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
     infill_overlap: Annotated[
-        float, meta("infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+        float,
+        meta(
+            "infill reaches into the perimeter by this share of a bead",
+            "0-1",
+            ge=0,
+            le=0.5,
+        ),
     ] = 0.09
     sparse_overlap: Annotated[
-        float, meta("sparse infill reaches into the perimeter by this share of a bead", "0-1", ge=0, le=0.5)
+        float,
+        meta(
+            "sparse infill reaches into the perimeter by this share of a bead",
+            "0-1",
+            ge=0,
+            le=0.5,
+        ),
     ] = 0.15
     infill_anchor: Annotated[
-        float, meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50)
+        float,
+        meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50),
     ] = 2.5
     infill_anchor_max: Annotated[
         float,
-        meta("lines are joined along the wall where the way is no longer; 0: never", "mm", ge=0, le=1000),
+        meta(
+            "lines are joined along the wall where the way is no longer; 0: never",
+            "mm",
+            ge=0,
+            le=1000,
+        ),
     ] = 24
     sparse_every: Annotated[
         float,

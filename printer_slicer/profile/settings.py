@@ -21,7 +21,8 @@ from printer_slicer.profile.planners import (
     StepwisePlanner,
     UniformPlanner,
 )
-from printer_slicer.profile.quality import Accelerations, Quality, Speeds
+from printer_slicer.profile.quality import Quality
+from printer_slicer.profile.speeds import Accelerations, Speeds
 
 __all__ = [
     "PLANNER_SETTINGS",

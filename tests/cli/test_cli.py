@@ -379,8 +379,9 @@ def test_every_shipped_profile_can_be_shown(kind: str, name: str) -> None:
     assert (text.code, text.err) == (0, "")
     assert (answer.code, answer.err) == (0, "")
     shown = document(answer.out)
-    assert shown["name"]
+    assert shown["name"]["value"]
     assert all(f"{key} = " in text.out for key in shown)
+    assert all(told["from"] == "default" or ".toml:" in told["from"] for told in shown.values())
 
 
 @pytest.mark.parametrize("what", ["printer", "material", "quality"])

@@ -8,8 +8,16 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.cli import main
+from printer_slicer.profile.folders import VARIABLE, profile_root
 from tests.importing.files import FLAT, flat_file, ini
 from tests.importing.test_bundle import BUNDLE
+
+
+@pytest.fixture(autouse=True)
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a person."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "own"))
+    return tmp_path / "own"
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
@@ -49,6 +57,46 @@ def test_it_writes_over_nothing_unless_told_to(tmp_path: Path, capsys: pytest.Ca
     assert mine.read_text() == "mine"
     assert run(capsys, path, "-o", tmp_path, "--force")[0] == 0
     assert mine.read_text() != "mine"
+
+
+def test_what_is_imported_is_used_by_its_name_and_names_its_schema(
+    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, _ = run(capsys, flat_file(tmp_path))
+    files = {kind: own / folder / f"{name}.toml" for kind, folder, name in (
+        ("printer", "printers", "little_printer"),
+        ("material", "materials", "plain_pla"),
+        ("quality", "qualities", "0_20mm_plain"),
+    )}  # fmt: skip
+
+    assert code == 0
+    for kind, path in files.items():
+        named = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("#:schema ")
+        assert (path.parent / named).read_text() == (
+            profile_root() / "schema" / f"{kind}.schema.json"
+        ).read_text()
+    assert main(["profiles", "check", *(path.stem for path in files.values())]) == 0
+
+
+def test_what_is_imported_elsewhere_names_the_shipped_schema(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(capsys, flat_file(tmp_path), "-o", tmp_path / "made")
+    first = (tmp_path / "made" / "materials" / "plain_pla.toml").read_text(encoding="utf-8").splitlines()[0]
+
+    assert first == f"#:schema {(profile_root() / 'schema').as_uri()}/material.schema.json"
+    assert not (tmp_path / "made" / "schema").exists()
+
+
+def test_without_a_folder_of_ones_own_it_asks_for_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(VARIABLE, "")
+    code, _, error = run(capsys, flat_file(tmp_path))
+
+    assert code == 2
+    assert "there is no folder of your own" in error
+    assert "-o FOLDER" in error
 
 
 def test_json_holds_the_whole_account(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,5 +159,5 @@ def test_the_other_verbs_are_still_there(capsys: pytest.CaptureFixture[str]) -> 
     assert main(["profiles"]) == 0
     assert "marlin_220 (default)" in capsys.readouterr().out
     assert main(["profiles", "printer", "marlin_220", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["bed_x"] == 220
+    assert json.loads(capsys.readouterr().out)["bed_x"]["value"] == 220
     assert len(FLAT) > 40

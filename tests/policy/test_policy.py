@@ -19,8 +19,7 @@ from printer_slicer.jobs import job_from
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.policy import NAMES, Finding, check_names, insist, scan
 from printer_slicer.printing import print_job
-from printer_slicer.profile import load_profile, profile_with
-from printer_slicer.profile.files import profile_paths
+from printer_slicer.profile import load_profile, profile_paths, profile_with
 from printer_slicer.stream.framing import strip
 
 PARTS = Path(__file__).parents[2] / "sample_parts"

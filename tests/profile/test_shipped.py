@@ -1,13 +1,9 @@
-"""Every printer, material and quality that is shipped prints a small part on the simulated printer.
-
-Each of them in one pair at least; all pairs are printed by `python -m benchmarks.profiles`.
-"""
+"""The printers, materials and qualities that are shipped; that all of them print is shown by `test_pairs`."""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator
 from functools import cache
 from itertools import product
 
@@ -17,6 +13,7 @@ from parts import step_pyramid
 from printer_slicer import dry_run, job_of, load_profile
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, profile_paths, settings_text
+from printer_slicer.profile.inspection import headline
 
 PART = step_pyramid([8, 5], [1.24, 0.86])
 PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)
@@ -33,18 +30,9 @@ HOT = "voron_2_4_350"  # prints every material
 THICK = "marlin_220_06"  # prints the layers of every quality but draft's
 
 
-def pairs() -> Iterator[tuple[str, str, str]]:
-    """Every printer, material and quality once at least, with what goes with it."""
-    yield from ((printer, "pla", "draft") for printer in PRINTERS)
-    yield from ((HOT, material, "draft") for material in MATERIALS)
-    yield from (
-        (THICK if quality == "case_study" else "creality_ender3", "pla", quality) for quality in QUALITIES
-    )
-
-
-@pytest.mark.parametrize("names", sorted(set(pairs())), ids=" ".join)
-def test_a_small_part_is_printed_as_intended(names: tuple[str, str, str]) -> None:
-    profile = load_profile(*names)
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_every_quality_prints_flats_and_slopes_as_intended(quality: str) -> None:
+    profile = load_profile(THICK if quality == "case_study" else "creality_ender3", "pla", quality)
     verdict = dry_run(job_of(PART, profile), profile)
 
     assert verdict.problems == ()
@@ -63,7 +51,11 @@ def test_what_people_look_for_is_there() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_file_begins_with_what_it_is_for(kind: str) -> None:
     for path in profile_paths(kind).values():
-        assert re.match(r"# \S.{20,}", path.read_text(encoding="utf-8")), path
+        directive, comment = path.read_text(encoding="utf-8").splitlines()[:2]
+
+        assert directive == f"#:schema ../schema/{kind}.schema.json"
+        assert 20 < len(comment) <= 130, path
+        assert 10 < len(headline(path)) < 130, path
 
 
 @pytest.mark.parametrize("name", sorted(set(PRINTERS) - set(GENERIC)))

@@ -1,0 +1,70 @@
+"""Which settings there are, by their dotted names, and which one somebody may have meant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any, Final
+
+from msgspec import Struct
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.profile.reading import KINDS, Source
+from printer_slicer.profile.settings import PLANNER_SETTINGS, Accelerations, OptimalPlanner, Speeds
+
+__all__ = ["INNER", "keys_of", "nearest", "resolved"]
+
+INNER: Final[Mapping[str, type[Struct]]] = {"speeds": Speeds, "accelerations": Accelerations}
+
+
+def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
+    """All keys that may be set in a section as it stands: the planner's own settings depend on its kind."""
+    keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *INNER)]
+    if kind == "quality":
+        table = values.get("planner")
+        chosen = table.get("kind", "optimal") if isinstance(table, dict) else "optimal"
+        planner = PLANNER_SETTINGS.get(str(chosen), OptimalPlanner)
+        keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
+        keys += [f"{inner}.{name}" for inner, owner in INNER.items() for name in owner.__struct_fields__]
+    return keys
+
+
+def nearest(key: str, known: list[str]) -> str:
+    """The name that is most like a key, or the one that ends like it; empty where none is near."""
+    near = get_close_matches(key, known, n=1, cutoff=0.5)
+    if near:
+        return near[0]
+    leaf = key.rpartition(".")[2]
+    near = get_close_matches(leaf, [one.rpartition(".")[2] for one in known], n=1, cutoff=0.7)
+    return next((one for one in known if near and one.rpartition(".")[2] == near[0]), "")
+
+
+def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tuple[str, str]:
+    """Which section and key a change means: `quality.perimeters`, or `perimeters` where only one section has it.
+
+    Raises:
+        ProfileError: none has it, or several have.
+    """
+    known = [(kind, path) for kind, source in sources.items() for path in keys_of(kind, source.values)]
+    exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
+    matches = exact or [(kind, path) for kind, path in known if path == key]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        choices = ", ".join(f"{kind}.{path}" for kind, path in matches)
+        raise ProfileError(
+            f"{flag} {key}: more than one section has this key", remedy=f"say which: {choices}"
+        )
+    leaf = key.rpartition(".")[2]
+    having = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
+    if having and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
+        raise ProfileError(
+            f"{flag} {key}: the chosen planner has no such setting",
+            remedy=f"it belongs to: {', '.join(f'--planner {kind}' for kind in having)}",
+        )
+    names = sorted({f"{kind}.{path}" for kind, path in known} | {path for _, path in known})
+    near = nearest(key, names)
+    hint = f"did you mean {near!r}? " if near else ""
+    raise ProfileError(
+        f"{flag} {key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all"
+    )

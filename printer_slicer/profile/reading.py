@@ -1,0 +1,223 @@
+"""One part of a profile from its TOML file, over the one it inherits from; every key with the place it was set at."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.profile.folders import FOLDERS, profile_paths, searched
+from printer_slicer.profile.lists import list_as_text
+from printer_slicer.profile.settings import Material, Printer, Quality
+from printer_slicer.profile.toml_lines import key_lines
+
+__all__ = ["DEFAULT_NAMES", "KINDS", "Source", "flatten", "kind_of", "merged", "path_of", "read_chain"]
+
+KINDS: Final[Mapping[str, type[msgspec.Struct]]] = {
+    "printer": Printer,
+    "material": Material,
+    "quality": Quality,
+}
+DEFAULT_NAMES: Final[Mapping[str, str]] = {
+    "printer": "marlin_220",
+    "material": "pla",
+    "quality": "adaptive",
+}
+
+
+class Source(NamedTuple):
+    """Settings of one kind as read, the place each key came from, and the place of what is missing.
+
+    A place is a file with a line, or what was typed.
+    """
+
+    values: dict[str, Any]
+    places: dict[str, str]
+    file: str
+
+    def place(self, path: str) -> str:
+        """Where a key, or a table that holds it or is held by it, was set."""
+        return self.known_place(path) or self.file
+
+    def known_place(self, path: str) -> str:
+        """The same; empty where it was set nowhere."""
+        path = path.partition("[")[0]  # an entry of a list was set where the list was
+        for key in reversed(self.places):
+            if path and (f"{key}.".startswith(f"{path}.") or f"{path}.".startswith(f"{key}.")):
+                return self.places[key]
+        return ""
+
+
+def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()) -> Source:
+    """The settings of a file over those of the file it inherits from.
+
+    Args:
+        kind: `printer`, `material` or `quality`.
+        name: of a profile, or the path of a TOML file, which begins beside the file that says it.
+        folders: looked into first.
+        seen: the files that inherit from it, the nearest last.
+
+    Raises:
+        ProfileError: no such file, one that cannot be read, or that inherits from itself.
+    """
+    path = path_of(kind, name, folders, seen)
+    if path in seen:
+        way = " -> ".join(one.name for one in (*seen[seen.index(path) :], path))
+        raise ProfileError(f"{path}: inherits from itself by way of {way}", remedy="break the circle")
+    text, values = _read(path)
+    lines = key_lines(text)
+    parent = values.pop("inherits", None)
+    if parent is not None and not isinstance(parent, str):
+        raise ProfileError(
+            f"{path}:{lines.get('inherits', 1)}: inherits: expected the name of a profile, got {parent!r}",
+            remedy=f'such as inherits = "{DEFAULT_NAMES[kind]}"',
+        )
+    base = read_chain(kind, parent, folders, (*seen, path)) if parent else Source({}, {}, str(path))
+    places = base.places | {key: f"{path}:{_line(lines, key)}" for key in _leaves(values)}
+    return Source(merged(base.values, values), places, str(path))
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """The dotted keys of all that is no table."""
+    for key, value in values.items():
+        yield from _leaves(value, f"{prefix}{key}.") if isinstance(value, dict) else (prefix + key,)
+
+
+def _line(lines: Mapping[str, int], key: str) -> int:
+    """The line of a key, or of the table that holds it."""
+    while key not in lines and "." in key:
+        key = key.rpartition(".")[0]
+    return lines.get(key, 1)
+
+
+def _read(path: Path) -> tuple[str, dict[str, Any]]:
+    """A TOML file, as text and as it is meant."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        return text, tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\(at line (\d+), column \d+\)", str(error))
+        line = found[1] if found else text.count("\n") + 1
+        raise ProfileError(
+            f"{path}:{line}: not valid TOML: {error}", remedy="mend the line that the message names"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise ProfileError(
+            f"{path}: not valid TOML: {error}", remedy="save the file in the encoding UTF-8"
+        ) from None
+    except OSError as error:
+        raise ProfileError(
+            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
+        ) from None
+
+
+def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()) -> Path:
+    """The file of a profile, by name or by path.
+
+    A profile that inherits from its own name means the next one of that name: a person's own `pla` the shipped one.
+
+    Raises:
+        ProfileError: there is none.
+    """
+    asked_by = f"{seen[-1]}: inherits: " if seen else ""
+    if name.endswith(".toml") or "/" in name:
+        path = (seen[-1].parent if seen else Path()) / name
+        if not path.is_file():
+            raise ProfileError(
+                f"{asked_by}{path}: no such {kind} profile",
+                remedy="check the path, or name one that `printer-slicer profiles` lists",
+            )
+        return path
+    named = [folder / FOLDERS[kind] / f"{name}.toml" for folder in searched(folders)]
+    try:
+        files = [path for path in named if path.is_file()]
+    except ValueError:  # a name that no file can have
+        files = []
+    if seen and seen[-1] in files:
+        files = files[files.index(seen[-1]) + 1 :] or [seen[-1]]
+    if files:
+        return files[0]
+    known = profile_paths(kind, folders)
+    near = get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise ProfileError(
+        f"{asked_by}unknown {kind} {name!r}",
+        remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file",
+    )
+
+
+def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
+    """Whether a name or a file is a printer, a material or a quality.
+
+    A file is what its folder says, else what it inherits from, else what most of its keys belong to.
+
+    Raises:
+        ProfileError: several kinds have it, or none.
+    """
+    if name.endswith(".toml") or "/" in name:
+        return _kind_of_file(Path(name), folders)
+    having = [kind for kind in KINDS if name in profile_paths(kind, folders)]
+    if len(having) == 1:
+        return having[0]
+    known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
+    near = get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    if having:
+        raise ProfileError(f"{name!r} is {' and '.join(having)}", remedy=f"say which: {having[0]} {name}")
+    raise ProfileError(f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all")
+
+
+def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
+    for kind, folder in FOLDERS.items():
+        if path.absolute().parent.name == folder:
+            return kind
+    if not path.is_file():
+        raise ProfileError(
+            f"{path}: no such profile",
+            remedy="check the path, or name one that `printer-slicer profiles` lists",
+        )
+    values = _read(path)[1]
+    parent = values.get("inherits")
+    if isinstance(parent, str) and not (parent.endswith(".toml") or "/" in parent):
+        having = [kind for kind in KINDS if parent in profile_paths(kind, folders)]
+        if len(having) == 1:
+            return having[0]
+    counts = {kind: len(set(values) & set(struct.__struct_fields__)) for kind, struct in KINDS.items()}
+    best = max(counts, key=lambda kind: counts[kind])
+    if list(counts.values()).count(counts[best]) == 1:
+        return best
+    raise ProfileError(
+        f"{path}: is it a printer, a material or a quality?",
+        remedy=f"put it into a folder {', '.join(FOLDERS.values())}, or say it: printer {path}",
+    )
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`over` on top of `base`, table by table; a table of another `kind` replaces the whole table."""
+    result = dict(base)
+    for key, value in over.items():
+        old = result.get(key)
+        if (
+            isinstance(value, dict)
+            and isinstance(old, dict)
+            and value.get("kind", old.get("kind")) == old.get("kind")
+        ):
+            result[key] = merged(old, value)
+        else:
+            result[key] = value
+    return result
+
+
+def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Settings with dotted keys; lists as the text that stands for them."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, list_as_text(value) if isinstance(value, list | tuple) else value

@@ -1,0 +1,96 @@
+"""The settings as rows of a table: made from where they are written, for help, documents and errors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+import msgspec
+from msgspec import inspect
+
+from printer_slicer.profile.lists import list_as_text
+from printer_slicer.profile.reading import KINDS
+
+__all__ = ["Row", "choices_of", "rows_of", "settings_table"]
+
+_SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+
+
+class Row(NamedTuple):
+    """One setting.
+
+    `bounds` are those of a number, or the words of which it is one; `default` is as it is typed.
+    """
+
+    key: str
+    type: str
+    unit: str
+    bounds: str
+    default: str
+    meaning: str
+
+    @property
+    def choices(self) -> str:
+        """The words of which it is one, with commas between them; empty for other settings."""
+        return self.bounds.replace(" |", ",") if self.type == "literal" else ""
+
+
+def settings_table() -> Iterator[Row]:
+    """One row per setting, in the order in which they are declared; keys as `quality.planner[optimal].ranges`."""
+    for kind, struct in KINDS.items():
+        yield from rows_of(struct, kind)
+
+
+def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[Row]:
+    """The rows of one group of settings and of those in it."""
+    info = inspect.type_info(struct)
+    assert isinstance(info, inspect.StructType)
+    for entry in info.fields:
+        key = f"{prefix}.{entry.encode_name}".lstrip(".")
+        nested = entry.type.types if isinstance(entry.type, inspect.UnionType) else (entry.type,)
+        groups = [one for one in nested if isinstance(one, inspect.StructType)]
+        if len(groups) < len(nested):
+            yield _row(key, entry)
+            continue
+        if len(groups) > 1:
+            kinds = " | ".join(str(one.tag) for one in groups)
+            meaning = "which strategy; the others' settings are refused"
+            yield Row(f"{key}.kind", "literal", "", kinds, "optimal", meaning)
+        for one in groups:
+            yield from rows_of(one.cls, f"{key}[{one.tag}]" if one.tag else key)
+
+
+def _row(key: str, entry: inspect.Field) -> Row:
+    kind, unit, meaning = entry.type, "", ""
+    if isinstance(kind, inspect.Metadata):
+        unit = (kind.extra or {}).get("unit", "")
+        meaning = str((kind.extra_json_schema or {}).get("description", ""))
+        kind = kind.type
+    bounds = [
+        f"{sign} {getattr(kind, name):g}"
+        for name, sign in _SIGNS.items()
+        if getattr(kind, name, None) is not None
+    ]
+    if isinstance(kind, inspect.LiteralType):
+        bounds = [" | ".join(map(str, kind.values))]
+    name = "list" if isinstance(kind, inspect.VarTupleType) else type(kind).__name__.removesuffix("Type")
+    return Row(key, name.lower(), unit, ", ".join(bounds), _default(entry), meaning)
+
+
+def _default(entry: inspect.Field) -> str:
+    value: Any = entry.default
+    if value is msgspec.NODEFAULT:
+        return "required"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return list_as_text(value) or "empty"
+    return str(value) or "empty"
+
+
+def choices_of(struct: type[msgspec.Struct], path: str) -> str:
+    """The words of which a setting is one, with commas between them; nothing for other settings."""
+    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in rows_of(struct, "")}
+    row = rows.get(path)
+    return row.choices if row else ""

@@ -1,0 +1,91 @@
+"""A new profile: a file that inherits, and lists what one may change with meaning, unit, bounds and value."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+
+import msgspec
+
+from printer_slicer.profile.conversion import converted
+from printer_slicer.profile.reading import Source
+from printer_slicer.profile.tables import Row, rows_of
+
+__all__ = ["new_profile", "toml_value"]
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def new_profile(kind: str, name: str, parent: str, source: Source, directive: str) -> str:
+    """The text of a file that inherits from `parent` and changes nothing but the name.
+
+    Args:
+        kind: `printer`, `material` or `quality`.
+        name: what people shall call it.
+        parent: name or path of the profile that it is like.
+        source: that profile, whose values are shown.
+        directive: the line that tells an editor where the schema is.
+    """
+    told = converted(kind, source)
+    lines = [
+        directive,
+        f"# {name}: what it is for, in a line that `printer-slicer profiles` shows.",
+        f"inherits = {toml_value(parent)}",
+        f"name = {toml_value(name)}",
+        "",
+        "# Everything that may be set, with the value that it has now. Take the # away from what you change.",
+        f"# printer-slicer profiles check FILE looks it over; profiles diff {parent} FILE shows what is different.",
+    ]
+    return "\n".join([*lines, *_settings(told)]) + "\n"
+
+
+def _settings(told: msgspec.Struct) -> Iterator[str]:
+    """Commented lines for every setting of a group, those of tables last."""
+    rows = {row.key: row for row in rows_of(type(told), "") if "." not in row.key and "[" not in row.key}
+    tables = []
+    for key in told.__struct_fields__:
+        value = getattr(told, key)
+        if isinstance(value, msgspec.Struct):
+            tables.append((key, value))
+        elif key != "name":
+            yield from _setting(rows[key], value)
+    for key, value in tables:
+        yield from ("", f"# [{key}]")
+        if kind := value.__struct_config__.tag:
+            yield f"# kind = {toml_value(kind)} # another one has other settings: see `profiles settings planner`"
+        for row in rows_of(type(value), ""):
+            yield from _setting(row, getattr(value, row.key))
+
+
+def _setting(row: Row, value: object) -> Iterator[str]:
+    unit = f" [{row.unit}]" if row.unit else ""
+    bounds = f" ({row.bounds})" if row.bounds else ""
+    yield ""
+    yield f"# {row.meaning}{unit}{bounds}"
+    yield from (f"# {line}" for line in f"{row.key} = {toml_value(msgspec.to_builtins(value))}".split("\n"))
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML writes it; texts of several lines stay so."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(str(key))} = {toml_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
+    if isinstance(value, str) and "\n" in value and not _CONTROL.search(value):
+        plain = value.replace("\\", "\\\\").replace('"""', '""\\"')
+        return f'"""\n{plain}"""'
+    if isinstance(value, str):
+        return _quoted(value)
+    return f"{value:.15g}" if isinstance(value, float) else str(value)
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    """A text on one line."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,55 @@
+"""In which line of a TOML file a key is set; the library that reads them does not tell."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+__all__ = ["key_lines"]
+
+_KEY = r"(?:[A-Za-z0-9_-]+|\"[^\"\n]*\"|'[^'\n]*')"
+_DOTTED = rf"{_KEY}(?:[ \t]*\.[ \t]*{_KEY})*"
+_HEADER = re.compile(rf"[ \t]*\[\[?[ \t]*({_DOTTED})[ \t]*\]\]?")
+_SETTING = re.compile(rf"[ \t]*({_DOTTED})[ \t]*=")
+# What may hold line breaks or signs that mean nothing there, and the brackets between which breaks mean nothing.
+_WORD = re.compile(
+    r'"""(?:\\.|(?!""")[\s\S])*"""+|\'\'\'[\s\S]*?\'\'\'+|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*|[\[{]|[\]}]|\n'
+)
+
+
+def key_lines(text: str) -> dict[str, int]:
+    """Dotted key, or table -> the line, from 1, where it is first named, of the text of a valid TOML file.
+
+    Keys of tables between braces are not told apart from their table.
+    """
+    lines: dict[str, int] = {}
+    table = ""
+    for start, statement in _statements(text):
+        header, setting = _HEADER.match(statement), _SETTING.match(statement)
+        if header:
+            table = _plain(header[1])
+            lines.setdefault(table, text.count("\n", 0, start) + 1)
+        elif setting:
+            key = _plain(setting[1])
+            lines.setdefault(f"{table}.{key}" if table else key, text.count("\n", 0, start) + 1)
+    return lines
+
+
+def _plain(key: str) -> str:
+    """A dotted key without quotes and blanks."""
+    return ".".join(part.strip().strip("\"'") for part in re.findall(_KEY, key))
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Where each begins, and its text: a line, or several where a value goes over several."""
+    begin, depth = 0, 0
+    for word in _WORD.finditer(text):
+        sign = word[0]
+        if sign in "[{":
+            depth += 1
+        elif sign in "]}":
+            depth = max(depth - 1, 0)
+        elif sign == "\n" and depth == 0:
+            yield begin, text[begin : word.start()]
+            begin = word.end()
+    yield begin, text[begin:]

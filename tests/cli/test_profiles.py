@@ -1,0 +1,196 @@
+"""`profiles`: what each of its commands says and writes, and flags that are short names of settings."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import BOX, Outcome, is_message, typed
+
+from printer_slicer.cli.dials import DIALS
+from printer_slicer.profile import KINDS, load_profile, settings_table
+from printer_slicer.profile.folders import VARIABLE, profile_root
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a person."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "own"))
+    return tmp_path / "own"
+
+
+def told(*arguments: object) -> Any:
+    outcome = typed("profiles", *arguments, "--json")
+    assert (outcome.code, outcome.err) == (0, "")
+    return json.loads(outcome.out)
+
+
+def failed(*arguments: object) -> Outcome:
+    outcome = typed("profiles", *arguments)
+    assert (outcome.code, outcome.out) == (2, "")
+    return outcome
+
+
+def test_list_of_one_kind_shows_only_that() -> None:
+    outcome = typed("profiles", "list", "materials")
+
+    assert "petg" in outcome.out
+    assert "--printer" not in outcome.out
+    assert is_message(failed("list", "colours"), "colour", "printer|material|quality")
+
+
+def test_show_tells_where_values_come_from() -> None:
+    shown = told("show", "voron_0_2")
+    text = typed("profiles", "show", "voron_0_2").out
+
+    assert shown["bed_x"] == {"value": 120, "from": f"{profile_root()}/printers/voron_0_2.toml:7"}
+    assert shown["flavour"]["from"].startswith(f"{profile_root()}/printers/corexy_klipper.toml:")
+    assert shown["probe"] == {"value": False, "from": "default"}
+    assert re.search(
+        rf"(?m)^bed_x = 120 +# {re.escape(str(profile_root()))}/printers/voron_0_2.toml:7$", text
+    )
+
+
+def test_what_is_shown_without_places_is_toml() -> None:
+    text = typed("profiles", "show", "voron_0_2").out
+    values = tomllib.loads(text)
+
+    assert values["start_gcode"] == load_profile("voron_0_2").printer.start_gcode
+    assert values["probe"] is False
+
+
+def test_show_of_a_print_tells_what_was_typed() -> None:
+    shown = told("show", "--printer", "prusa_mini", "--quality", "fine", "--set", "perimeters=5")
+
+    assert shown["quality.perimeters"] == {"value": 5, "from": "--set perimeters=5"}
+    assert shown["printer.bed_x"]["value"] == 180
+    assert shown["material.name"]["value"] == "PLA"
+
+
+def test_diff_tells_both_values() -> None:
+    assert told("diff", "standard", "strong")["perimeters"] == {"standard": 2, "strong": 4}
+    assert "perimeters                          2 -> 4" in typed("profiles", "diff", "standard", "strong").out
+    assert typed("profiles", "diff", "pla", "pla").out == "no difference\n"
+    assert is_message(failed("diff", "pla", "fine"), "material", "quality", "same kind")
+    assert is_message(failed("diff", "pla"), "which two")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_profile_is_used_by_its_name_and_never_overwritten(own: Path, kind: str) -> None:
+    parent = {"printer": "voron_0_2", "material": "petg", "quality": "fine"}[kind]
+    first = typed("profiles", "new", kind, "mine", "--inherits", parent)
+    path = own / {"printer": "printers", "material": "materials", "quality": "qualities"}[kind] / "mine.toml"
+    text = path.read_text(encoding="utf-8")
+
+    assert (first.code, first.err) == (0, "")
+    assert str(path) in first.out
+    assert told("path", "mine") == {"kind": kind, "path": str(path)}
+    assert told("diff", parent, "mine") == {
+        "name": {parent: told("show", parent)["name"]["value"], "mine": "mine"}
+    }
+    assert typed("profiles", "check", "mine").code == 0
+    schema = (path.parent / text.splitlines()[0].removeprefix("#:schema ")).resolve()
+    assert json.loads(schema.read_text(encoding="utf-8"))["title"].startswith(kind)
+
+    assert is_message(failed("new", kind, "mine"), "is there already", "another name")
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_a_new_profile_goes_where_it_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    outcome = typed("profiles", "new", "quality", "mine", "--inherits", "fine", "-o", path)
+    directive = path.read_text(encoding="utf-8").splitlines()[0]
+
+    assert outcome.code == 0
+    assert directive == f"#:schema {(profile_root() / 'schema' / 'quality.schema.json').as_uri()}"
+    assert typed("profiles", "check", path).out == f"{path}: nothing wrong\n"
+    assert typed("profiles", "new", "quality", "mine", "-o", "-").out.startswith("#:schema ")
+
+
+def test_new_without_a_folder_a_kind_or_a_name_says_what_it_needs(
+    own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert is_message(failed("new", "mine"), "of which kind")
+    assert is_message(failed("new", "printer", "../mine"), "no name")
+    monkeypatch.setenv(VARIABLE, "")
+    assert is_message(failed("new", "printer", "mine"), "no folder of your own", "-o FILE")
+    assert not own.exists()
+
+
+def test_check_tells_all_faults_of_all_files(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.toml", tmp_path / "two.toml"
+    one.write_text('inherits = "standard"\nperimetres = 3\ninfill_density = 2\n')
+    two.write_text('inherits = "pla"\ndensity = = 3\n')
+    outcome = failed("check", one, two)
+
+    assert f"{one}:2: quality.perimetres: no such setting\n  did you mean 'perimeters'?" in outcome.err
+    assert f"{one}:3: quality.infill_density: Expected" in outcome.err
+    assert f"{two}:2: not valid TOML" in outcome.err
+    found = json.loads(typed("profiles", "check", one, "--json").out)
+    assert len(found) == 2
+    assert all(fault["remedy"] for fault in found)
+
+
+def test_check_tells_whether_parts_suit_each_other(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('inherits = "creality_ender3"\nmax_nozzle_temperature = 200\n')
+
+    assert typed("profiles", "check", path).code == 0
+    said = failed("check", path, "--material", "petg").err
+    assert "material.nozzle_temperature" in said
+    assert "allows 200" in said
+
+
+def test_path_tells_the_folders(own: Path, tmp_path: Path) -> None:
+    assert told("path", "--profiles", tmp_path) == {
+        "named": [str(tmp_path)],
+        "own": [str(own)],
+        "shipped": [str(profile_root())],
+    }
+    assert "not there yet" in typed("profiles", "path").out
+
+
+def test_settings_with_a_word_are_those_that_tell_of_it() -> None:
+    keys = [row["key"] for row in told("settings", "anchor")]
+
+    assert "quality.infill_anchor" in keys
+    assert len(keys) < 8
+    assert is_message(failed("settings", "xyzzy"), "xyzzy", "shorter")
+
+
+def test_schema_is_written_or_shown(tmp_path: Path) -> None:
+    assert typed("profiles", "schema", "-o", tmp_path / "schemas").code == 0
+    assert {path.name for path in (tmp_path / "schemas").iterdir()} == {
+        f"{kind}.schema.json" for kind in KINDS
+    }
+    assert json.loads(typed("profiles", "schema", "printer").out)["properties"]["bed_x"]["minimum"] == 20
+    assert is_message(failed("schema", "colour"), "colour")
+
+
+def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None:
+    folder = tmp_path / "shop"
+    (folder / "qualities").mkdir(parents=True)
+    (folder / "qualities" / "shop.toml").write_text(
+        'inherits = "standard"\nname = "shop"\nlayer_height = 0.3\n'
+    )
+    outcome = typed("plan", BOX, "--profiles", folder, "--quality", "shop", "--json")
+
+    assert outcome.code == 0
+    assert is_message(typed("plan", BOX, "--quality", "shop"), "shop", "known: adaptive")
+
+
+# Flags
+
+
+@pytest.mark.parametrize("flag", DIALS)
+def test_a_dial_means_what_its_setting_means(flag: str) -> None:
+    dial = DIALS[flag]
+    rows = {row.key.replace("[optimal]", ""): row for row in settings_table()}
+    row = rows[dial.setting]
+    told = row.meaning + (f": {row.bounds.replace(' |', ',')}" if row.type == "literal" else "")
+
+    assert " ".join((told + dial.more).split()) in " ".join(typed("slice", "--help").out.split())

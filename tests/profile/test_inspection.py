@@ -1,0 +1,213 @@
+"""Where values come from, how profiles differ, everything that is wrong at once, and what a new file holds."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from printer_slicer.profile import KINDS, profile_paths
+from printer_slicer.profile.inspection import DEFAULT, differences, faults_of, headline, settings_told
+from printer_slicer.profile.reading import Source, read_chain
+from printer_slicer.profile.template import new_profile, toml_value
+from printer_slicer.profile.toml_lines import key_lines
+
+PARENTS = {"printer": "prusa_mk3s", "material": "petg", "quality": "fine"}
+
+
+def written(folder: Path, text: str, name: str = "mine.toml") -> str:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+# Where values come from
+
+
+def test_every_value_tells_file_and_line_or_that_it_is_a_default(tmp_path: Path) -> None:
+    path = written(tmp_path, 'inherits = "fine"\n\n[speeds]\n# slow\ntravel = 80\n')
+    told = settings_told("quality", read_chain("quality", path))
+    fine = profile_paths("quality")["fine"]
+
+    assert told["speeds.travel"] == (80, f"{path}:5")
+    assert told["layer_height"].place.startswith(f"{fine}:")
+    assert (
+        fine.read_text().splitlines()[int(told["layer_height"].place.rpartition(":")[2]) - 1]
+        == "layer_height = 0.12"
+    )
+    assert told["perimeters"].place.startswith(str(profile_paths("quality")["standard"]))
+    assert told["ironing"] == (False, DEFAULT)
+
+
+@pytest.mark.parametrize("name", profile_paths("printer"))
+def test_the_line_told_is_the_one_that_sets_the_key(name: str) -> None:
+    for key, (_, place) in settings_told("printer", read_chain("printer", name)).items():
+        if place != DEFAULT:
+            file, _, line = place.rpartition(":")
+            assert Path(file).read_text(encoding="utf-8").splitlines()[int(line) - 1].startswith(f"{key} = ")
+
+
+def test_profiles_differ_in_what_one_of_them_says() -> None:
+    chains = (read_chain("quality", name) for name in ("standard", "fine"))
+
+    assert differences("quality", *chains) == {
+        "name": ("standard", "fine"),
+        "layer_height": (0.2, 0.12),
+        "resolution": (0.0125, 0.008),
+        "speeds.outer_perimeter": (35, 25),
+        "speeds.inner_perimeter": (50, 40),
+        "speeds.top_skin": (40, 30),
+    }
+
+
+def test_what_only_one_of_two_planners_has_is_a_difference() -> None:
+    chains = [read_chain("quality", name) for name in ("standard", "adaptive")]
+
+    assert differences("quality", *chains)["planner.error_price"] == (None, 20)
+    assert differences("quality", chains[0], chains[0]) == {}
+
+
+# Everything that is wrong
+
+
+def test_all_faults_of_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        'inherits = "standard"\nperimetres = 3\ninfill_density = 2\n\n[speeds]\ntravel = "fast"\ntravl = 3\n\n'
+        '[planner]\nkind = "cosp"\n',
+    )
+    faults = faults_of("quality", path)
+
+    assert sorted(fault.place for fault in faults) == [f"{path}:{line}" for line in (10, 2, 3, 6, 7)]
+    assert {fault.path for fault in faults} == {
+        "perimetres",
+        "infill_density",
+        "speeds.travel",
+        "speeds.travl",
+        "planner.kind",
+    }
+    assert all(fault.remedy for fault in faults)
+
+
+def test_what_is_missing_is_told_beside_what_is_wrong(tmp_path: Path) -> None:
+    faults = faults_of("printer", written(tmp_path, 'bed_x = 200\nflavour = "grbl"\n'))
+
+    assert {fault.path for fault in faults} == {"name", "bed_y", "bed_z", "flavour"}
+
+
+def test_a_fault_of_the_parent_is_told_in_its_file(tmp_path: Path) -> None:
+    parent = written(tmp_path, 'inherits = "pla"\ndensity = -1\n', "parent.toml")
+    child = written(tmp_path, f'inherits = "{parent}"\nfan_ratio = 3\n')
+
+    assert sorted(fault.place for fault in faults_of("material", child)) == [f"{child}:2", f"{parent}:2"]
+
+
+def test_a_printer_that_contradicts_itself_is_told(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, 'inherits = "marlin_220"\nmin_layer = 0.3\nmax_layer = 0.2\nz_full_step = 0.0033\n'
+    )
+
+    assert [fault.path for fault in faults_of("printer", path)] == ["min_layer", "z_full_step"]
+
+
+def test_a_key_of_another_kind_is_told_where_it_belongs(tmp_path: Path) -> None:
+    (fault,) = faults_of("material", written(tmp_path, 'inherits = "pla"\nbed_x = 200\n'))
+
+    assert fault.remedy == "it belongs into a printer profile"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_is_wrong_with_what_is_shipped(kind: str) -> None:
+    assert {name: faults_of(kind, name) for name in profile_paths(kind)} == {
+        name: [] for name in profile_paths(kind)
+    }
+
+
+# New files
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_profile_changes_nothing_but_the_name(tmp_path: Path, kind: str) -> None:
+    parent = read_chain(kind, PARENTS[kind])
+    path = written(tmp_path, new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x"))
+
+    assert set(differences(kind, parent, read_chain(kind, path))) == {"name"}
+    assert faults_of(kind, path) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path, kind: str) -> None:
+    parent = read_chain(kind, PARENTS[kind])
+    text = new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x")
+    listed = text.partition("is different.\n")[2]
+    bare = re.sub(r"(?m)^# (?!.*\.\.\.)", "", listed)
+    # Meanings go, settings stay: these have a sign of equality behind their key, or go over several lines.
+    settings, inside = [], False
+    for line in bare.splitlines():
+        if inside or re.match(r"\w+ = |\[\w+\]$", line):
+            settings.append(line.partition(" # another one")[0] if line.startswith("kind") else line)
+            inside = (not inside and line.endswith('"""') and line.count('"""') == 1) or (
+                inside and line != '"""'
+            )
+    values = tomllib.loads("\n".join(settings))
+    told = settings_told(kind, Source({**values, "name": "mine"}, {}, "new"))
+    was = settings_told(kind, parent)
+
+    assert {key: one.value for key, one in told.items() if key != "name"} == {
+        key: one.value for key, one in was.items() if key != "name"
+    }
+
+
+@given(
+    st.recursive(
+        st.text()
+        | st.booleans()
+        | st.integers(-(2**53), 2**53)
+        | st.floats(-1e9, 1e9).map(lambda x: round(x, 4)),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+        max_leaves=5,
+    )
+)
+def test_a_value_written_as_toml_is_read_back(value: object) -> None:
+    assert tomllib.loads(f"key = {toml_value(value)}")["key"] == value
+
+
+# Lines and headlines
+
+
+def test_lines_of_keys_are_found_through_texts_lists_and_tables() -> None:
+    text = (
+        'a = """\nb = 1\n[no.table]\n"""\n# c = 3\nlist = [\n  1, # d = 4\n  "]", \n]\n"quoted key" = 2\n'
+        'x.y = 3 # z = 4\n[table . inner]\n\'e\' = """x\\""""\n[[many]]\nf = { g = 1 }\n[[many]]\nf = 2\n'
+    )
+
+    assert tomllib.loads(text)
+    assert key_lines(text) == {
+        "a": 1,
+        "list": 6,
+        "quoted key": 10,
+        "x.y": 11,
+        "table.inner": 12,
+        "table.inner.e": 13,
+        "many": 14,
+        "many.f": 15,
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("#:schema x\n# One of 2.4 mm. More.\n", "One of 2.4 mm"),
+        ("# All of it\nname = 1", "All of it"),
+        ("name = 1\n# too late", ""),
+        ("", ""),
+    ],
+)
+def test_the_headline_is_the_first_sentence_of_the_first_comment(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    assert headline(Path(written(tmp_path, text))) == told

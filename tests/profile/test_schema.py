@@ -1,0 +1,109 @@
+"""The schemas for editors agree with what is accepted, and what is made from the settings is current."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.profile import KINDS, load_profile, profile_paths, settings_table
+from printer_slicer.profile.document import settings_markdown
+from printer_slicer.profile.schema import directive, schema_name, schema_of, schema_text
+
+ROOT = Path(__file__).parents[2]
+FILES = [(kind, name) for kind in KINDS for name in profile_paths(kind)]
+VALIDATORS = {kind: jsonschema.Draft202012Validator(schema_of(kind)) for kind in KINDS}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_shipped_schema_is_the_one_of_the_code(kind: str) -> None:
+    shipped = (ROOT / "profiles" / "schema" / schema_name(kind)).read_text(encoding="utf-8")
+
+    assert shipped == schema_text(kind), "run `just settings`"
+
+
+def test_the_document_of_settings_is_the_one_of_the_code() -> None:
+    assert (ROOT / "docs" / "reference" / "settings.md").read_text(encoding="utf-8") == settings_markdown(), (
+        "run `just settings`"
+    )
+
+
+def test_the_document_tells_every_setting_with_its_meaning() -> None:
+    text = settings_markdown()
+
+    for row in settings_table():
+        assert f"| `{row.key.rpartition('.')[2]}` |" in text
+        assert row.meaning.replace("|", "/") in text
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_schema_is_one(kind: str) -> None:
+    jsonschema.Draft202012Validator.check_schema(schema_of(kind))
+
+
+@pytest.mark.parametrize(("kind", "name"), FILES, ids=" ".join)
+def test_every_shipped_file_obeys_its_schema_and_names_it(kind: str, name: str) -> None:
+    path = profile_paths(kind)[name]
+    text = path.read_text(encoding="utf-8")
+
+    VALIDATORS[kind].validate(tomllib.loads(text))
+    assert text.startswith(directive(kind) + "\n")
+    assert (path.parent / directive(kind).removeprefix("#:schema ")).resolve().is_file()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_setting_of_a_schema_tells_what_it_means(kind: str) -> None:
+    schema = schema_of(kind)
+    groups = [schema, *schema.get("$defs", {}).values()]
+    rows = [(row.key.rpartition(".")[2], row.unit) for row in settings_table() if row.key.startswith(kind)]
+
+    for group in groups:
+        for key, told in group["properties"].items():
+            if key in ("planner", "speeds", "accelerations", "kind", "low", "high"):
+                continue
+            assert told["description"], key
+            units = {unit for name, unit in rows if name == key}
+            assert not units or any(
+                not unit or told["description"].endswith(f" [{unit}]") for unit in units
+            ), key
+
+
+FAULTY = [
+    ("quality", "perimeters = 101"),
+    ("quality", "infill_density = -0.1"),
+    ("quality", 'seam = "front"'),
+    ("quality", "perimetres = 3"),
+    ("quality", "[speeds]\ntravel = 0"),
+    ("quality", "[speeds]\ntravl = 9"),
+    ("quality", '[planner]\nkind = "cosp"'),
+    ("quality", '[planner]\nkind = "uniform"\ntolerance = 1'),
+    ("quality", 'planner = { kind = "optimal", ranges = [{ low = 1 }] }'),
+    ("printer", 'flavour = "grbl"'),
+    ("printer", 'thumbnails = ["32"]'),
+    ("printer", "bed_x = true"),
+    ("material", "density = 0"),
+    ("material", "bed_x = 200"),
+    ("material", "inherits = 3"),
+]
+
+
+@pytest.mark.parametrize(("kind", "text"), FAULTY)
+def test_what_is_refused_does_not_obey_the_schema(tmp_path: Path, kind: str, text: str) -> None:
+    parent = {"printer": "marlin_220", "material": "pla", "quality": "standard"}[kind]
+    path = tmp_path / "faulty.toml"
+    path.write_text(("" if "inherits" in text else f'inherits = "{parent}"\n') + text, encoding="utf-8")
+    names: dict[str, Any] = {kind: str(path)}
+
+    with pytest.raises(ProfileError):
+        load_profile(**names)
+    assert not VALIDATORS[kind].is_valid(tomllib.loads(path.read_text(encoding="utf-8")))
+
+
+def test_a_schema_is_plain_json_with_a_title() -> None:
+    for kind in KINDS:
+        assert json.loads(schema_text(kind))["title"] == f"{kind} profile of printer_slicer"
