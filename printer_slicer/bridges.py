@@ -25,7 +25,6 @@ from printer_slicer.geometry import (
     union,
 )
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.profile import Quality
 
 __all__ = ["Bridges", "bridge_angles", "bridges_over", "over_sparse"]
 
@@ -84,7 +83,9 @@ class Bridges:
         return replace(self, areas=union(self.areas, taken.restacked(rings, bridge, self.areas.n_layers)))
 
 
-def bridges_over(air: Areas, grown: Areas, below: Areas, spacing: Float, quality: Quality) -> Bridges:
+def bridges_over(
+    air: Areas, grown: Areas, below: Areas, spacing: Float, reach: tuple[Float, Float]
+) -> Bridges:
     """Bridges over what is open to the air below, which reach along their lines onto what carries these.
 
     Beside the outermost lines there is nothing to be bridged. What no line can bridge reaches to all sides.
@@ -94,26 +95,27 @@ def bridges_over(air: Areas, grown: Areas, below: Areas, spacing: Float, quality
         grown: as far as bridges may reach.
         below: what carries, below each layer.
         spacing: (L,) mm between lines.
-        quality: how far lines reach onto what carries them, and the usual direction.
+        reach: (L,) mm that lines reach onto what carries them, and (L,) radians, the usual direction.
     """
+    anchor, usual = reach
     pieces = pieces_of(grown)
-    turn, held = bridge_angles(pieces, below, spacing, float(np.deg2rad(quality.infill_angle_deg)))
+    turn, held = bridge_angles(pieces, below, spacing, usual)
     loose = pieces.on_layers(grown.n_layers, np.flatnonzero(~held))
     pieces, turn = pieces.take(np.flatnonzero(held)), turn[held]
     # Half a line more on both sides of those over the air.
     own = pieces.beside(offset(air, spacing / 2))
-    along = swept(own, quality.bridge_anchor * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    along = swept(own, anchor[pieces.layer, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     return Bridges(intersection(along, pieces.areas), pieces.layer, turn, loose)
 
 
-def over_sparse(solid: Areas, below: Areas, width: float | Float, anchor: float) -> Areas:
+def over_sparse(solid: Areas, below: Areas, width: float | Float, anchor: float | Float) -> Areas:
     """What of solid areas lies over sparse infill, with what carries it at its sides.
 
     Args:
         solid: areas.
         below: the sparse areas of the layer below each.
         width: mm, of beads, of all layers or of each (L,).
-        anchor: mm of solid infill beside it that it reaches onto.
+        anchor: mm of solid infill beside it that it reaches onto, likewise.
     """
     over = intersection(solid, below)
     if not over.n_rings:
@@ -125,7 +127,7 @@ def over_sparse(solid: Areas, below: Areas, width: float | Float, anchor: float)
     return intersection(difference(solid, beside), offset(over, width))
 
 
-def bridge_angles(pieces: Pieces, below: Areas, spacing: Float, usual: float) -> tuple[Float, Bool]:
+def bridge_angles(pieces: Pieces, below: Areas, spacing: Float, usual: float | Float) -> tuple[Float, Bool]:
     """(P,) direction of the lines over each bridge, radians, and whether any line is held at an end.
 
     Tries directions 15° apart, then 5° to either side of the best and that of the longest side, and takes the one with
@@ -137,14 +139,14 @@ def bridge_angles(pieces: Pieces, below: Areas, spacing: Float, usual: float) ->
         pieces: areas over air, grown onto their supports.
         below: what carries, below each layer.
         spacing: (L,) mm between lines.
-        usual: radians.
+        usual: radians, of all layers or of each (L,).
     """
     if not pieces.count:
         return np.zeros(0), np.zeros(0, np.bool_)
     support = intersection(offset(pieces.areas, _BESIDE), pieces.beside(below))
     gap = spacing[pieces.layer]
     score = partial(_score, pieces.areas, support, gap)
-    best, record = np.full(pieces.count, usual), np.zeros(pieces.count)
+    best, record = np.broadcast_to(usual, spacing.shape)[pieces.layer], np.zeros(pieces.count)
     # Of nearly equals the first one is taken: those along the axes of the bed, as parts mostly are.
     whole = sorted(range(_DIRECTIONS), key=lambda turn: (turn % 6 != 0, turn % 3 != 0))
     tried = [(np.full(pieces.count, turn * np.pi / _DIRECTIONS), _BETTER) for turn in whole]

@@ -5,7 +5,7 @@ Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Pro
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,8 +20,10 @@ from printer_slicer.geometry import frozen_array
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.infill import infill_paths
 from printer_slicer.labelling import labels_of
+from printer_slicer.layered import Layered, by_layer
 from printer_slicer.model import (
     Float,
+    Int,
     Labels,
     LayerPlan,
     Mesh,
@@ -45,6 +47,7 @@ from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.strategies import OURS, Strategies, checked_lines, checked_plan, checked_program
 from printer_slicer.surface import Certificate, certify, read_surface
 from printer_slicer.thick_walls import thickened
+from printer_slicer.things import apart, side_by_side, things_of
 from printer_slicer.thumbnails import thumbnail_lines
 from printer_slicer.travels import travel
 
@@ -202,36 +205,50 @@ def _down_from(
 ) -> Stages:
     """From a placed part and its plan to the moves."""
     profile = profile_with(profile, _SPIRAL) if profile.quality.spiral else profile
+    things = things_of(part, profile)
     report("slicing")
-    sections = compensated(cut(part, plan, profile.quality.resolution), profile)
+    cuts = apart([compensated(cut(mesh, plan, own.quality.resolution), own) for mesh, own in things])
     report("perimeters")
-    walls = lay_walls(sections, profile)
+    walls = [lay_walls(section, own) for section, (_, own) in zip(cuts, things, strict=True)]
     report("regions")
-    regions = classify(sections, walls, profile)
+    regions = [
+        classify(section, wall, own) for section, wall, (_, own) in zip(cuts, walls, things, strict=True)
+    ]
     report("toolpaths")
-    perimeters, groups = thickened(graded(walls.paths, sections), sections, regions, profile)
-    paths = [perimeters, infill_paths(regions, profile, groups, strategies.own_infill)]
+    rules, paths = [profile], list[Toolpaths]()
+    for section, wall, region, (_, own) in zip(cuts, walls, regions, things, strict=True):
+        perimeters, groups = thickened(graded(wall.paths, section), section, region, own)
+        numbers = _numbers(rules, by_layer(own, plan))
+        infill = infill_paths(region, own, groups, strategies.own_infill)
+        paths += [perimeters.ruled(numbers), infill.ruled(numbers)]
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{part.name}: no bead of {profile.extrusion_width:g} mm fits into the part",
             remedy="is the part in another unit? otherwise choose a thinner nozzle, more perimeters or denser infill",
         )
     report("ordering")
+    sections = side_by_side(cuts)
     printed = on_raft(sections, profile)
     lifted = [adhesion_paths(printed, profile), *(some.lifted(printed.plan) for some in paths)]
     toolpaths = curved(order(Toolpaths.joined(printed.plan, lifted), printed, profile), profile)
     report("travels")
     travels = travel(toolpaths, printed, profile)
     report("extrusion")
-    program = extrude(toolpaths, travels, profile)
-    stages = Stages(part, sections, walls, regions, toolpaths, travels, program)
+    program = extrude(toolpaths, travels, profile, rules)
+    stages = Stages(part, sections, Walls.joined(walls), Regions.joined(regions), toolpaths, travels, program)
     if profile.printer.link_lines_per_second:
-        stages = _kept_up(stages, printed, profile)
+        stages = _kept_up(stages, printed, profile, rules)
     program = checked_program(stages.program, strategies.on_program)
     return replace(stages, program=program, labels=labels_of(program, part, plan))
 
 
-def _kept_up(stages: Stages, printed: Sections, profile: Profile) -> Stages:
+def _numbers(rules: list[Profile], layered: Layered) -> Int:
+    """(L,) the number of each layer's profile among `rules`, to which those are added that are new."""
+    rules += [one for one in layered.profiles if one not in rules]
+    return np.array([rules.index(one) for one in layered.profiles])[layered.of_layer]
+
+
+def _kept_up(stages: Stages, printed: Sections, profile: Profile, rules: Sequence[Profile]) -> Stages:
     """The stages with moves that the link to the printer can carry: merged where they are short, then slowed down."""
     before = stages.program
     busy = crowded(before, profile)
@@ -240,7 +257,7 @@ def _kept_up(stages: Stages, printed: Sections, profile: Profile) -> Stages:
     dense = crowded_paths(stages.toolpaths, stages.travels, busy, profile)
     toolpaths = merged(stages.toolpaths, dense, profile.quality.link_tolerance)
     travels = travel(toolpaths, printed, profile)
-    program, link = paced(extrude(toolpaths, travels, profile), before, busy, profile)
+    program, link = paced(extrude(toolpaths, travels, profile, rules), before, busy, profile)
     return replace(stages, toolpaths=toolpaths, travels=travels, program=program, link=link)
 
 

@@ -14,6 +14,8 @@ skins keep their thickness only as measured up and down: across a slope of 45° 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from printer_slicer import bead
@@ -28,8 +30,9 @@ from printer_slicer.geometry import (
     window_intersection,
     window_intersections,
 )
-from printer_slicer.model import Areas, Float, Int, LayerPlan, Regions, Sections, Walls
-from printer_slicer.profile import Profile, Quality
+from printer_slicer.layered import Layered, by_layer
+from printer_slicer.model import Areas, Bool, Float, Int, LayerPlan, Regions, Sections, Walls
+from printer_slicer.profile import Profile
 
 __all__ = ["classify"]
 
@@ -45,26 +48,31 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     (`quality.bottom_thickness`), or where the area around it is too small for sparse infill. The bed is a surface too.
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
-    quality, width = profile.quality, walls.width
-    near, (open_above, open_below) = _exposed(sections, inside, quality)
-    shell = inside if quality.infill_density >= 1 else _shell(walls, near, quality)
+    rules, width = _Rules.of(by_layer(profile, plan)), walls.width
+    near, (open_above, open_below) = _exposed(sections, inside, rules)
+    shell = _shell(walls, near, rules)
     carrying, sparse = _below(solid), difference(inside, shell)
-    if quality.infill_density == 0:
-        hollow = _below(sparse)
-        carrying, open_below = difference(carrying, hollow), union(open_below, intersection(shell, hollow))
-    down = _grown(open_below, inside, width, np.full(plan.n_layers, quality.bridge_anchor))
+    if rules.empty.any():
+        hollow = _below(sparse.of_layers(rules.empty))
+        # Nothing can stand on what is hollow, sparse infill neither.
+        lid = intersection(shell.of_layers(rules.empty).merge(inside.of_layers(~rules.empty)), hollow)
+        carrying, open_below = difference(carrying, hollow), union(open_below, lid)
+        sparse = difference(sparse, lid)
+    down = _grown(open_below, inside, width, rules.anchor)
     skin, hanging = down.select(down.ring_layer == 0), down.select(down.ring_layer > 0)
-    bridges = bridges_over(offset_open(open_below, width / 4), hanging, carrying, width, quality)
+    bridges = bridges_over(
+        offset_open(open_below, width / 4), hanging, carrying, width, (rules.anchor, rules.angle)
+    )
     down = skin.merge(bridges.covered())
     up = difference(_grown(open_above, inside, width, 2 * width), down)
-    sparse, scraps = _worth_it(difference(sparse, down.merge(up)), width, quality)
+    sparse, scraps = _worth_it(difference(sparse, down.merge(up)), width, rules)
     scraps = _over(scraps, _below(sparse)).merge(
         _narrow(difference(hanging, down.merge(up).merge(sparse)), width)
     )
     bridges = bridges.with_scraps(pieces_of(scraps), width / 4)
     open_to_air = skin.merge(bridges.covered()).merge(up)
     covered = difference(inside, sparse.merge(open_to_air))
-    internal = over_sparse(covered, _below(sparse), width, quality.bridge_anchor)
+    internal = over_sparse(covered, _below(sparse), width, rules.anchor)
     bridge, angle = bridges.of_stack()
     return Regions(
         plan,
@@ -80,17 +88,54 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rules:
+    """The settings that regions come from, of each layer (L,): mm, mm², shares, and how many.
+
+    Attributes:
+        full, empty: whether everything inside is solid, or what is not shell stays empty.
+    """
+
+    full: Bool
+    empty: Bool
+    top: Float
+    bottom: Float
+    slope: Float
+    smallest: Float
+    perimeters: Float
+    anchor: Float
+    angle: Float
+
+    @classmethod
+    def of(cls, layered: Layered) -> _Rules:
+        """Those of profiles."""
+        density = layered.values(lambda profile: profile.quality.infill_density)
+        return cls(
+            density >= 1,
+            density == 0,
+            layered.values(lambda profile: profile.quality.top_thickness),
+            layered.values(lambda profile: profile.quality.bottom_thickness),
+            layered.values(lambda profile: profile.quality.slope_shell_ratio),
+            layered.values(lambda profile: profile.quality.min_sparse_area),
+            layered.values(lambda profile: profile.quality.perimeters),
+            layered.values(lambda profile: profile.quality.bridge_anchor),
+            np.deg2rad(layered.values(lambda profile: profile.quality.infill_angle_deg)),
+        )
+
+
 def _exposed(
-    sections: Sections, inside: Areas, quality: Quality
+    sections: Sections, inside: Areas, rules: _Rules
 ) -> tuple[tuple[Areas, Areas], tuple[Areas, Areas]]:
     """What of the inside has air within the skins above and below it; and what has it right over and under it.
 
     Where everything is solid, what is near air is not asked for: the second pair stands for it.
     """
     plan = sections.plan
-    top, bottom = quality.top_thickness, quality.bottom_thickness
-    windows = [_window_above(plan, min(top, _SMALLEST)), _window_below(plan, min(bottom, _SMALLEST))]
-    if quality.infill_density < 1:
+    top, bottom = rules.top, rules.bottom
+    beside = np.minimum(top, _SMALLEST), np.minimum(bottom, _SMALLEST)
+    windows = [_window_above(plan, beside[0]), _window_below(plan, beside[1])]
+    if not rules.full.all():
+        top, bottom = (np.where(rules.full, *pair) for pair in zip(beside, (top, bottom), strict=True))
         windows += [_window_above(plan, top), _window_below(plan, bottom)]
     own = np.arange(plan.n_layers)
     idle = [last <= first for first, last in windows]
@@ -110,29 +155,33 @@ def _exposed(
     return (missing[1], missing[0]), (above, below)
 
 
-def _shell(walls: Walls, near: tuple[Areas, Areas], quality: Quality) -> Areas:
-    """What of the inside has to be solid to keep surfaces and slopes closed."""
+def _shell(walls: Walls, near: tuple[Areas, Areas], rules: _Rules) -> Areas:
+    """What of the inside has to be solid to keep surfaces and slopes closed; all of it where that is asked for."""
+    if rules.full.all():
+        return walls.inside
     shell = offset_open(union(*near), walls.width / 4)
-    if quality.slope_shell_ratio > 0:
-        shell = union(shell, union(*_across_slopes(walls, quality)))
-    chosen = quality.infill_density > 0 and quality.min_sparse_area > 0
-    return _without_dots(shell, walls.width) if chosen else shell
+    if (rules.slope > 0).any():
+        shell = union(shell, union(*_across_slopes(walls, rules)))
+    dotted = rules.empty | (rules.smallest == 0)
+    if not dotted.all():
+        shell = _without_dots(shell.of_layers(~dotted), walls.width).merge(shell.of_layers(dotted))
+    return walls.inside.of_layers(rules.full).merge(shell.of_layers(~rules.full))
 
 
-def _across_slopes(walls: Walls, quality: Quality) -> tuple[Areas, Areas]:
+def _across_slopes(walls: Walls, rules: _Rules) -> tuple[Areas, Areas]:
     """What is over and under the walls of the layer where the skin ends, where a slope makes the walls too thin."""
-    plan, inside = walls.plan, walls.inside
-    above = _window_above(plan, quality.top_thickness)
-    below = _window_below(plan, quality.bottom_thickness)
+    plan, inside, sloped = walls.plan, walls.inside, rules.slope > 0
+    above = _window_above(plan, rules.top)
+    below = _window_below(plan, rules.bottom)
     own = np.arange(plan.n_layers)
-    highest = np.maximum(np.minimum(above[1], plan.n_layers) - 1, own)
-    lowest = np.minimum(np.maximum(below[0], 0), own)
+    highest = np.where(sloped, np.maximum(np.minimum(above[1], plan.n_layers) - 1, own), own)
+    lowest = np.where(sloped, np.minimum(np.maximum(below[0], 0), own), own)
     # A slope goes on through the layers between: what it covers of the inside, it does at the farthest of them.
     over, under = (
         offset_open(
-            _uncovered(inside, at), _needless(walls, quality, skin, np.abs(plan.cut[at] - plan.cut)) / 2
+            _uncovered(inside, at), _needless(walls, rules, skin, np.abs(plan.cut[at] - plan.cut)) / 2
         )
-        for at, skin in ((highest, quality.top_thickness), (lowest, quality.bottom_thickness))
+        for at, skin in ((highest, rules.top), (lowest, rules.bottom))
     )
     return over, under
 
@@ -154,7 +203,7 @@ def _uncovered(inside: Areas, at: Int) -> Areas:
     return difference(inside.of_layers(other), cover.of_layers(other))
 
 
-def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Float:
+def _needless(walls: Walls, rules: _Rules, skin: Float, apart: Float) -> Float:
     """(L,) mm: how narrow strips of solid beside the walls can be left out.
 
     They come from slopes so steep that the walls are thick enough: the strip is skin / tan t wide, the walls are
@@ -163,22 +212,24 @@ def _needless(walls: Walls, quality: Quality, skin: float, apart: Float) -> Floa
     """
     half = walls.width / 2
     gap = bead.spacing(walls.width, walls.plan.height)
-    depth = half + (quality.perimeters - 0.5) * gap if quality.perimeters else np.zeros_like(half)
-    promised = np.maximum(quality.slope_shell_ratio * np.minimum(skin, depth), 1e-9)
+    depth = np.where(rules.perimeters > 0, half + (rules.perimeters - 0.5) * gap, 0.0)
+    promised = np.maximum(rules.slope * np.minimum(skin, depth), 1e-9)
     steep = apart * np.sqrt(np.maximum((depth / promised) ** 2 - 1, 0))
     return np.clip(steep, half, np.maximum(depth, half))
 
 
-def _worth_it(sparse: Areas, width: Float, quality: Quality) -> tuple[Areas, Areas]:
+def _worth_it(sparse: Areas, width: Float, rules: _Rules) -> tuple[Areas, Areas]:
     """Sparse areas without scraps, and these: too small or narrow for it, where such ones are not to be sparse."""
-    if quality.infill_density == 0 or quality.min_sparse_area == 0:
+    as_they_are = rules.empty | (rules.smallest == 0)
+    if as_they_are.all():
         return sparse, Areas.empty(sparse.n_layers)
+    untouched, sparse = sparse.of_layers(as_they_are), sparse.of_layers(~as_they_are)
     # Opened, sharp corners are cut off: what is narrower than a bead there stays.
     narrow = offset_open(difference(sparse, offset_open(sparse, _NARROW / 2 * width)), width / 3)
     pieces = pieces_of(difference(sparse, narrow))
-    large = pieces.areas.area() >= quality.min_sparse_area
+    large = pieces.areas.area() >= rules.smallest[pieces.layer]
     kept = pieces.on_layers(sparse.n_layers, np.flatnonzero(large))
-    return kept, difference(sparse, kept)
+    return kept.merge(untouched), difference(sparse, kept)
 
 
 def _over(scraps: Areas, sparse: Areas) -> Areas:
@@ -201,8 +252,8 @@ def _below(solid: Areas) -> Areas:
     return window_intersection(solid, own - 1, own)
 
 
-def _window_above(plan: LayerPlan, thickness: float) -> tuple[Int, Int]:
-    """For each layer the layers above whose bottom is less than `thickness` over its top; none for thickness 0."""
+def _window_above(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
+    """For each layer the layers above whose bottom is less than `thickness` (L,) over its top; none for thickness 0."""
     first = np.arange(plan.n_layers) + 1
     last = np.searchsorted(plan.bottom, plan.top + thickness - _SMALLEST / 2)
     # Air over the last layer: what lies within reach of the top has a window that leaves the stack.
@@ -210,8 +261,8 @@ def _window_above(plan: LayerPlan, thickness: float) -> tuple[Int, Int]:
     return first, np.where(near_top & (thickness > 0), plan.n_layers + 1, last).astype(np.int64)
 
 
-def _window_below(plan: LayerPlan, thickness: float) -> tuple[Int, Int]:
-    """For each layer the layers below whose top is less than `thickness` under its bottom; the bed ends the stack."""
+def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
+    """For each layer those below whose top is less than `thickness` (L,) under its bottom; the bed ends the stack."""
     last = np.arange(plan.n_layers)
     first = np.searchsorted(plan.top, plan.bottom - thickness + _SMALLEST / 2, side="right")
     near_bed = plan.bottom - thickness + _SMALLEST / 2 < 0

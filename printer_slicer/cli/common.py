@@ -32,6 +32,7 @@ __all__ = [
     "write_file",
 ]
 
+_OF_PLANNER = ("tolerance", "layer_height")  # what ranges of the planner have
 PATIENCE = 1.0  # s before a progress bar appears
 _STAGES = 11  # from loading to writing
 
@@ -98,9 +99,15 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
         changes |= {"quality.layer_step": step[0]} if step else {}
     elif heights:
         changes["quality.layer_heights"] = heights
-    if getattr(arguments, "range", None):
-        changes["quality.planner.ranges"] = ";".join(arguments.range)
-    return changes
+    own = list(getattr(arguments, "set_for", ()))
+    planned: list[str] = []
+    for rule in getattr(arguments, "range", ()):
+        of_planner = all(
+            part.partition("=")[0].strip() in _OF_PLANNER for part in rule.split(":")[2:] if "=" in part
+        )
+        (planned if of_planner else own).append(rule)
+    changes |= {"quality.planner.ranges": ";".join(planned)} if planned else {}
+    return changes | ({"quality.overrides": ";".join(own)} if own else {})
 
 
 def refuse_mixing(arguments: argparse.Namespace) -> None:

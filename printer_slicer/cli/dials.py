@@ -70,7 +70,7 @@ class _Lazy(argparse._StoreAction):  # noqa: SLF001 - what `action="store"` is h
 
 
 def add_dials(parser: argparse.ArgumentParser) -> None:
-    """Flags that decide where layers end."""
+    """Flags that decide where layers end, and what differs from place to place."""
     group = parser.add_argument_group("layer heights")
     for flag, dial in DIALS.items():
         group.add_argument(
@@ -87,10 +87,18 @@ def add_dials(parser: argparse.ArgumentParser) -> None:
         dest="dial heights",
         help="the only heights: 0.1,0.2,0.3 or LOW:HIGH or LOW:HIGH:STEP, in mm",
     )
+    group = parser.add_argument_group("places of their own")
     group.add_argument(
         "--range",
         metavar="LOW:HIGH:KEY=VALUE",
         action="append",
         default=[],
-        help="between two heights in mm another tolerance=MM or layer_height=MM (--planner optimal); may be repeated",
+        help="between two heights in mm another setting, or tolerance=MM or layer_height=MM; may be repeated",
+    )
+    group.add_argument(
+        "--set-for",
+        metavar="OBJECT:KEY=VALUE",
+        action="append",
+        default=[],
+        help="another setting for one of several objects; may be repeated",
     )

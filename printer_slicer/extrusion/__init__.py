@@ -6,6 +6,7 @@ material's flow limit allows, the height at which the fan has ramped up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,25 +21,35 @@ from printer_slicer.profile import Material, Profile
 
 __all__ = ["extrude", "move_seconds"]
 
+_OF_NO_HEIGHT = (Role.SKIRT, Role.BRIM, Role.RAFT)
 _HALF = 0.5  # of its width: a perimeter's bead that is carried by less hangs
 
 
-def extrude(paths: Toolpaths, travels: Travels, profile: Profile) -> Program:
+def extrude(paths: Toolpaths, travels: Travels, profile: Profile, rules: Sequence[Profile] = ()) -> Program:
     """The moves that print `paths` in order, with `travels` between them, fan and temperatures.
 
-    Layers that would be quicker than `material.min_layer_time` are slowed down, down to `material.min_speed`.
+    Speeds, accelerations and flow of the paths are those of `rules`, by their number; `profile` where there are none,
+    and for what belongs to no object. Layers that would be quicker than `material.min_layer_time` are slowed down, down
+    to `material.min_speed`.
     """
     # What the moves were made from is not needed any more when they are timed: that takes the most memory.
-    program, carried = _moves(paths, travels, profile)
+    rules = tuple(rules) or (profile,)
+    program, carried = _moves(paths, travels, profile, rules)
     program = slowed(program, profile)
-    events = [*_heat(program, profile.material), *fans(program, carried, profile), *program.events]
+    events = [
+        *_heat(program, paths, profile.material, rules),
+        *fans(program, carried, profile),
+        *program.events,
+    ]
     return known_as(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 
-def _moves(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Program, Float]:
+def _moves(
+    paths: Toolpaths, travels: Travels, profile: Profile, rules: tuple[Profile, ...]
+) -> tuple[Program, Float]:
     """The moves as quick as they may be, and (K,) the share of each bead that lies over the layer below."""
     rows = rows_of(paths, travels, profile)
-    beads = beads_of(paths, rows, profile)
+    beads = beads_of(paths, rows, rules)
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
     carried = rows.spread(beads.carried)
     role[is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
@@ -47,12 +58,12 @@ def _moves(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Progra
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
         xyz=rows.xyz,
         filament=rows.pulled + rows.spread(beads.filament(profile.material.filament_diameter)),
-        speed=speeds_of(paths, rows, beads, profile),
+        speed=speeds_of(paths, rows, beads, rules),
         layer=paths.layer[rows.path],
         role=role,
         width=rows.spread(beads.width),
         height=rows.spread(beads.height * beads.share),
-        events=acceleration_events(role, paths.layer[rows.path], profile),
+        events=acceleration_events(role, paths.layer[rows.path], paths.rule[rows.path], rules),
     )
     if paths.has_arcs:
         centre = np.full((program.n_moves, 2), np.nan)
@@ -61,17 +72,21 @@ def _moves(paths: Toolpaths, travels: Travels, profile: Profile) -> tuple[Progra
     return program, carried
 
 
-def _heat(program: Program, material: Material) -> list[Event]:
-    """From the second layer on the temperatures of the rest of the part."""
-    above = np.flatnonzero(program.layer > 0)
-    if len(above) == 0:
-        return []
-    nozzle = (
-        material.nozzle_temperature
-        if material.nozzle_temperature != material.first_layer_nozzle_temperature
-        else None
-    )
-    bed = (
-        material.bed_temperature if material.bed_temperature != material.first_layer_bed_temperature else None
-    )
-    return [Heat(int(above[0]), nozzle, bed)] if nozzle is not None or bed is not None else []
+def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[Profile, ...]) -> list[Event]:
+    """From the second layer on the temperatures of the rest of the part, and those that heights have of their own."""
+    of_rule = np.array([rule.material.nozzle_temperature for rule in rules])
+    begins = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
+    wanted = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
+    own = ~np.isin(paths.role, _OF_NO_HEIGHT)
+    wanted[paths.layer[own]] = of_rule[paths.rule[own]]
+    nozzle, bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
+    events: list[Event] = []
+    for index in begins[program.layer[begins] > 0].tolist():
+        now = float(wanted[program.layer[index]])
+        if now != nozzle or bed != material.bed_temperature:
+            changed = now if now != nozzle else None
+            events.append(
+                Heat(index, changed, material.bed_temperature if bed != material.bed_temperature else None)
+            )
+        nozzle, bed = now, material.bed_temperature
+    return events

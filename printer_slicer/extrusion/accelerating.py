@@ -10,11 +10,16 @@ from printer_slicer.profile import Printer, Profile
 __all__ = ["acceleration_events", "accelerations_of"]
 
 
-def acceleration_events(role: Int, layer: Int, profile: Profile) -> tuple[Acceleration, ...]:
-    """Changes of acceleration before moves of roles (K,) on layers (K,), none where the profile has but one."""
+def acceleration_events(
+    role: Int, layer: Int, rule: Int, rules: tuple[Profile, ...]
+) -> tuple[Acceleration, ...]:
+    """Changes of acceleration before moves of roles (K,) on layers (K,), none where the profiles have but one.
+
+    `rule` (K,) is the number of each move's profile.
+    """
+    profile = rules[0]
     beads = np.flatnonzero(role != Role.TRAVEL)
-    of_role = _of_roles(profile)
-    wanted = of_role[role[beads]]
+    wanted = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
     first = profile.quality.accelerations.first_layer
     if first:
         wanted = np.where(layer[beads] == 0, min(first, profile.printer.acceleration), wanted)

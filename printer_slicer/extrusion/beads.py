@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.extrusion.rows import Kind, Rows
-from printer_slicer.model import Float, Role, Toolpaths, is_perimeter
+from printer_slicer.model import Float, Int, Role, Toolpaths, is_perimeter
 from printer_slicer.profile import Profile, Speeds
 
 __all__ = ["SHARES", "Beads", "beads_of", "speeds_of"]
@@ -48,34 +48,31 @@ class Beads:
         return self.length * per_mm * (self.share * self.flow)
 
 
-def beads_of(paths: Toolpaths, rows: Rows, profile: Profile) -> Beads:
-    """The beads of the rows that lay some."""
+def beads_of(paths: Toolpaths, rows: Rows, rules: tuple[Profile, ...]) -> Beads:
+    """The beads of the rows that lay some, with the flow that the profiles of their paths have."""
     begin, end, path = rows.begin, rows.end, rows.bead_path
     way = paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)
     climbed = paths.rise[end] - paths.rise[begin]
-    first = np.where(paths.layer[path] == 0, profile.quality.first_layer_flow, 1.0)
+    flow, first = (
+        np.array(values)[paths.rule[path]]
+        for values in (
+            [rule.material.flow_ratio for rule in rules],
+            [rule.quality.first_layer_flow for rule in rules],
+        )
+    )
     return Beads(
         np.sqrt((way * way).sum(axis=1) + climbed * climbed),
         (paths.width[begin] + paths.width[end]) / 2,
         paths.height[path],
         (paths.share[begin] + paths.share[end]) / 2,
-        first * profile.material.flow_ratio,
+        np.where(paths.layer[path] == 0, first, 1.0) * flow,
         paths.carried[begin],
     )
 
 
-def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, profile: Profile) -> Float:
-    """(K,) speed of each move, mm/s."""
-    printer, speeds, material = profile.printer, profile.quality.speeds, profile.material
-    path, is_bead = rows.bead_path, rows.is_bead
-    laid = _wanted(paths, profile)[path]
-    hangs = is_perimeter(paths.role[path]) & (beads.carried < 1)
-    slower = laid * np.interp(beads.carried, SHARES, _overhang_speeds(speeds))
-    # The last quarter goes over to a bridge.
-    faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
-    laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
-    melted = np.where(paths.layer[path] == 0, material.first_layer_max_flow_ratio, 1.0) * material.max_flow
-    flowing = melted / np.maximum(beads.cross_section, 1e-9)
+def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, rules: tuple[Profile, ...]) -> Float:
+    """(K,) speed of each move, mm/s; of beads that of the profile that their path has."""
+    printer, speeds = rules[0].printer, rules[0].quality.speeds
     z_speed = min(speeds.travel, printer.max_speed_z)
     wipe = min(speeds.travel, printer.max_speed_x)
     lead = np.zeros(Kind.BEAD + 1)
@@ -83,9 +80,25 @@ def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, profile: Profile) -> F
     lead[[Kind.WIPE, Kind.LIFT, Kind.TRAVEL, Kind.DROP]] = wipe, z_speed, speeds.travel, z_speed
     if printer.z_hop_ramp:
         lead[Kind.LIFT] = speeds.travel
-    speed = lead[rows.kind]
-    speed[is_bead] = np.minimum(laid, flowing)
+    speed, path = lead[rows.kind], rows.bead_path
+    laid = _laid(paths, path, beads, rules[0])
+    for number, rule in enumerate(rules[1:], 1):
+        laid = np.where(paths.rule[path] == number, _laid(paths, path, beads, rule), laid)
+    speed[rows.is_bead] = laid
     return speed
+
+
+def _laid(paths: Toolpaths, path: Int, beads: Beads, profile: Profile) -> Float:
+    """(B,) mm/s of the beads of paths (B,) with the settings of one profile."""
+    speeds, material = profile.quality.speeds, profile.material
+    laid = _wanted(paths, profile)[path]
+    hangs = is_perimeter(paths.role[path]) & (beads.carried < 1)
+    slower = laid * np.interp(beads.carried, SHARES, _overhang_speeds(speeds))
+    # The last quarter goes over to a bridge.
+    faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
+    laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
+    melted = np.where(paths.layer[path] == 0, material.first_layer_max_flow_ratio, 1.0) * material.max_flow
+    return np.minimum(laid, melted / np.maximum(beads.cross_section, 1e-9))
 
 
 def _wanted(paths: Toolpaths, profile: Profile) -> Float:

@@ -345,6 +345,14 @@ class Areas(Drawn):
             n_layers,
         )
 
+    @classmethod
+    def merged(cls, parts: Sequence[Areas]) -> Areas:
+        """The rings of several stacks side by side; within a layer in the order of `parts`."""
+        whole = parts[0]
+        for part in parts[1:]:
+            whole = whole.merge(part)
+        return whole
+
     def merge(self, other: Areas) -> Areas:
         """The rings of both stacks side by side; nothing is cut or joined where they overlap.
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
+from printer_slicer.geometry import Polylines
 from printer_slicer.infill.concentric import concentric_lines
 from printer_slicer.infill.cubic import cubic_lines
 from printer_slicer.infill.grid import grid_lines
@@ -20,6 +21,7 @@ from printer_slicer.infill.sparse import Layout, bare_lines, laid_out, sparse_pa
 from printer_slicer.infill.task import Pattern
 from printer_slicer.infill.thick import groups_of
 from printer_slicer.infill.triangles import triangle_lines
+from printer_slicer.layered import by_layer
 from printer_slicer.model import Int, Regions, Toolpaths
 from printer_slicer.profile import Profile
 
@@ -51,23 +53,31 @@ def infill_paths(
     Raises:
         StrategyError: `own` gives what cannot be printed, or misses the density.
     """
-    quality = profile.quality
-    if quality.infill_density == 0:
-        return Toolpaths.joined(regions.plan, solid_paths(regions, profile))
-    limit = min(quality.sparse_every, profile.highest_bead)
-    groups = groups_of(regions.sparse, regions.plan, limit, groups)
-    layout = _layout(regions, groups, profile, own)
-    resting = rested(regions, bare_lines(layout, carried_layers(regions)), profile)
-    parts = [*solid_paths(resting, profile), sparse_paths(layout, resting, profile)]
+    layered = by_layer(profile, regions.plan)
+    begins, limit = layered.stretch_begins(), min(profile.quality.sparse_every, profile.highest_bead)
+    groups = groups_of(regions.sparse, regions.plan, limit, groups, begins=begins)
+    layouts = [_laid_out(regions.of_layers(here), groups, one, own) for one, here in layered.each()]
+    carried = carried_layers(regions)
+    bare = [bare_lines(layout, carried) for layout in layouts if layout]
+    if bare:
+        regions = rested(regions, Polylines.joined(bare), profile)
+    parts: list[Toolpaths] = []
+    for (one, here), layout in zip(layered.each(), layouts, strict=True):
+        some = regions.of_layers(here)
+        parts += solid_paths(some, one)
+        parts += [sparse_paths(layout, some, one)] if layout else []
     return Toolpaths.joined(regions.plan, parts)
 
 
-def _layout(regions: Regions, groups: Int, profile: Profile, own: Infill | None) -> Layout:
-    """Where the lines lie, of the profile's pattern or of one's own."""
+def _laid_out(regions: Regions, groups: Int, profile: Profile, own: Infill | None) -> Layout | None:
+    """Where the lines lie, of the profile's pattern or of one's own; None where there are none."""
+    quality = profile.quality
+    if quality.infill_density == 0:
+        return None
     if own:
         layout = laid_out(regions, groups, pattern_of(own), profile, measured=own.measured)
         return replace(layout, insisting_on=own.name if own.measured else "")
-    name = profile.quality.infill
     # Trees have the density only where they hold something.
-    layout = laid_out(regions, groups, PATTERNS[name], profile, measured=name != "lightning")
-    return layout if layout.measured else replace(layout, pattern=planted(layout.task))
+    measured = quality.infill != "lightning"
+    layout = laid_out(regions, groups, PATTERNS[quality.infill], profile, measured=measured)
+    return layout if measured else replace(layout, pattern=planted(layout.task))

@@ -79,7 +79,9 @@ def fillings(sparse: Areas, plan: LayerPlan, groups: Int, narrowest: float) -> F
     )
 
 
-def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None = None) -> Int:
+def groups_of(
+    sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None = None, *, begins: Int | None = None
+) -> Int:
     """(L,) the first layer of the group that each layer belongs to.
 
     The layers are divided into groups no higher than `limit`, the same groups over the whole part, so that beads of
@@ -91,8 +93,10 @@ def groups_of(sparse: Areas, plan: LayerPlan, limit: float, groups: Int | None =
         plan: the layers.
         limit: mm, summed height of a group; 0 or less than two layers: no groups.
         groups: (L,) if they are known already; those higher than `limit` are divided into single layers.
+        begins: (L,) the lowest layer that each may be together with.
     """
     lowest = within(plan, limit)
+    lowest = lowest if begins is None else np.maximum(lowest, begins)
     if groups is None:
         return divide(area_savings(sparse, lowest))
     return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, frozen_array
+from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array
 from printer_slicer.showing import Drawn
 
 __all__ = ["Contours", "Gap", "LayerPlan", "Regions", "Sections"]
@@ -132,6 +134,17 @@ class Sections(Drawn):
         return f"<Sections: {self.plan.n_layers} layers, {self.solid.n_rings} contours, {volume:.6g} mm3>"
 
 
+_REGIONS: Final = (
+    "bottom_skin",
+    "bridge",
+    "top_skin",
+    "solid",
+    "sparse",
+    "internal_bridge",
+    "inside",
+)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Regions(Drawn):
     """What is inside the walls, by purpose; no overlap within a layer.
@@ -177,3 +190,31 @@ class Regions(Drawn):
         volumes = {name: float(getattr(self, name).area() @ self.plan.height) for name in names}
         told = ", ".join(f"{name} {volume:.4g}" for name, volume in volumes.items() if volume)
         return f"<Regions: {self.plan.n_layers} layers, mm3: {told or 'nothing'}>"
+
+    def of_layers(self, here: Bool) -> Regions:
+        """The regions of some layers (L,); nothing on the others."""
+        return Regions(
+            self.plan,
+            **{name: getattr(self, name).of_layers(here) for name in _REGIONS},
+            bridge_angle=self.bridge_angle[here[self.bridge.ring_layer]],
+            internal_bridge_angle=self.internal_bridge_angle[here[self.internal_bridge.ring_layer]],
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Regions]) -> Regions:
+        """The regions of several things side by side."""
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        angles = {
+            name: np.concatenate([getattr(part, f"{name}_angle") for part in parts])[
+                np.argsort(np.concatenate([getattr(part, name).ring_layer for part in parts]), kind="stable")
+            ]
+            for name in ("bridge", "internal_bridge")
+        }
+        return cls(
+            first.plan,
+            **{name: Areas.merged([getattr(part, name) for part in parts]) for name in _REGIONS},
+            bridge_angle=angles["bridge"],
+            internal_bridge_angle=angles["internal_bridge"],
+        )

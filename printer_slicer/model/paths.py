@@ -31,7 +31,7 @@ _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
 _MAY_BE_USUAL: Final = ("carried", "rise", "share", "centre")
 _OF_POINTS: Final = ("xy", "width", "carried", "rise", "share", "centre")
-_OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep")
+_OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep", "rule")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +57,7 @@ class Toolpaths(Drawn):
             not given.
         centre: (N, 2) mm, of the arc that the line to the next point is a chord of; nan, everywhere where it is not
             given, for lines.
+        rule: (M,) the number of the profile whose speeds and flow each path has; 0 everywhere where it is not given.
     """
 
     plan: LayerPlan
@@ -72,6 +73,7 @@ class Toolpaths(Drawn):
     rise: Float = field(default_factory=lambda: _NOT_GIVEN)
     share: Float = field(default_factory=lambda: _NOT_GIVEN)
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
+    rule: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
@@ -85,6 +87,8 @@ class Toolpaths(Drawn):
                 object.__setattr__(self, name, np.broadcast_to(np.float64(value), shape))
         if self.sweep is _NO_NUMBERS:
             object.__setattr__(self, "sweep", np.full(n_paths, -1))
+        if self.rule is _NO_NUMBERS:
+            object.__setattr__(self, "rule", np.zeros(n_paths, np.int64))
         for name, dtype, shape in (
             ("xy", np.float64, (-1, 2)),
             ("width", np.float64, (n_points,)),
@@ -98,6 +102,7 @@ class Toolpaths(Drawn):
             ("rise", np.float64, (n_points,)),
             ("share", np.float64, (n_points,)),
             ("centre", np.float64, (n_points, 2)),
+            ("rule", np.int64, (n_paths,)),
         ):
             if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
@@ -121,11 +126,13 @@ class Toolpaths(Drawn):
         carried: Float | None = None,
         sweep: Int | None = None,
         slope: tuple[Float, Float] | None = None,
+        rule: Int | None = None,
     ) -> Toolpaths:
         """Paths given one after the other with `size` (M,) points each, in any order of layers.
 
         `width` is (N,) for each point or (M,) for each path; `height` (M,) is the layer's where it is not given. All of
-        it is carried and free to be ordered where `carried` and `sweep` are not given. `slope` is `rise` and `share`.
+        it is carried and free to be ordered where `carried` and `sweep` are not given. `slope` is `rise` and `share`;
+        all has the first of the profiles where `rule` is not given.
         """
         flags = np.full(len(layer), closed) if isinstance(closed, bool) else closed
         heights = plan.height[layer] if height is None else height
@@ -133,6 +140,7 @@ class Toolpaths(Drawn):
         shares = _NOT_GIVEN if carried is None else carried
         sweeps = np.full(len(layer), -1) if sweep is None else sweep
         rise, share = (_NOT_GIVEN, _NOT_GIVEN) if slope is None else slope
+        rules = np.zeros(len(layer), np.int64) if rule is None else rule
         if (np.diff(layer) < 0).any():
             order = np.argsort(layer, kind="stable")
             before = size
@@ -142,9 +150,11 @@ class Toolpaths(Drawn):
             if slope is not None:
                 (rise, share), _ = reordered(slope, before, order)
             layer, role, flags = layer[order], role[order], flags[order]
-            heights, sweeps = heights[order], sweeps[order]
+            heights, sweeps, rules = heights[order], sweeps[order], rules[order]
         start = np.concatenate([[0], np.cumsum(size)])
-        return cls(plan, xy, widths, start, layer, role, heights, flags, shares, sweeps, rise, share)
+        return cls(
+            plan, xy, widths, start, layer, role, heights, flags, shares, sweeps, rise, share, rule=rules
+        )
 
     @classmethod
     def joined(cls, plan: LayerPlan, parts: Sequence[Toolpaths]) -> Toolpaths:
@@ -166,11 +176,16 @@ class Toolpaths(Drawn):
                 np.concatenate([part.rise for part in parts]),
                 np.concatenate([part.share for part in parts]),
             ),
+            rule=np.concatenate([part.rule for part in parts]),
         )
 
     def lifted(self, plan: LayerPlan) -> Toolpaths:
         """The same paths on the last layers of a plan that has more of them below; beads stay as high as they are."""
         return replace(self, plan=plan, layer=self.layer + (plan.n_layers - self.plan.n_layers))
+
+    def ruled(self, of_layer: Int) -> Toolpaths:
+        """The same paths with the profiles that the layers (L,) have, by number."""
+        return replace(self, rule=of_layer[self.layer])
 
     def take(self, chosen: Int) -> Toolpaths:
         """Some of the paths, by their indices; their layers must ascend."""
@@ -323,6 +338,7 @@ class Program(Drawn):
     height: Float
     events: tuple[Event, ...] = ()
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
+    rule: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)

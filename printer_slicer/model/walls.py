@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,3 +41,17 @@ class Walls:
 
     def __repr__(self) -> str:
         return f"<Walls: {self.plan.n_layers} layers, {self.paths.n_paths} perimeters>"
+
+    @classmethod
+    def joined(cls, parts: Sequence[Walls]) -> Walls:
+        """The walls of several things side by side, or of several groups of layers, whose beads are equally wide."""
+        if len(parts) == 1:
+            return parts[0]
+        first = parts[0]
+        return cls(
+            first.plan,
+            first.width,
+            Toolpaths.joined(first.plan, [part.paths for part in parts]),
+            Areas.merged([part.inside for part in parts]),
+            np.sum([part.lost for part in parts], axis=0),
+        )

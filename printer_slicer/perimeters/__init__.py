@@ -10,7 +10,8 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
-from printer_slicer.model import Sections, Toolpaths, Walls
+from printer_slicer.layered import by_layer
+from printer_slicer.model import Bool, Sections, Toolpaths, Walls
 from printer_slicer.perimeters.shells import Filled, fill_narrow, fill_pieces, shell
 from printer_slicer.profile import Profile
 
@@ -26,10 +27,17 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     the beads fill the narrow places from side to side. Under the open sky only the outermost loop is laid if
     `quality.single_top_perimeter` says so; with `quality.extra_perimeters` the edges of overhangs are walls too.
     """
-    plan, solid, quality = sections.plan, sections.solid, profile.quality
+    layered = by_layer(profile, sections.plan)
+    parts = [_walls_of(sections, here, own) for own, here in layered.each()]
+    return Walls.joined(parts)
+
+
+def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
+    """The walls of some layers (L,), with the settings of one profile."""
+    plan, solid, quality = sections.plan, sections.solid.of_layers(here), profile.quality
     top = Areas.empty(plan.n_layers)
     if quality.single_top_perimeter and quality.perimeters > 1:
-        top = _open_top(solid, profile.extrusion_width)
+        top = _open_top(sections.solid, profile.extrusion_width).of_layers(here)
     # Outermost loops by themselves, and the others then in what they leave: borders that nobody sees may be simpler.
     apart = top.used | (quality.varying_walls and quality.perimeters > 0)
     usual = shell(solid.of_layers(~apart), plan, profile, quality.perimeters)
@@ -42,7 +50,7 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
         inside, lost = inside.merge(rest), lost + outer.lost + inner.lost
         parts += [inner.paths, outer.paths]
     if quality.extra_perimeters and quality.perimeters:
-        hanging = _hanging(solid, inside, profile.extrusion_width)
+        hanging = _hanging(sections.solid, inside, profile.extrusion_width, here)
         extra = fill_narrow(hanging, plan, profile, beads=_OVERHANG_BEADS)
         inside = difference(inside, difference(hanging, extra.rest))
         parts = [extra.paths, *parts]
@@ -55,9 +63,9 @@ def _open_top(solid: Areas, width: float) -> Areas:
     return offset_open(difference(solid, solid.raised(-1)), 1.5 * width)
 
 
-def _hanging(solid: Areas, inside: Areas, width: float) -> Areas:
-    """What of the inside hangs over air in a strip of few beads beside walls that do."""
-    above_bed = np.arange(solid.n_layers) > 0
+def _hanging(solid: Areas, inside: Areas, width: float, here: Bool) -> Areas:
+    """What of the inside of some layers (L,) hangs over air in a strip of few beads beside walls that do."""
+    above_bed = here & (np.arange(solid.n_layers) > 0)
     reach = _OVERHANG_BEADS * width
     # What spans a gap of few beads is held at both ends.
     below = offset(offset(solid.raised(1), (width + reach) / 2), -reach / 2)

@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterator
 from itertools import groupby
 
+from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.tables import Row, settings_table
 
-__all__ = ["settings_markdown"]
+__all__ = ["own_markdown", "settings_markdown"]
 
 _HEADING = """\
 # Settings
@@ -26,6 +27,21 @@ def settings_markdown() -> str:
     for table, rows in groupby(settings_table(), key=lambda row: row.key.rpartition(".")[0]):
         parts.append("\n".join([f"## {_title(table)}", "", *_table(table, list(rows))]) + "\n")
     return "\n".join(parts)
+
+
+def own_markdown() -> str:
+    """The table of docs/profiles.md: which settings objects and heights may have of their own."""
+    own = {row.key.partition(".")[2]: row.own for row in settings_table() if row.own}
+    groups = {
+        "objects and heights": {OBJECT, HEIGHT},
+        "objects": {OBJECT},
+        "heights": {HEIGHT},
+    }
+    lines = ["| of | settings |", "|---|---|"]
+    for name, places in groups.items():
+        keys = ", ".join(f"`{key}`" for key, where in own.items() if set(where) == places)
+        lines.append(f"| {name} | {keys} |")
+    return "\n".join(lines) + "\n"
 
 
 def _title(table: str) -> str:

@@ -13,17 +13,19 @@ from typing import Any
 
 import msgspec
 
+from printer_slicer.errors import ProfileError
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import Fault, converted
 from printer_slicer.profile.keys import resolved
 from printer_slicer.profile.lists import list_from_text
+from printer_slicer.profile.own_settings import override_faults
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS, Source, flatten, merged, read_chain
 
 __all__ = ["load_profile", "profile_with", "read_sources", "settings_text"]
 
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
-_LISTS = ("layer_heights", "pause_at", "planner.ranges", "thumbnails")
+_LISTS = ("layer_heights", "overrides", "pause_at", "planner.ranges", "thumbnails")
 
 
 def load_profile(
@@ -81,13 +83,17 @@ def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
     Raises:
         ProfileError: a change that is out of bounds, or of a setting that there is not.
     """
+    return _with(profile, changes)
+
+
+def _with(profile: Profile, changes: Mapping[str, object], *, slices: bool = True) -> Profile:
     sources = {
         kind: Source(
             msgspec.to_builtins(getattr(profile, kind)), {}, f"{kind} {getattr(profile, kind).name!r}"
         )
         for kind in KINDS
     }
-    return _built(_changed(sources, changes))
+    return _built(_changed(sources, changes), slices=slices)
 
 
 def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
@@ -133,4 +139,22 @@ def _built(sources: Mapping[str, Source], *, slices: bool = True) -> Profile:
     for key, problem, remedy in conflicts(profile) if slices else ():
         kind, _, path = key.partition(".")
         raise Fault(sources[kind].place(path), path, f"{key}: {problem}", remedy).error()
+    if profile.quality.overrides:
+        _check_overrides(profile, sources["quality"], slices=slices)
     return profile
+
+
+def _check_overrides(profile: Profile, source: Source, *, slices: bool) -> None:
+    """Refuse settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
+    place = source.place("overrides")
+    for problem, remedy in override_faults(profile):
+        raise Fault(place, "overrides", f"quality.overrides: {problem}", remedy).error()
+    for one in profile.quality.overrides:
+        changed = {"quality.overrides": (), **one.set}
+        try:
+            _with(profile, changed, slices=slices)
+        except ProfileError as error:
+            problem = str(error.args[0]).partition(": ")[2] or error.args[0]
+            raise ProfileError(
+                f"{place}: quality.overrides: {one.where()}: {problem}", remedy=error.remedy
+            ) from None

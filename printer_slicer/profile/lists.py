@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.profile import overrides
 
 __all__ = ["list_as_text", "list_from_text"]
 
@@ -17,7 +18,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
     """The list that the text of a setting stands for; empty text is an empty list.
 
     Args:
-        key: `layer_heights`, `pause_at`, `planner.ranges` or `thumbnails`.
+        key: `layer_heights`, `overrides`, `pause_at`, `planner.ranges` or `thumbnails`.
         text: as in the heading of this module.
 
     Raises:
@@ -27,6 +28,7 @@ def list_from_text(key: str, text: str) -> list[Any]:
         "layer_heights": (",", float, "0.1, 0.2, 0.3"),
         "pause_at": (",", float, "4, 12.5"),
         "thumbnails": (",", str.strip, "32x32, 300x300/QOI"),
+        "overrides": (";", overrides.from_text, "lid:infill_density=0.4; 5:10:perimeters=4"),
         "planner.ranges": (";", _range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
     }
     separator, read, example = readers[key]
@@ -53,6 +55,8 @@ def _range(text: str) -> dict[str, float]:
 
 def list_as_text(values: Sequence[Any]) -> str:
     """The text that `list_from_text` reads back."""
+    if values and isinstance(values[0], Mapping) and "set" in values[0]:
+        return overrides.as_text(values)
     if values and isinstance(values[0], Mapping):
         return "; ".join(_range_text(item) for item in values)
     return ", ".join(value if isinstance(value, str) else f"{value:.10g}" for value in values)

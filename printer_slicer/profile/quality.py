@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from msgspec import field
 
-from printer_slicer.profile.base import Settings, meta
+from printer_slicer.profile.base import ANYWHERE, EACH_OBJECT, Settings, meta
+from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.planners import OptimalPlanner, Planner
 from printer_slicer.profile.speeds import Accelerations, Speeds
 
@@ -29,6 +30,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "ratio",
             ge=0.5,
             le=1.5,
+            own=EACH_OBJECT,
         ),
     ] = 1
     thinnest_layer: Annotated[
@@ -73,10 +75,14 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             le=0.2,
         ),
     ] = 0.05
-    xy_compensation: Annotated[float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1)] = 0
-    hole_compensation: Annotated[float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1)] = 0
+    xy_compensation: Annotated[
+        float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1, own=EACH_OBJECT)
+    ] = 0
+    hole_compensation: Annotated[
+        float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1, own=EACH_OBJECT)
+    ] = 0
     elephant_foot: Annotated[
-        float, meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1)
+        float, meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1, own=EACH_OBJECT)
     ] = 0
     elephant_foot_height: Annotated[
         float,
@@ -85,6 +91,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm",
             ge=0,
             le=5,
+            own=EACH_OBJECT,
         ),
     ] = 0
     extrusion_width: Annotated[
@@ -93,11 +100,12 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     first_layer_width: Annotated[
         float, meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
     ] = 0
-    perimeters: Annotated[int, meta("perimeters around each section", ge=0, le=100)] = 2
+    perimeters: Annotated[int, meta("perimeters around each section", ge=0, le=100, own=ANYWHERE)] = 2
     varying_walls: Annotated[
         bool,
         meta(
             "fill places too narrow for all perimeters with beads of varying width; false is a little quicker",
+            own=ANYWHERE,
         ),
     ] = True
     min_bead_width: Annotated[
@@ -107,22 +115,23 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm",
             ge=0,
             le=4,
+            own=ANYWHERE,
         ),
     ] = 0
     max_bead_width: Annotated[
         float,
-        meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4),
+        meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4, own=ANYWHERE),
     ] = 0
     min_feature: Annotated[
-        float, meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4)
+        float, meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4, own=ANYWHERE)
     ] = 0
     single_top_perimeter: Annotated[
         bool,
-        meta("only the outer perimeter where nothing lies above; the rest becomes top skin"),
+        meta("only the outer perimeter where nothing lies above; the rest becomes top skin", own=ANYWHERE),
     ] = False
-    extra_perimeters: Annotated[bool, meta("more perimeters where the edge of a layer hangs over air")] = (
-        False
-    )
+    extra_perimeters: Annotated[
+        bool, meta("more perimeters where the edge of a layer hangs over air", own=ANYWHERE)
+    ] = False
     outer_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
     infill_first: Annotated[bool, meta("print infill before the perimeters around it")] = False
     seam: Annotated[
@@ -170,10 +179,12 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             le=10000,
         ),
     ] = 50
-    bottom_thickness: Annotated[float, meta("solid over a surface that looks down", "mm", ge=0, le=1000)] = (
-        0.6
-    )
-    top_thickness: Annotated[float, meta("solid under a surface that looks up", "mm", ge=0, le=1000)] = 0.8
+    bottom_thickness: Annotated[
+        float, meta("solid over a surface that looks down", "mm", ge=0, le=1000, own=ANYWHERE)
+    ] = 0.6
+    top_thickness: Annotated[
+        float, meta("solid under a surface that looks up", "mm", ge=0, le=1000, own=ANYWHERE)
+    ] = 0.8
     slope_shell_ratio: Annotated[
         float,
         meta(
@@ -181,6 +192,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "ratio",
             ge=0,
             le=1,
+            own=ANYWHERE,
         ),
     ] = 0.9
     min_sparse_area: Annotated[
@@ -190,10 +202,15 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm²",
             ge=0,
             le=1e6,
+            own=ANYWHERE,
         ),
     ] = 15
-    ironing: Annotated[bool, meta("smooth top skins with the nozzle, in lines close together")] = False
-    ironing_spacing: Annotated[float, meta("from line to line of ironing", "mm", ge=0.1, le=1)] = 0.1
+    ironing: Annotated[
+        bool, meta("smooth top skins with the nozzle, in lines close together", own=ANYWHERE)
+    ] = False
+    ironing_spacing: Annotated[
+        float, meta("from line to line of ironing", "mm", ge=0.1, le=1, own=ANYWHERE)
+    ] = 0.1
     ironing_flow_ratio: Annotated[
         float,
         meta(
@@ -201,30 +218,36 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "ratio",
             ge=0.01,
             le=0.3,
+            own=ANYWHERE,
         ),
     ] = 0.15
     thick_bridges: Annotated[
         bool,
         meta(
             "bridges are round threads as thick as the nozzle, not pressed flat to the layer's height",
+            own=ANYWHERE,
         ),
     ] = True
-    bridge_flow_ratio: Annotated[float, meta("plastic in bridges", "ratio", ge=0.3, le=2)] = 1
+    bridge_flow_ratio: Annotated[float, meta("plastic in bridges", "ratio", ge=0.3, le=2, own=ANYWHERE)] = 1
     internal_bridge_flow_ratio: Annotated[
         float,
-        meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2),
+        meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2, own=ANYWHERE),
     ] = 1
     bridge_anchor: Annotated[
-        float, meta("bridges reach this far onto what carries them", "mm", ge=0, le=20)
+        float, meta("bridges reach this far onto what carries them", "mm", ge=0, le=20, own=EACH_OBJECT)
     ] = 1.5
     infill: Annotated[
         Literal[
             "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"
         ],
-        meta("pattern of the sparse infill"),
+        meta("pattern of the sparse infill", own=ANYWHERE),
     ] = "grid"
-    infill_density: Annotated[float, meta("share of the inside that is filled", "0-1", ge=0, le=1)] = 0.15
-    infill_angle_deg: Annotated[float, meta("direction of the infill", "degrees", ge=-360, le=360)] = 45
+    infill_density: Annotated[
+        float, meta("share of the inside that is filled", "0-1", ge=0, le=1, own=ANYWHERE)
+    ] = 0.15
+    infill_angle_deg: Annotated[
+        float, meta("direction of the infill", "degrees", ge=-360, le=360, own=ANYWHERE)
+    ] = 45
     infill_overlap: Annotated[
         float,
         meta(
@@ -232,6 +255,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "0-1",
             ge=0,
             le=0.5,
+            own=ANYWHERE,
         ),
     ] = 0.09
     sparse_overlap: Annotated[
@@ -241,11 +265,14 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "0-1",
             ge=0,
             le=0.5,
+            own=ANYWHERE,
         ),
     ] = 0.15
     infill_anchor: Annotated[
         float,
-        meta("hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50),
+        meta(
+            "hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50, own=ANYWHERE
+        ),
     ] = 2.5
     infill_anchor_max: Annotated[
         float,
@@ -254,6 +281,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm",
             ge=0,
             le=1000,
+            own=ANYWHERE,
         ),
     ] = 24
     sparse_every: Annotated[
@@ -263,6 +291,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm",
             ge=0,
             le=2,
+            own=EACH_OBJECT,
         ),
     ] = 0
     inner_perimeters_every: Annotated[
@@ -273,10 +302,11 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm",
             ge=0,
             le=2,
+            own=EACH_OBJECT,
         ),
     ] = 0
     lightning_angle_deg: Annotated[
-        float, meta("branches of lightning lean out by no more", "degrees", ge=5, le=80)
+        float, meta("branches of lightning lean out by no more", "degrees", ge=5, le=80, own=ANYWHERE)
     ] = 40
     skirt_loops: Annotated[int, meta("loops around everything on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[float, meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
@@ -314,6 +344,10 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pause_at: Annotated[
         tuple[Annotated[float, meta("", ge=0, le=10000)], ...],
         meta("the print pauses before it goes on above these heights over the bed", "mm"),
+    ] = ()
+    overrides: Annotated[
+        tuple[Override, ...],
+        meta("OBJECT:KEY=VALUE or LOW:HIGH:KEY=VALUE, separated by ;: settings of some objects or heights"),
     ] = ()
     speeds: Speeds = field(default_factory=Speeds)
     accelerations: Accelerations = field(default_factory=Accelerations)

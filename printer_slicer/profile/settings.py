@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from printer_slicer.profile.base import Settings, meta
+from printer_slicer.profile.base import ANYWHERE, EACH_HEIGHT, Settings, meta
 from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.planners import (
     PLANNER_SETTINGS,
@@ -200,15 +200,19 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     cost: Annotated[float, meta("for the cost of the part", "per kg", ge=0, le=1e6)] = 0
     filament_diameter: Annotated[float, meta("diameter of the filament", "mm", ge=1, le=4)] = 1.75
     density: Annotated[float, meta("for the weight of the part", "g/cm³", gt=0, le=20)] = 1.24
-    flow_ratio: Annotated[float, meta("all extrusion is multiplied by this", "ratio", ge=0.5, le=1.5)] = 1
-    nozzle_temperature: Annotated[float, meta("nozzle", "°C", ge=0, le=500)] = 210
+    flow_ratio: Annotated[
+        float, meta("all extrusion is multiplied by this", "ratio", ge=0.5, le=1.5, own=ANYWHERE)
+    ] = 1
+    nozzle_temperature: Annotated[float, meta("nozzle", "°C", ge=0, le=500, own=EACH_HEIGHT)] = 210
     first_layer_nozzle_temperature: Annotated[float, meta("nozzle, first layer", "°C", ge=0, le=500)] = 215
     bed_temperature: Annotated[float, meta("bed", "°C", ge=0, le=200)] = 60
     first_layer_bed_temperature: Annotated[float, meta("bed, first layer", "°C", ge=0, le=200)] = 60
     pressure_advance: Annotated[
         float, meta("linear advance; 0: the printer's own setting is left as it is", "s", ge=0, le=5)
     ] = 0
-    max_flow: Annotated[float, meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200)] = 12
+    max_flow: Annotated[float, meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200, own=ANYWHERE)] = (
+        12
+    )
     first_layer_max_flow_ratio: Annotated[
         float, meta("the same on the first layer, as a share of it", "ratio", ge=0.1, le=1)
     ] = 1

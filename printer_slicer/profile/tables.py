@@ -20,7 +20,8 @@ _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"
 class Row(NamedTuple):
     """One setting.
 
-    `bounds` are those of a number, or the words of which it is one; `default` is as it is typed.
+    `bounds` are those of a number, or the words of which it is one; `default` is as it is typed; `own` says whether
+    objects or heights may have another value.
     """
 
     key: str
@@ -29,6 +30,7 @@ class Row(NamedTuple):
     bounds: str
     default: str
     meaning: str
+    own: tuple[str, ...] = ()
 
     @property
     def choices(self) -> str:
@@ -62,9 +64,9 @@ def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[Row]:
 
 
 def _row(key: str, entry: inspect.Field) -> Row:
-    kind, unit, meaning = entry.type, "", ""
+    kind, unit, meaning, own = entry.type, "", "", ()
     if isinstance(kind, inspect.Metadata):
-        unit = (kind.extra or {}).get("unit", "")
+        unit, own = (kind.extra or {}).get("unit", ""), (kind.extra or {}).get("own", ())
         meaning = str((kind.extra_json_schema or {}).get("description", ""))
         kind = kind.type
     bounds = [
@@ -75,7 +77,7 @@ def _row(key: str, entry: inspect.Field) -> Row:
     if isinstance(kind, inspect.LiteralType):
         bounds = [" | ".join(map(str, kind.values))]
     name = "list" if isinstance(kind, inspect.VarTupleType) else type(kind).__name__.removesuffix("Type")
-    return Row(key, name.lower(), unit, ", ".join(bounds), _default(entry), meaning)
+    return Row(key, name.lower(), unit, ", ".join(bounds), _default(entry), meaning, own)
 
 
 def _default(entry: inspect.Field) -> str:

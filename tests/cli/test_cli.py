@@ -366,7 +366,7 @@ def test_profiles_lists_every_setting() -> None:
     rows = document(typed("profiles", "settings", "--json").out)
 
     assert [row["key"] for row in rows] == [row[0] for row in settings_table()]
-    assert all(set(row) == {"key", "type", "unit", "bounds", "default", "meaning"} for row in rows)
+    assert all(set(row) == {"key", "type", "unit", "bounds", "default", "meaning", "own"} for row in rows)
     assert all(row["key"] in text and row["meaning"] in text for row in rows)
 
 

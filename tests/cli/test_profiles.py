@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import BOX, Outcome, is_message, typed
+from command_line import BOX, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.dials import DIALS
 from printer_slicer.profile import KINDS, load_profile, settings_table
@@ -194,3 +194,20 @@ def test_a_dial_means_what_its_setting_means(flag: str) -> None:
     told = row.meaning + (f": {row.bounds.replace(' |', ',')}" if row.type == "literal" else "")
 
     assert " ".join((told + dial.more).split()) in " ".join(typed("slice", "--help").out.split())
+
+
+def test_ranges_and_objects_are_typed(tmp_path: Path) -> None:
+    out = tmp_path / "box.gcode"
+    outcome = typed(
+        "slice", BOX, "-o", out, *QUICK, "--range", "1:2:infill_density=0.5", "--set-for", "box:perimeters=3"
+    )
+
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "; quality.overrides = box:perimeters=3; 1:2:infill_density=0.5" in out.read_text()
+
+
+def test_an_object_that_there_is_not_is_told(tmp_path: Path) -> None:
+    outcome = typed("slice", BOX, "-o", tmp_path / "x.gcode", *QUICK, "--set-for", "bix:perimeters=3")
+
+    assert outcome.code == 2
+    assert is_message(outcome, "'bix'", "did you mean 'box'")

@@ -605,6 +605,7 @@ M104 S0
 ; quality.raft_base_density = 0.5
 ; quality.spiral = False
 ; quality.pause_at = 
+; quality.overrides = 
 ; quality.speeds.outer_perimeter = 35
 ; quality.speeds.inner_perimeter = 50
 ; quality.speeds.sparse = 70

@@ -12,7 +12,7 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import KINDS, load_profile, profile_paths, settings_table
-from printer_slicer.profile.document import settings_markdown
+from printer_slicer.profile.document import own_markdown, settings_markdown
 from printer_slicer.profile.schema import directive, schema_name, schema_of, schema_text
 
 ROOT = Path(__file__).parents[2]
@@ -39,6 +39,12 @@ def test_the_document_tells_every_setting_with_its_meaning() -> None:
     for row in settings_table():
         assert f"| `{row.key.rpartition('.')[2]}` |" in text
         assert row.meaning.replace("|", "/") in text
+
+
+def test_the_table_of_settings_that_may_differ_is_the_one_of_the_code() -> None:
+    text = (ROOT / "docs" / "profiles.md").read_text(encoding="utf-8")
+
+    assert text.partition("<!-- own settings -->\n")[2].partition("<!-- end -->")[0] == own_markdown()
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,0 +1,70 @@
+"""Settings layer by layer: heights may have settings of their own, so stages ask for those of each layer.
+
+A layer has the settings of the heights in which its middle lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.model import LayerPlan
+from printer_slicer.profile import Profile, profile_with
+from printer_slicer.profile.places import heights_of
+
+__all__ = ["Layered", "by_layer"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layered:
+    """Profiles, and which of them each layer has.
+
+    Attributes:
+        profiles: each another one, at least one.
+        of_layer: (L,) the number of the layer's profile.
+    """
+
+    profiles: tuple[Profile, ...]
+    of_layer: Int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "of_layer", frozen_array(self.of_layer, np.int64, (-1,)))
+
+    def values(self, read: Callable[[Profile], float]) -> Float:
+        """(L,) a setting of each layer; conditions as 0 and 1."""
+        return np.array([read(profile) for profile in self.profiles], np.float64)[self.of_layer]
+
+    def each(self) -> Iterator[tuple[Profile, Bool]]:
+        """The profiles that some layer has, with the layers (L,) that have it."""
+        for number, profile in enumerate(self.profiles):
+            here = self.of_layer == number
+            if here.any():
+                yield profile, here
+
+    def stretch_begins(self) -> Int:
+        """(L,) the lowest layer from which on up to each layer all have the same settings."""
+        begins = np.append(True, np.diff(self.of_layer) != 0)
+        return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
+
+
+def by_layer(profile: Profile, plan: LayerPlan) -> Layered:
+    """The profile of each layer of the part; settings of objects are not looked at."""
+    heights = heights_of(profile)
+    if not heights:
+        return Layered((profile,), np.zeros(plan.n_layers, np.int64))
+    middle = (plan.bottom + plan.top) / 2
+    held = np.array([(low <= middle) & (middle < high) for low, high, _ in heights])
+    kinds, of_layer = np.unique(held, axis=1, return_inverse=True)
+    profiles: list[Profile] = []
+    numbers = []
+    for column in kinds.T:
+        changes: dict[str, object] = {"quality.overrides": ()}
+        for holds, (_, _, own) in zip(column.tolist(), heights, strict=True):
+            changes |= own if holds else {}
+        changed = profile_with(profile, changes)
+        profiles += [] if changed in profiles else [changed]
+        numbers.append(profiles.index(changed))
+    return Layered(tuple(profiles), np.array(numbers)[of_layer.reshape(-1)])
