@@ -102,6 +102,17 @@ def _settings(prefix: str) -> _Words:
     return _beginning(short | full, prefix)
 
 
+def _places(prefix: str) -> _Words:
+    """The same behind an object or two heights, for settings that may differ there."""
+    where, colon, begin = prefix.rpartition(":")
+    if not colon:
+        return []
+    own = {row[0].partition(".")[2] for row in _rows() if row[6]}
+    words = _settings(begin)
+    known = words.items() if isinstance(words, Mapping) else ((word, "") for word in words)
+    return {f"{where}:{word}": told for word, told in known if word.partition("=")[0] in own}
+
+
 def _rows() -> Iterator[Any]:
     from printer_slicer.profile import settings_table
 
@@ -193,6 +204,8 @@ _OF_FLAGS: Final[Mapping[str, _Completer]] = {
     "--quality": _names("quality"),
     "--inherits": _any_profile,
     "--set": _settings,
+    "--set-for": _places,
+    "--range": _places,
     **{flag: _choices(dial.setting) for flag, dial in DIALS.items()},
     "--units": _of("mm", "cm", "m", "inch", "foot", "micron"),
     "--allow": _allowed,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from printer_slicer.importing.report import Imported
+from printer_slicer.profile.template import toml_value
 
 __all__ = ["names_of_files", "profile_text"]
 
@@ -70,23 +70,8 @@ def _table(values: Mapping[str, Any], prefix: str, remarks: Mapping[str, str]) -
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_text(one) if isinstance(one, str) else _value(one) for one in value)}]"
-    if isinstance(value, str):
-        return _lines(value) if "\n" in value else _text(value)
-    return repr(value)
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _lines(value: str) -> str:
-    """A text of several lines as it looks in G-code."""
-    body = "\n".join(_text(line)[1:-1].replace('\\"', '"') for line in value.strip("\n").split("\n"))
-    return f'"""\n{body.replace(chr(34) * 2, chr(34) + chr(92) + chr(34))}\n"""'
+    """A value as it stands in the file; a text of several lines as it looks in G-code."""
+    return toml_value(value.strip("\n") + "\n" if isinstance(value, str) and "\n" in value else value)
 
 
 def _one_line(text: str) -> str:

@@ -79,7 +79,7 @@ def toml_value(value: object) -> str:
         return f'"""\n{plain}"""'
     if isinstance(value, str):
         return _quoted(value)
-    return f"{value:.15g}" if isinstance(value, float) else str(value)
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
 def _key(key: str) -> str:

@@ -419,3 +419,26 @@ def test_every_argument_of_every_command_is_explained() -> None:
     ]
 
     assert silent == []
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("5:10:infill_den", ["5:10:infill_density="]),
+        ("lid:infill=g", ["lid:infill=grid", "lid:infill=gyroid"]),
+        ("lid:retract_le", []),
+        ("lid", []),
+    ],
+)
+def test_settings_of_places_are_completed_behind_them(typed: str, offered: list[str]) -> None:
+    from printer_slicer.cli.completing import _places
+
+    assert [word for word in _places(typed) if word.startswith(typed)] == offered
+
+
+def test_every_dial_with_few_values_completes_them() -> None:
+    from printer_slicer.cli.completing import _choices
+
+    assert list(_choices("quality.containment")("po")) == ["positive"]
+    assert list(_choices("quality.planner.objective")("")) == ["balanced", "layers", "time", "volume"]
+    assert list(_choices("quality.tolerance")("")) == []
