@@ -527,8 +527,9 @@ def test_a_built_wheel_holds_the_profiles_where_the_loader_looks(tmp_path: Path)
     wheels = pytest.importorskip("hatchling.builders.wheel")
     built = next(iter(wheels.WheelBuilder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])))
     names = set(zipfile.ZipFile(built).namelist())
-    shipped = {path.relative_to(ROOT / "profiles") for path in (ROOT / "profiles").glob("*/*.toml")}
+    shipped = {path.relative_to(ROOT / "profiles") for path in (ROOT / "profiles").glob("*/*.*")}
 
     assert {f"printer_slicer/profiles/{path.as_posix()}" for path in shipped} <= names
+    assert "printer_slicer/profiles/schema/printer.schema.json" in names
     assert "printer_slicer/cli/__init__.py" in names
     assert not [name for name in names if name.startswith(("tests/", "profiles/", "sample_parts/"))]
