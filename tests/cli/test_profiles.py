@@ -183,6 +183,35 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
     assert is_message(typed("plan", BOX, "--quality", "shop"), "shop", "known: adaptive")
 
 
+@pytest.mark.parametrize(
+    ("words", "problem", "remedy"),
+    [
+        (["printer"], "profiles printer: which one?", "profiles printer NAME"),
+        (["show", "a", "b", "c"], "profiles show: which one?", "profiles show NAME"),
+        (["show", "standart"], "unknown profile 'standart'", "did you mean 'standard'?"),
+        (["diff", "standard"], "profiles diff: which two?", "profiles diff NAME OTHER"),
+        (
+            ["diff", "standard", "pla"],
+            "standard is a quality, pla a material",
+            "compare two of the same kind",
+        ),
+        (["check"], "profiles check: which file?", "profiles check FILE"),
+        (["settings", "zebra"], "profiles settings zebra: no setting tells of that", "try a shorter word"),
+        (["schema", "colour"], "profiles schema colour: no such kind", "profiles schema quality"),
+        (["path", "nowhere/x.toml"], "nowhere/x.toml: no such profile", "check the path"),
+    ],
+)
+def test_slips_are_told_with_a_remedy(words: list[str], problem: str, remedy: str) -> None:
+    assert is_message(failed(*words), problem, remedy)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "file"))
+
+    assert is_message(failed("new", "quality", "mine"), f"{tmp_path}/file/qualities: cannot be made", "-o")
+
+
 # Flags
 
 

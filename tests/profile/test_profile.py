@@ -285,6 +285,16 @@ def test_a_file_in_another_encoding_names_the_file(tmp_path: Path) -> None:
     assert str(path) in refused(str(path))
 
 
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="no file that is there and cannot be read")
+def test_a_file_that_cannot_be_read_names_it(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.symlink_to("/proc/self/mem")
+
+    with pytest.raises(ProfileError, match=r"mine\.toml: cannot be read: .+ error") as refused:
+        load_profile(str(path))
+    assert refused.value.remedy == "check the file's permissions"
+
+
 def test_a_circle_of_files_is_named(write: Write, tmp_path: Path) -> None:
     one, two = tmp_path / "one.toml", tmp_path / "two.toml"
     write("one.toml", f'inherits = "{two}"\n')
