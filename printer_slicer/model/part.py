@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,6 +14,8 @@ __all__ = ["Faults", "Mesh", "Repair", "Repairs"]
 
 _BLOCK = 1 << 12  # facets: what fits the cache
 _ROW = 768  # coordinates compared at a time
+_bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
+"""Every stage from reading to planning asks for them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -46,6 +49,12 @@ class Mesh:
     @property
     def bounds(self) -> Float:
         """(2, 3) lowest and highest corner of the envelope, mm."""
+        if self not in _bounds:
+            _bounds[self] = frozen_array(self._ends(), np.float64, (2, 3))
+        return _bounds[self]
+
+    def _ends(self) -> Float:
+        """The same, looked for among all corners."""
         # Long rows first: numbers that stand side by side are compared several at a time.
         flat = self.triangles.reshape(-1)
         n = len(flat) - len(flat) % _ROW
@@ -64,7 +73,7 @@ class Mesh:
     @property
     def height(self) -> float:
         """Top of the part over z = 0, mm."""
-        return float(self.triangles[:, :, 2].max())
+        return float(self.bounds[1, 2])
 
     @property
     def volume(self) -> float:
