@@ -80,7 +80,8 @@ def fans(program: Program, carried: Float, profile: Profile) -> list[Event]:
     ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
     change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
-    return [Fan(int(i), float(np.clip(steps[i] * _FAN_STEP, 0, 1))) for i in change]
+    ratios = np.clip(steps[change] * _FAN_STEP, 0, 1)
+    return [Fan(move, share) for move, share in zip(change.tolist(), ratios.tolist(), strict=True)]
 
 
 def _overhang_fans(material: Material) -> tuple[float, ...]:
