@@ -40,6 +40,9 @@ __all__ = [
 _MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
 _ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
 _CONTROL = re.compile(rb"[\x00-\x1f]")
+_MOVES = frozenset({b"G1 ", b"G0 "})
+_BLANK = ord(" ")
+_ROLES = (b"TYPE:", b" FEATURE:")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _ASKED_FOR = frozenset({"wait"})  # of a job that is sliced here: its pauses are the settings'
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
@@ -58,6 +61,7 @@ class Job:
         end: (3,) where the last move ends, mm.
         program: the moves, if the job was sliced here.
         marks: command index -> layer (counted from 1), where the text has layer comments.
+        roles: command index -> what comments call the beads from there on, as slicers write it.
         repairs: what was put right in the part, if the job was sliced here.
         findings: what a person should know, or must allow, before a printer gets it.
         allowed: names of findings with which it is printed all the same, see `policy.NAMES`.
@@ -71,6 +75,7 @@ class Job:
     end: tuple[float, float, float]
     program: Program | None = None
     marks: Mapping[int, int] = field(default_factory=dict)
+    roles: Mapping[int, str] = field(default_factory=dict)
     repairs: Repairs = field(default_factory=Repairs)
     findings: tuple[Finding, ...] = ()
     allowed: frozenset[str] = frozenset()
@@ -214,7 +219,7 @@ def _read(
     streamed: bool = True,
 ) -> tuple[Job, Moves]:
     """The job that a text is, and its moves."""
-    commands, marks = commands_of(text)
+    commands, marks, roles = _told(text)
     if not commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
     if streamed:
@@ -229,6 +234,7 @@ def _read(
         tuple(moves.heights()),
         (float(end[0]), float(end[1]), float(end[2])),
         marks=marks,
+        roles=roles,
     )
     return job, moves
 
@@ -249,6 +255,9 @@ def _judged(
 
 def _refuse_unsendable(name: str, text: bytes, commands: list[bytes]) -> None:
     """Raise for a command that no printer can get, naming its line of the file."""
+    everything = b"".join(commands)
+    if everything.isascii() and not _CONTROL.search(everything) and max(map(len, commands)) <= _ALWAYS_FITS:
+        return
     for index, command in enumerate(commands):
         if len(command) <= _ALWAYS_FITS and command.isascii() and not _CONTROL.search(command):
             continue
@@ -307,17 +316,31 @@ def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
     Returns:
         The commands, and command index -> layer counted from 1, from `;LAYER_CHANGE` or `;LAYER:` comments.
     """
+    commands, marks, _ = _told(text)
+    return commands, marks
+
+
+def _told(text: bytes) -> tuple[list[bytes], dict[int, int], dict[int, str]]:
+    """What `commands_of` gives; and command index -> what beads are called, from `;TYPE:` or `; FEATURE:` comments."""
     commands: list[bytes] = []
     marks: dict[int, int] = {}
+    roles: dict[int, str] = {}
     layer = 0
     kinds: tuple[bytes, ...] = (b"LAYER_CHANGE", b"LAYER:")
     for line in text.removeprefix(_BYTE_ORDER_MARK).split(b"\n"):
-        _, _, comment = line.partition(b";")
+        # Nine lines of ten are moves with nothing to take off.
+        if line[:3] in _MOVES and b";" not in line and line[-1] > _BLANK:
+            commands.append(line)
+            continue
         command = strip(line)
         if command:
             commands.append(command)
+            continue
+        _, _, comment = line.partition(b";")
+        if comment.startswith(_ROLES):
+            roles[len(commands)] = comment.partition(b":")[2].decode("utf-8", "replace").strip()
         elif comment.startswith(kinds):
             kinds = tuple(kind for kind in kinds if comment.startswith(kind))  # some files hold both
             layer += 1
             marks[len(commands)] = layer
-    return commands, marks
+    return commands, marks, roles

@@ -7,24 +7,28 @@ retraction by the firmware, tools, and extrusion by volume (M200). What does not
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.marlin import MARLIN
+from printer_slicer.gcode.plain import plain_moves
 from printer_slicer.gcode.reading import MARLIN_ACTIONS, Action, State
+from printer_slicer.gcode.runs import follow_plain
 from printer_slicer.model import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, Limits
 from printer_slicer.motion.whole import durations
 
-__all__ = ["Moves", "changed_limits", "read_moves"]
+__all__ = ["Moves", "Reader", "changed_limits", "read_moves"]
 
 _STOPS: Final = frozenset(
     {"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M226", "M400", "M600", "M601", "PAUSE"}
 )
+_AT_ONCE: Final = 8192  # commands; more do not fit into the processor's cache
 _NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison
 _CODE: Final = re.compile(r" *([GMT]) *([0-9]+)", re.IGNORECASE)
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))?", re.IGNORECASE)
@@ -115,30 +119,74 @@ def read_moves(
         home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
         dialect: what commands mean that differ from firmware to firmware.
     """
-    actions = {**MARLIN_ACTIONS, **dialect.reads}
-    state = State(home=(*home, 0.0))
-    state.position[:3] = state.home
-    for index, command in enumerate(commands):
-        code, words = _parse(command, actions)
-        action = actions.get(code)
-        if action is not None:
-            action(state, words, index)
-        if code in _STOPS and state.rows:
-            state.stops.append(len(state.rows) - 1)
-    table = np.array(state.rows, np.float64).reshape(-1, 11)
-    stop = np.zeros(len(table), np.bool_)
-    stop[state.stops] = True
-    return Moves(
-        end=table[:, 0:3],
-        delta=table[:, 3:7],
-        speed=table[:, 7],
-        acceleration=table[:, 8],
-        line=table[:, 9].astype(np.int64),
-        tool=table[:, 10].astype(np.int64),
-        stop=stop,
-        dwell_seconds=state.dwell,
-        changes=tuple(state.changes),
-    )
+    reader = Reader(home, dialect)
+    reader.feed(commands if isinstance(commands, Sequence) else list(commands))
+    return reader.moves()
+
+
+class Reader:
+    """Follows commands and gives their moves, as often as it is asked.
+
+    Args:
+        home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
+        dialect: what commands mean that differ from firmware to firmware.
+    """
+
+    def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN) -> None:
+        self._actions = {**MARLIN_ACTIONS, **dialect.reads}
+        self._state = State(home=(*home, 0.0))
+        self._state.position[:3] = self._state.home
+        self._count = 0
+
+    def feed(self, commands: Sequence[bytes]) -> None:
+        """Follow some more commands."""
+        for begin in range(0, len(commands), _AT_ONCE):
+            some = commands[begin : begin + _AT_ONCE]
+            plain = plain_moves(some)
+            # Runs of plain moves, and what stands between them.
+            cuts = np.flatnonzero(np.diff(plain.index) != 1) + 1
+            done = 0
+            for first, last in pairwise([0, *cuts.tolist(), len(plain.index)] if len(plain.index) else []):
+                at = int(plain.index[first])
+                self._follow(some[done:at])
+                follow_plain(
+                    self._state, plain.words[first:last], np.arange(self._count, self._count + last - first)
+                )
+                self._count += last - first
+                done = at + last - first
+            self._follow(some[done:])
+
+    def moves(self) -> Moves:
+        """The moves of what was fed since the last time."""
+        state = self._state
+        table = state.rows.table()
+        stop = np.zeros(len(table), np.bool_)
+        stop[state.stops] = True
+        dwell, changes = state.dwell, tuple(state.changes)
+        state.dwell, state.stops, state.changes = 0.0, [], []
+        return Moves(
+            end=table[:, 0:3],
+            delta=table[:, 3:7],
+            speed=table[:, 7],
+            acceleration=table[:, 8],
+            line=table[:, 9].astype(np.int64),
+            tool=table[:, 10].astype(np.int64),
+            stop=stop,
+            dwell_seconds=dwell,
+            changes=changes,
+        )
+
+    def _follow(self, commands: Sequence[bytes]) -> None:
+        """Commands of any kind, one by one."""
+        state = self._state
+        for index, command in enumerate(commands, self._count):
+            code, words = _parse(command, self._actions)
+            action = self._actions.get(code)
+            if action is not None:
+                action(state, words, index)
+            if code in _STOPS and len(state.rows):
+                state.stops.append(len(state.rows) - 1)
+        self._count += len(commands)
 
 
 def _parse(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str, float]]:

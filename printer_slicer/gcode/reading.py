@@ -8,9 +8,55 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.model import Float
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 
-__all__ = ["MARLIN_ACTIONS", "Action", "State", "limit", "passed_over", "set_accelerations"]
+__all__ = [
+    "MARLIN_ACTIONS",
+    "Action",
+    "Rows",
+    "State",
+    "follow_line",
+    "limit",
+    "passed_over",
+    "set_accelerations",
+]
+
+_COLUMNS: Final = 11
+
+
+class Rows:
+    """A table that grows, row by row and by many rows at once."""
+
+    def __init__(self) -> None:
+        self._tables: list[Float] = []
+        self._rows: list[tuple[float, ...]] = []
+        self._in_tables = 0
+
+    def __len__(self) -> int:
+        return self._in_tables + len(self._rows)
+
+    def append(self, row: tuple[float, ...]) -> None:
+        """Put one row behind the others."""
+        self._rows.append(row)
+
+    def extend(self, table: Float) -> None:
+        """Put many behind the others, (n, 11)."""
+        self._settle()
+        self._tables.append(table)
+        self._in_tables += len(table)
+
+    def table(self) -> Float:
+        """(n, 11) all of them; the rows are forgotten."""
+        self._settle()
+        tables, self._tables, self._in_tables = self._tables, [], 0
+        return np.concatenate(tables) if tables else np.zeros((0, _COLUMNS))
+
+    def _settle(self) -> None:
+        if self._rows:
+            self._tables.append(np.array(self._rows, np.float64))
+            self._in_tables += len(self._rows)
+            self._rows = []
 
 
 @dataclass(slots=True)
@@ -43,7 +89,7 @@ class State:
     retraction: tuple[float, float, float, float] = (0.0, 25.0, 25.0, 0.0)
     retracted: bool = False
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
-    rows: list[tuple[float, ...]] = field(default_factory=list)
+    rows: Rows = field(default_factory=Rows)
     stops: list[int] = field(default_factory=list)
 
     @property
@@ -81,7 +127,7 @@ def _move(state: State, goal: list[float], index: int) -> None:
     state.position = goal
 
 
-def _line(state: State, words: Mapping[str, float], index: int) -> None:
+def follow_line(state: State, words: Mapping[str, float], index: int) -> None:
     """G0 and G1: straight to where the words lead."""
     _move(state, _goal(state, words), index)
 
@@ -230,8 +276,8 @@ def _mode(name: str, value: float) -> Action:
 
 
 MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
-    "G0": _line,
-    "G1": _line,
+    "G0": follow_line,
+    "G1": follow_line,
     "G2": _arc(clockwise=True),
     "G3": _arc(clockwise=False),
     "G4": _dwell,

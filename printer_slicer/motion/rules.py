@@ -92,6 +92,24 @@ class Lookahead:
         """Let the machine come to rest after what is queued: the next block pushed starts at 0."""
         self._last = None
 
+    def planned(self) -> tuple[list[tuple[Block, float]], Block | None, float]:
+        """What is queued.
+
+        Returns:
+            Each block that waits with the squared speed of the corner before it; the last block pushed; the square of
+            `exit_speed`.
+        """
+        return [(queued.block, queued.corner) for queued in self._queue], self._last, self._square
+
+    def leap(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
+        """Go on with other blocks than before, as `planned` gives them. Without `minimum_cruise_ratio` only."""
+        self._queue = deque(
+            _Queued(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
+        )
+        self._last = last
+        self._square = square
+        self.exit_speed = sqrt(square)
+
     def pop(self) -> float:
         """Take the oldest block from the queue, its exit speed fixed as planned now.
 

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from printer_slicer.geometry import Bool, Float, Int
     from printer_slicer.motion.blocks import Limits
 
-__all__ = ["durations"]
+__all__ = ["Blocks", "corner_squares", "durations", "make_blocks", "moving_of", "ramp_times", "running_least"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Blocks:
+class Blocks:
     """Columns of `rules.Block`: length, speed, acceleration, share (B,); unit (4, B)."""
 
     length: Float
@@ -31,9 +31,9 @@ class _Blocks:
     acceleration: Float
     share: Float
 
-    def part(self, which: slice) -> _Blocks:
+    def part(self, which: slice) -> Blocks:
         """Pick some of the blocks."""
-        return _Blocks(
+        return Blocks(
             self.length[which],
             self.unit[:, which],
             self.speed[which],
@@ -67,14 +67,14 @@ def durations(
     """
     seconds = np.zeros(len(delta))
     columns = np.ascontiguousarray(delta.T, dtype=np.float64)
-    moving, length = _moving(columns)
+    moving, length = moving_of(columns)
     if len(moving) == 0:
         return seconds
     wanted = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
     speed = np.asarray(speed, dtype=np.float64)[moving]
-    blocks = _make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, wanted, limits)
+    blocks = make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, wanted, limits)
     corners = np.zeros(len(moving))
-    corners[1:] = _corner_squares(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
+    corners[1:] = corner_squares(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
     if stop_after is not None:
         stops = np.concatenate([[0], np.cumsum(stop_after)])[moving]
         corners[1:][np.diff(stops) > 0] = 0.0
@@ -83,11 +83,11 @@ def durations(
     tops = np.full(len(moving), np.inf)
     if limits.minimum_cruise_ratio > 0.0:
         tops = _smoothed_tops(corners, gains * (1.0 - limits.minimum_cruise_ratio))
-    seconds[moving] = _ramp_times(blocks, squares, tops)
+    seconds[moving] = ramp_times(blocks, squares, tops)
     return seconds
 
 
-def _moving(delta: Float) -> tuple[Int, Float]:
+def moving_of(delta: Float) -> tuple[Int, Float]:
     """Find the moves that are not zero, and their lengths, mm; delta (4, K)."""
     x, y, z, e = delta
     length = np.sqrt(x * x + y * y + z * z)
@@ -96,7 +96,7 @@ def _moving(delta: Float) -> tuple[Int, Float]:
     return moving, length[moving]
 
 
-def _make_blocks(delta: Float, length: Float, speed: Float, wanted: Float | None, limits: Limits) -> _Blocks:
+def make_blocks(delta: Float, length: Float, speed: Float, wanted: Float | None, limits: Limits) -> Blocks:
     """Blocks within the limits of every axis; delta (4, B), the rest (B,)."""
     x, y, z, e = delta
     head_moves = np.sqrt(x * x + y * y + z * z) >= SHORTEST
@@ -114,7 +114,7 @@ def _make_blocks(delta: Float, length: Float, speed: Float, wanted: Float | None
     ):
         speed = _held(speed, part, top_speed)
         acceleration = _held(acceleration, part, top_acceleration)
-    return _Blocks(length, unit, speed, acceleration, acceleration / wanted)
+    return Blocks(length, unit, speed, acceleration, acceleration / wanted)
 
 
 def _held(value: Float, part: Float, top: float) -> Float:
@@ -127,7 +127,7 @@ def _held(value: Float, part: Float, top: float) -> Float:
     return held
 
 
-def _corner_squares(limits: Limits, before: _Blocks, after: _Blocks) -> Float:
+def corner_squares(limits: Limits, before: Blocks, after: Blocks) -> Float:
     """Squared corner speeds, (B - 1,) from blocks of that many."""
     slower: Float = np.minimum(before.speed, after.speed)
     squares: Float
@@ -140,7 +140,7 @@ def _corner_squares(limits: Limits, before: _Blocks, after: _Blocks) -> Float:
     return squares
 
 
-def _deviation_squares(limits: Limits, before: _Blocks, after: _Blocks) -> Float:
+def _deviation_squares(limits: Limits, before: Blocks, after: Blocks) -> Float:
     """See `blocks._deviation_square`."""
     bx, by, bz, be = before.unit / _sizes(before.unit)
     ax, ay, az, ae = after.unit / _sizes(after.unit)
@@ -167,7 +167,7 @@ def _sizes(unit: Float) -> Float:
     return sizes
 
 
-def _jerk_speeds(limits: Limits, before: _Blocks, after: _Blocks, speed: Float) -> Float:
+def _jerk_speeds(limits: Limits, before: Blocks, after: Blocks, speed: Float) -> Float:
     """See `blocks._jerk_speed`."""
     for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
         jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
@@ -175,7 +175,7 @@ def _jerk_speeds(limits: Limits, before: _Blocks, after: _Blocks, speed: Float) 
     return speed
 
 
-def _square_corner_squares(limits: Limits, before: _Blocks, after: _Blocks, slower: Float) -> Float:
+def _square_corner_squares(limits: Limits, before: Blocks, after: Blocks, slower: Float) -> Float:
     """See `blocks._square_corner_square`."""
     bx, by, bz, be = before.unit
     ax, ay, az, ae = after.unit
@@ -198,11 +198,11 @@ def _square_corner_squares(limits: Limits, before: _Blocks, after: _Blocks, slow
 
 def _squares(corners: Float, gains: Float) -> Float:
     """(B + 1,) highest squared speeds at the start of each block, and 0 at the end of the last."""
-    braking = _scan(corners[::-1], gains[::-1])[::-1]
-    return np.concatenate([[0.0], _scan(np.append(braking[1:], 0.0), gains)])
+    braking = running_least(corners[::-1], gains[::-1])[::-1]
+    return np.concatenate([[0.0], running_least(np.append(braking[1:], 0.0), gains)])
 
 
-def _scan(limit: Float, gain: Float) -> Float:
+def running_least(limit: Float, gain: Float) -> Float:
     """All y[i] = min(limit[i], y[i - 1] + gain[i]), from y[-1] = 0.
 
     With sums P of the gains this is a running minimum of limit - P, plus P; but after a million moves P has
@@ -245,7 +245,7 @@ def _smoothed_tops(corners: Float, gains: Float) -> Float:
     return tops[top_of]
 
 
-def _ramp_times(blocks: _Blocks, squares: Float, tops: Float) -> Float:
+def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
     """(B,) seconds, see `blocks.ramp_time`; squares (B + 1,), tops (B,)."""
     length, acceleration = blocks.length, blocks.acceleration
     entry = np.sqrt(np.minimum(squares[:-1], tops))

@@ -135,7 +135,11 @@ def straight() -> Program:
 
 @cache
 def job(flavour: str, **changes: object) -> Job:
-    start = {"start_gcode": "G28\nM109 S{first_layer_nozzle_temperature}", "printer.origin": "corner"}
+    start = {
+        "start_gcode": "G28\nM109 S{first_layer_nozzle_temperature}",
+        "end_gcode": "M104 S0",
+        "printer.origin": "corner",
+    }
     return job_of(two_boxes((5, 8, 1), gap=8), wanted(flavour, **start, **changes))
 
 
@@ -274,6 +278,7 @@ def test_the_firmware_is_told_what_more_to_push_forward(flavour: str) -> None:
         "deretract_extra": 0.05,
         "printer.origin": "corner",
         "start_gcode": "G28\nM109 S210",
+        "end_gcode": "M104 S0",
     }
     usual, other = wanted(flavour, **changes), wanted(flavour, firmware_retraction=True, **changes)
     plainly, told = (job_of(two_boxes((5, 8, 1), gap=8), one) for one in (usual, other))
