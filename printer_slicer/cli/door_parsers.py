@@ -6,10 +6,19 @@ import argparse
 from pathlib import Path
 from typing import Final
 
+from printer_slicer.cli.model_flags import add_models
 from printer_slicer.cli.parsing import command, later, output
-from printer_slicer.cli.values import factor, positive
+from printer_slicer.cli.values import address, factor, positive
 
-__all__ = ["add_allow", "add_beforehand", "add_doctor", "add_machine", "add_send"]
+__all__ = [
+    "add_allow",
+    "add_beforehand",
+    "add_doctor",
+    "add_firmware",
+    "add_machine",
+    "add_send",
+    "add_sim_flags",
+]
 
 _Commands = argparse._SubParsersAction  # noqa: SLF001 - the type of what add_subparsers gives has no other name
 _Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
@@ -115,3 +124,81 @@ def add_doctor(commands: _Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--baud", type=positive, metavar="N", default=115_200, help="default: 115200")
     output(parser)
     parser.set_defaults(run=later("doctoring", "doctor_command"))
+
+
+_FIRMWARES: Final = (
+    *("marlin 1.1", "marlin 2.0", "marlin 2.1", "marlin 2.1 advanced", "marlin 2.1.3", "prusa mk3"),
+    *("reprapfirmware", "klipper", "repetier", "smoothie", "octoprint virtual"),
+)
+"""As `sim.front_end` has them, which is not imported before it is needed; a test holds the two equal."""
+
+
+def _firmware(text: str) -> str:
+    """A name of the list, however its words are joined."""
+    name = " ".join(text.lower().replace("_", " ").replace("-", " ").split())
+    if name not in _FIRMWARES:
+        raise argparse.ArgumentTypeError(f"{text!r} is not known; known are {', '.join(_FIRMWARES)}")
+    return name
+
+
+def add_firmware(parser: argparse.ArgumentParser) -> None:
+    """Flags that decide which firmware is simulated and what goes wrong with it."""
+    group = parser.add_argument_group("simulated printer")
+    group.add_argument(
+        "--firmware",
+        metavar="NAME",
+        type=_firmware,
+        help=f"how it answers: {', '.join(_FIRMWARES)}; default: marlin 2.1 with the meanings of the printer's flavour",
+    )
+    group.add_argument(
+        "--faults", metavar="FILE.toml", type=Path, help="what shall go wrong, see docs/simulator.md"
+    )
+    group.add_argument(
+        "--seed", metavar="N", type=int, help="of all chance; default: as the file says, else 0"
+    )
+
+
+def add_sim_flags(parser: argparse.ArgumentParser) -> None:
+    """Flags of `sim` alone: the door, the clock, the card."""
+    door = parser.add_mutually_exclusive_group()
+    door.add_argument(
+        "--pty",
+        metavar="LINK",
+        type=Path,
+        help="where to link a pseudo-terminal; default: printer-slicer-sim",
+    )
+    door.add_argument(
+        "--tcp",
+        metavar="HOST:PORT",
+        type=address,
+        help="listen there instead, on any system; port 0: a free one",
+    )
+    parser.add_argument(
+        "--rfc2217", action="store_true", help="speak RFC 2217 at --tcp instead of plain bytes"
+    )
+    parser.add_argument(
+        "--speed", type=factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
+    )
+    parser.add_argument(
+        "--baud", type=positive, metavar="N", help="pace of the bytes; default: none, or the firmware's need"
+    )
+    parser.add_argument(
+        "--latency-timer",
+        type=factor,
+        metavar="MS",
+        default=0.0,
+        help="of a USB chip, such as 16; default: none",
+    )
+    parser.add_argument(
+        "--card",
+        metavar="FILE",
+        nargs="*",
+        type=Path,
+        help="a memory card with these files; default: no reader",
+    )
+    parser.add_argument("--extruders", metavar="N", type=positive, default=1, help="how many; default: 1")
+    parser.add_argument(
+        "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
+    )
+    add_models(parser, gcode=True, flag="--expect", meaning="judge at the end whether this was printed")
+    add_firmware(parser)

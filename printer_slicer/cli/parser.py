@@ -7,7 +7,14 @@ import sys
 from pathlib import Path
 
 from printer_slicer.cli.dials import add_dials
-from printer_slicer.cli.door_parsers import add_allow, add_beforehand, add_doctor, add_send
+from printer_slicer.cli.door_parsers import (
+    add_allow,
+    add_beforehand,
+    add_doctor,
+    add_firmware,
+    add_send,
+    add_sim_flags,
+)
 from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
 from printer_slicer.cli.parsing import Command
@@ -271,10 +278,25 @@ def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         commands,
         "dry-run",
         "print on a simulated printer, in seconds, and say what would happen",
-        "  printer-slicer dry-run part.stl\n  printer-slicer dry-run part.gcode --printer marlin_220 --json",
+        "  printer-slicer dry-run part.stl\n"
+        "  printer-slicer dry-run part.gcode --printer marlin_220 --json\n"
+        "  printer-slicer dry-run part.gcode --link 57600 --picture print.png",
     )
     add_models(parser, gcode=True)
+    parser.add_argument(
+        "--link",
+        metavar="BAUD",
+        type=positive,
+        help="speed of the serial port; running out of moves counts as a fault then",
+    )
+    parser.add_argument(
+        "--picture",
+        metavar="FILE",
+        type=Path,
+        help="draw what was printed, time and flow over the height, and the faults (.svg or .png)",
+    )
     add_allow(parser)
+    add_firmware(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "dry_run_command"))
 
@@ -303,22 +325,16 @@ def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = _command(
         commands,
         "sim",
-        "serve the simulated printer on a pseudo-terminal until interrupted",
+        "serve the simulated printer on a pseudo-terminal or over TCP until interrupted",
         "  printer-slicer sim --pty /tmp/printer &\n"
         "  printer-slicer print part.stl --port /tmp/printer\n"
+        "  printer-slicer sim --tcp 127.0.0.1:8888             print --port socket://127.0.0.1:8888\n"
+        "  printer-slicer sim --tcp 127.0.0.1:8888 --rfc2217   print --port rfc2217://127.0.0.1:8888\n"
+        "  printer-slicer sim --firmware klipper --faults bad_day.toml --seed 3\n"
         "  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send\n"
         "  printer-slicer sim --pty /tmp/printer --expect part.stl   and say whether all of it was printed",
     )
-    parser.add_argument(
-        "--pty", metavar="LINK", type=Path, default=Path("printer-slicer-sim"), help="where to link it"
-    )
-    parser.add_argument(
-        "--speed", type=factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
-    )
-    parser.add_argument(
-        "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
-    )
-    add_models(parser, gcode=True, flag="--expect", meaning="judge at the end whether this was printed")
+    add_sim_flags(parser)
     _common(parser)
     parser.set_defaults(run=_later("printing", "sim_command"))
 

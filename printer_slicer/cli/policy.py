@@ -25,6 +25,7 @@ __all__ = [
     "reason_against",
     "reason_behind",
     "refused",
+    "refused_findings",
 ]
 
 _TOLD = 5  # without --verbose
@@ -50,7 +51,12 @@ def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
 
 def refused(job: Job) -> list[str]:
     """What was found and is not allowed, one sentence each."""
-    return [sentence(one) for one in job.findings if one.refused and one.name not in job.allowed]
+    return [sentence(one) for one in refused_findings(job)]
+
+
+def refused_findings(job: Job) -> list[Finding]:
+    """The same as findings."""
+    return [one for one in job.findings if one.refused and one.name not in job.allowed]
 
 
 def finding_facts(job: Job) -> list[dict[str, Any]]:

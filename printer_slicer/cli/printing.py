@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
-from math import pi
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -26,12 +24,19 @@ from printer_slicer.cli.common import (
 from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
 from printer_slicer.cli.policy import (
     finding_facts,
-    finding_lines,
     insist_on_policy,
     insist_verified,
     reason_against,
     refused,
 )
+from printer_slicer.cli.simulating import (
+    faults_of,
+    firmware_of,
+    planted_facts,
+    planted_lines,
+    serve_printer,
+)
+from printer_slicer.cli.verdicts import verdict_facts, verdict_text
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from, job_of
@@ -56,8 +61,8 @@ if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
     from printer_slicer.printing import Done
     from printer_slicer.profile import Profile
-    from printer_slicer.sim.tally import Report
-    from printer_slicer.verdict import Comparison, Verdict
+    from printer_slicer.sim.faults import Faults
+    from printer_slicer.verdict import Verdict
 
 __all__ = ["dry_run_command", "print_command", "print_with", "progress", "sim_command"]
 
@@ -66,18 +71,26 @@ _SIMULATED = "sim:"
 
 def dry_run_command(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer and say what would happen."""
+    faults = faults_of(arguments)
+    if arguments.picture:
+        from printer_slicer.drawing.canvas import check_picture
+
+        check_picture(arguments.picture)
     profile = profile_from(arguments, slices=not _has_gcode(arguments))
     with stages(arguments) as report:
         job, known = _job(arguments, profile, report)
     job = job.allowing(arguments.allow)
-    verdict = _simulate(arguments, job, profile, events=False)
-    wrong = refused(job)
+    verdict = _simulate(arguments, job, profile, events=False, baud=arguments.link, faults=faults)
+    if arguments.picture:
+        write_file(arguments.picture, _picture(verdict, profile, arguments.picture))
     if arguments.json:
-        findings = {"ok": verdict.ok and not wrong, "findings": finding_facts(job)}
-        print(json.dumps(_as_json(verdict, job) | findings | known))
+        findings = {"ok": verdict.ok and not refused(job), "findings": finding_facts(job)}
+        repairs = {"repairs": _repair_facts(job)}
+        facts = verdict_facts(verdict, job, profile) | findings | repairs | known | planted_facts(faults)
+        print(json.dumps(facts))
     else:
-        found = [*finding_lines(arguments, job), *(f"refused     {one}" for one in wrong)]
-        say(arguments, "\n".join([_as_text(verdict, profile), *found, *_repaired(job)]))
+        told = [verdict_text(arguments, verdict, job, profile), *planted_lines(faults), *_repaired(job)]
+        say(arguments, "\n".join(told))
     _insist(verdict)
     insist_verified(job)
     return 0
@@ -99,9 +112,10 @@ def print_command(arguments: argparse.Namespace) -> int:
     if arguments.port == _SIMULATED:
         verdict = _simulate(arguments, job, profile, events=True)
         if arguments.json:
-            print(json.dumps({"event": "verdict", **_as_json(verdict, job)}))
+            facts = verdict_facts(verdict, job, profile) | {"repairs": _repair_facts(job)}
+            print(json.dumps({"event": "verdict", **facts}))
         else:
-            say(arguments, _as_text(verdict, profile))
+            say(arguments, verdict_text(arguments, verdict, job, profile))
         _insist(verdict)
         return 0
     return _print_on_port(arguments, job, profile)
@@ -187,11 +201,35 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
     return 0
 
 
-def _simulate(arguments: argparse.Namespace, job: Job, profile: Profile, *, events: bool) -> Verdict:
+def _simulate(
+    arguments: argparse.Namespace,
+    job: Job,
+    profile: Profile,
+    *,
+    events: bool,
+    baud: int | None = None,
+    faults: Faults | None = None,
+) -> Verdict:
     from printer_slicer.verdict import dry_run
 
+    chosen = getattr(arguments, "firmware", None)
+    front_end = firmware_of(arguments, profile.printer) if chosen else None
     with progress(arguments, job, events=events) as tell:
-        return dry_run(job, profile, on_event=tell)
+        return dry_run(job, profile, on_event=tell, baud=baud, front_end=front_end, faults=faults)
+
+
+def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
+    from printer_slicer.drawing.canvas import picture_bytes
+    from printer_slicer.drawing.rehearsal import Mark, rehearsal_picture
+    from printer_slicer.verdict import sentence
+
+    assert verdict.account is not None
+    found = [Mark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if not fault.harmless]
+    title = f"{verdict.job}: {'prints as it should' if verdict.ok else 'do NOT print it'}"
+    return picture_bytes(
+        rehearsal_picture(verdict.account, found, title, profile.printer.corners, profile.material.max_flow),
+        path,
+    )
 
 
 def _insist(verdict: Verdict) -> None:
@@ -309,27 +347,6 @@ def _as_line(event: Event) -> str:
     return ""
 
 
-def _as_json(verdict: Verdict, job: Job) -> dict[str, object]:
-    report = asdict(verdict.report)
-    report["violations"] = [list(violation) for violation in verdict.report.violations]
-    return {
-        "job": verdict.job,
-        "ok": verdict.ok,
-        "executed_equals_sent": verdict.identical,
-        "commands": verdict.commands,
-        "executed": verdict.executed,
-        "heights_equal_plan": verdict.heights_equal,
-        "heights": list(verdict.heights),
-        "planned": job.plan.top.tolist() if job.plan else None,
-        "modelled_seconds": round(verdict.modelled_seconds, 3),
-        "simulated_seconds": round(verdict.simulated_seconds, 3),
-        "total_seconds": round(verdict.total_seconds, 3),
-        "problems": list(verdict.problems),
-        "repairs": _repair_facts(job),
-        "printer": report,
-    }
-
-
 def _repair_facts(job: Job) -> list[dict[str, Any]]:
     """What was put right in the part; what tells it is loaded only then."""
     if not job.repairs.count:
@@ -348,48 +365,16 @@ def _repaired(job: Job) -> list[str]:
     return repair_sentences(_repair_facts(job))
 
 
-def _as_text(verdict: Verdict, profile: Profile) -> str:
-    report = verdict.report
-    ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
-    cm3 = report.filament * pi * profile.material.filament_diameter**2 / 4000
-    sent = "executed = sent" if verdict.identical else "executed is NOT what was sent"
-    primed = f" and {len(verdict.primed)} of the start G-code" if verdict.primed else ""
-    heights = "as planned" if verdict.heights_equal else "NOT as planned"
-    simulated, modelled = spoken(verdict.simulated_seconds), spoken(verdict.modelled_seconds)
-    length, grams = report.filament / 1000, cm3 * profile.material.density
-    dry = f"the planner ran dry {report.starvations} times, {report.starved_seconds:.2f} s"
-    facts = {
-        "verdict": f"{sent}: {verdict.executed} of {verdict.commands} commands",
-        "layers": f"plastic at {len(verdict.heights) - len(verdict.primed)} heights{primed}, {heights}",
-        "time": f"{simulated} of motion simulated, {modelled} modelled ({ratio:+.2%})",
-        "in all": f"{spoken(verdict.total_seconds)} with homing and heating",
-        "filament": f"{length:.2f} m, {grams:.1f} g; at most {report.peak_flow:.1f} mm3/s",
-        "wire": f"{report.resends} resends; {dry}, at {profile.printer.baud} Bd",
-    }
-    lines = [f"{name:<12}{text}" for name, text in facts.items()]
-    if report.laid_min and report.laid_max:
-        span = " ".join(
-            f"{name} {low:.1f} to {high:.1f}"
-            for name, low, high in zip("xyz", report.laid_min, report.laid_max, strict=True)
-        )
-        lines.append(f"{'plastic':<12}{span} mm")
-    return "\n".join([*lines, *(f"{'problem':<12}{problem}" for problem in verdict.problems)])
-
-
 def sim_command(arguments: argparse.Namespace) -> int:
-    """Serve the simulated printer on a pseudo-terminal until interrupted."""
+    """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
     from printer_slicer.verdict import Comparison, judge
 
-    if arguments.report and arguments.json and str(arguments.report) == "-":
-        raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
-    if arguments.report:
-        check_writable(arguments.report)
-        for path in arguments.models:
-            refuse_same(arguments.report, path, "--report")
+    _look_at_sim_flags(arguments)
+    faults = faults_of(arguments)
     profile = profile_from(arguments, slices=bool(arguments.models) and not _has_gcode(arguments))
     job, known = _job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
-    report = _serve(arguments, profile, comparison)
+    report = serve_printer(arguments, profile, comparison, faults)
     result = {
         **asdict(report),
         "violations": [list(violation) for violation in report.violations],
@@ -397,46 +382,34 @@ def sim_command(arguments: argparse.Namespace) -> int:
         "job_commands": comparison.executed,
         "job_digest": comparison.digest,
         **known,
+        **planted_facts(faults),
     }
     verdict = judge(job, profile, report, comparison) if job else None
     if verdict and job:
-        result["verdict"] = _as_json(verdict, job)
+        result["verdict"] = verdict_facts(verdict, job, profile) | {"repairs": _repair_facts(job)}
     if arguments.report:
         write_file(arguments.report, (json.dumps(result) + "\n").encode())
     if arguments.json:
         print(json.dumps(result))
-    elif verdict:
-        say(arguments, _as_text(verdict, profile))
+    elif verdict and job:
+        text = verdict_text(arguments, verdict, job, profile)
+        say(arguments, "\n".join([text, *planted_lines(faults)]))
     else:
         motion = f"{spoken(report.print_seconds)} of motion, {report.n_violations} violations"
-        say(
-            arguments,
-            f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}",
-        )
+        first = f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}"
+        say(arguments, "\n".join([first, *planted_lines(faults)]))
     if verdict:
         _insist(verdict)
     return 0
 
 
-def _serve(arguments: argparse.Namespace, profile: Profile, comparison: Comparison) -> Report:
-    """Be a printer until Ctrl-C or SIGTERM; its account."""
-    from printer_slicer.sim.printer import SimulatedPrinter
-    from printer_slicer.sim.pty_server import serve
-    from printer_slicer.verdict import front_end_of, machine_of
-
-    printer = profile.printer
-    stopped: list[int] = []
-    signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
-
-    def ready(name: str) -> None:
-        """Say where the printer is; who waits for it reads this through a pipe."""
-        say(arguments, f"simulated {printer.name} at {arguments.pty} ({name}); Ctrl-C ends it")
-        sys.stdout.flush()
-
-    return serve(
-        lambda: SimulatedPrinter(machine_of(printer), front_end_of(printer), on_executed=comparison),
-        arguments.pty,
-        speed=arguments.speed,
-        stop=lambda: bool(stopped),
-        ready=ready,
-    )
+def _look_at_sim_flags(arguments: argparse.Namespace) -> None:
+    """Refuse flags that do not go together."""
+    if arguments.report and arguments.json and str(arguments.report) == "-":
+        raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
+    if arguments.rfc2217 and arguments.tcp is None:
+        raise UsageError("--rfc2217 without --tcp", remedy="say with --tcp HOST:PORT where to listen")
+    if arguments.report:
+        check_writable(arguments.report)
+        for path in arguments.models:
+            refuse_same(arguments.report, path, "--report")

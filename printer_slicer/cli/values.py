@@ -6,7 +6,15 @@ import argparse
 import re
 from math import inf
 
-__all__ = ["factor", "height", "length", "patience", "pixels", "positive", "seconds"]
+__all__ = ["address", "factor", "height", "length", "patience", "pixels", "positive", "seconds"]
+
+
+def address(text: str) -> tuple[str, int]:
+    """A host and a port to listen at."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not port.isdecimal() or int(port) > 65_535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, such as 127.0.0.1:8888")
+    return host.strip("[]") or "127.0.0.1", int(port)
 
 
 def factor(text: str) -> float:

@@ -14,7 +14,7 @@ from printer_slicer.geometry import Float, Int, frozen_array
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of_moves
 from printer_slicer.stream.framing import strip
 
-__all__ = ["Deposit", "beads_of_gcode"]
+__all__ = ["Deposit", "beads_of_gcode", "purpose_of"]
 
 USUAL_DIAMETER: Final = 1.75
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
@@ -185,7 +185,7 @@ def _noted(text: bytes, line: Int) -> _Notes:
     names = ("", *dict.fromkeys(said))
     number = {name: i for i, name in enumerate(names)}
     name = np.array([0, *map(number.__getitem__, said)], np.int64)[which]
-    purpose = np.array([Purpose.UNKNOWN, *map(_purpose, names[1:])], np.int64)[name]
+    purpose = np.array([Purpose.UNKNOWN, *map(purpose_of, names[1:])], np.int64)[name]
     which, said = latest(_HEIGHTS)
     height = np.array([np.nan, *map(_height, said)])[which]
     turn = latest(_LAYERS)[0]
@@ -195,7 +195,7 @@ def _noted(text: bytes, line: Int) -> _Notes:
     return _Notes(purpose, name, names, height, turn)
 
 
-def _purpose(name: str) -> int:
+def purpose_of(name: str) -> Purpose:
     """What a slicer's name for a bead means."""
     plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
     return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.machine import AXES, replaced
 
 if TYPE_CHECKING:
     from printer_slicer.motion.rules import Axes, Limits
-    from printer_slicer.sim.board import Board, Steps
+    from printer_slicer.sim.board import Board
     from printer_slicer.sim.words import Command
 
-__all__ = ["TABLE", "ask_person", "limit_accelerations", "nothing", "positive", "tool"]
+__all__ = ["TABLE", "limit_accelerations", "nothing", "positive"]
 
 
 def _temperatures(board: Board, _: Command) -> None:
@@ -21,21 +20,36 @@ def _temperatures(board: Board, _: Command) -> None:
     board.ok_tail = " " + board.temperatures()
 
 
+def _seconds(command: Command) -> int | None:
+    """The whole seconds behind S, as firmware keeps them: at most a minute."""
+    seconds = command.value("S")
+    return None if seconds is None else min(max(int(seconds), 0), 60)
+
+
 def _temperature_reports(board: Board, command: Command) -> None:
     """M155."""
-    seconds = command.value("S")
+    seconds = _seconds(command)
     if seconds is not None:
-        board.report_seconds = max(seconds, 0.0)
-        board.next_report = board.now + board.report_seconds if board.report_seconds else inf
+        board.repeat("temperatures", seconds, lambda: " " + board.temperatures())
+
+
+def _position_reports(board: Board, command: Command) -> None:
+    """M154."""
+    if not board.front_end.reports_position:
+        board.unknown(command.text)
+        return
+    seconds = _seconds(command)
+    if seconds is not None:
+        board.repeat("position", seconds, board.place)
 
 
 def _busy_reports(board: Board, command: Command) -> None:
     """M113."""
-    seconds = command.value("S")
+    seconds = _seconds(command)
     if seconds is None:
         board.say(f"echo:M113 S{board.busy_seconds:.0f}")
     else:
-        board.busy_seconds = min(max(seconds, 0.0), 60.0)
+        board.busy_seconds = float(seconds)
 
 
 def _line_number(board: Board, command: Command) -> None:
@@ -60,16 +74,17 @@ def _place(board: Board, _: Command) -> None:
 def _firmware(board: Board, _: Command) -> None:
     """M115."""
     front_end, machine = board.front_end, board.machine
-    told, bare, identity = front_end.identity.format(name=front_end.name).partition("ok ")
+    told, bare, identity = front_end.identity.format(name=front_end.name, tools=machine.extruders).partition(
+        "ok "
+    )
     if bare:
         board.ok_tail = f" {identity}"
     else:
         board.say(told)
     if not front_end.lists_capabilities:
         return
-    for name, present in front_end.capabilities:
-        probes = machine.probe_points > 0 and name in {"AUTOLEVEL", "Z_PROBE"}
-        board.say(f"Cap:{name}:{int(present or probes)}")
+    for name, present in front_end.capabilities(machine):
+        board.say(f"Cap:{name}:{int(present)}")
     if front_end.reports_area:
         low, high = (
             ",".join(f"{letter}:{at:.2f}" for letter, at in zip("xyz", corner, strict=True))
@@ -77,6 +92,12 @@ def _firmware(board: Board, _: Command) -> None:
         )
         area = f"{{min:{{{low}}},max:{{{high}}}}}"
         board.say(f"area:{{full:{area},work:{area}}}")
+
+
+def _show(board: Board, command: Command) -> None:
+    """M117."""
+    if command.rest:
+        board.notify(command.rest)
 
 
 def _tell(board: Board, command: Command) -> None:
@@ -94,7 +115,9 @@ def _endstops(board: Board, _: Command) -> None:
     board.say("Reporting endstop status")
     at = board.mover.position(board.now)
     for axis, letter in enumerate("xyz"):
-        closed = board.homed[axis] and at[axis] <= board.machine.home[axis]
+        closed = (
+            board.homed[axis] and at[axis] <= board.machine.home[axis] and axis not in board.stuck_endstops
+        )
         board.say(f"{letter}_min: {'TRIGGERED' if closed else 'open'}")
 
 
@@ -172,9 +195,13 @@ def _corners(board: Board, command: Command) -> None:
     board.set_limits(replace(old, junction_deviation=deviation, jerk=jerk))
 
 
+LEAST: Final = 1e-6
+"""Smaller numbers are zero to a firmware that keeps them in 32 bits and prints two decimals."""
+
+
 def positive(command: Command, letters: str) -> dict[str, float]:
     """The values that can be limits; a machine with a limit of zero would never arrive."""
-    return {letter: value for letter, value in command.values(letters).items() if value > 0.0}
+    return {letter: value for letter, value in command.values(letters).items() if value > LEAST}
 
 
 def _speed_ratio(board: Board, command: Command) -> None:
@@ -227,9 +254,7 @@ def _corner_words(limits: Limits) -> str:
 
 def _timer(board: Board, command: Command) -> None:
     """M75 starts the print timer, M76 and M77 stop it."""
-    if board.timer_began is not None:
-        board.timer_seconds += board.now - board.timer_began
-        board.timer_began = None
+    board.stop_timer()
     if command.code == "M75":
         board.timer_began = board.now
 
@@ -244,24 +269,6 @@ def _timer_reading(board: Board, _: Command) -> None:
     board.say("echo:Print time: " + "".join(f"{n}{unit} " for n, unit in parts) + f"{seconds % 60}s")
 
 
-def tool(board: Board, command: Command) -> None:
-    """T: there is one extruder."""
-    if command.code != "T0":
-        board.say(f"echo:{command.code} Invalid extruder")
-        board.violated("no such extruder")
-
-
-def ask_person(board: Board, command: Command) -> Steps:
-    """M0 and M1: wait for M108, for the time given, or for the person of this machine."""
-    yield from board.drained()
-    seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
-    until = board.now + (seconds if seconds > 0.0 else board.machine.person_seconds)
-    board.waiting, board.busy_with = True, "paused for user"
-    while board.waiting and board.now < until:
-        yield until
-    board.waiting, board.busy_with = False, "processing"
-
-
 def nothing(_: Board, __: Command) -> None:
     """Known, and without an effect that could be seen from outside."""
 
@@ -273,8 +280,6 @@ def _volumetric(board: Board, command: Command) -> None:
 
 
 TABLE: Final = {
-    "M0": ask_person,
-    "M1": ask_person,
     "M17": nothing,
     "M31": _timer_reading,
     "M73": nothing,
@@ -289,9 +294,10 @@ TABLE: Final = {
     "M113": _busy_reports,
     "M114": _place,
     "M115": _firmware,
-    "M117": nothing,
+    "M117": _show,
     "M118": _tell,
     "M119": _endstops,
+    "M154": _position_reports,
     "M155": _temperature_reports,
     "M200": _volumetric,
     "M201": _accelerations,
@@ -306,6 +312,5 @@ TABLE: Final = {
     "M300": nothing,
     "M486": nothing,
     "M503": _settings,
-    "M600": ask_person,
-    "M601": ask_person,
+    "M999": nothing,
 }

@@ -1,25 +1,48 @@
-"""The table of commands that the simulated firmware knows."""
+"""The tables of commands that the simulated firmwares know."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.sim import answers, heating, moves
+from printer_slicer.sim import answers, card_commands, heating, klipper, moves, pausing, virtual
 from printer_slicer.sim.flavours import FLAVOURS
+from printer_slicer.sim.tools import change_tool
 from printer_slicer.sim.words import Command
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from printer_slicer.sim.board import Board, Steps
+    from printer_slicer.sim.switches import FrontEnd
 
     Handler = Callable[[Board, Command], Steps | None]
+    Straight = Callable[[Board, Sequence[str | float | None]], Steps | None]
 
-__all__ = ["run"]
+__all__ = ["run", "straight_of"]
 
-_TABLE: Final[dict[str, Handler]] = {**moves.TABLE, **heating.TABLE, **answers.TABLE}
-_TABLES: Final = {name: {**_TABLE, **own} for name, own in FLAVOURS.items()}
+_MARLIN: Final[dict[str, Handler]] = {
+    **moves.TABLE,
+    **heating.TABLE,
+    **answers.TABLE,
+    **pausing.TABLE,
+    **card_commands.TABLE,
+}
+_OWN: Final[dict[str, dict[str, Handler]]] = {
+    "marlin": _MARLIN,
+    "klipper": {code: handler for code, handler in _MARLIN.items() if code in klipper.KNOWN},
+    "virtual": _MARLIN,
+}
+_TABLES: Final[dict[tuple[str, str], dict[str, Handler]]] = {
+    (language, flavour): {
+        **own,
+        **meant,
+        **(klipper.TABLE if language == "klipper" else {}),
+        **(virtual.TABLE if language == "virtual" else {}),
+    }
+    for language, own in _OWN.items()
+    for flavour, meant in FLAVOURS.items()
+}
 
 _EXTENDED: Final = re.compile(r"[A-Z]+_[A-Z_]+\b").match
 """A command of Klipper's kind, a word with an underscore."""
@@ -28,11 +51,21 @@ _EXTENDED: Final = re.compile(r"[A-Z]+_[A-Z_]+\b").match
 def run(board: Board, text: str) -> Steps | None:
     """Begin a command: None when it is done, otherwise what is left of it."""
     command = Command(text)
-    handler = _TABLES[board.front_end.flavour].get(command.code or text.partition(" ")[0])
-    if handler is None and command.code.startswith("T"):
-        handler = answers.tool
+    code = command.code or text.partition(" ")[0]
+    if board.shut_down and code not in klipper.ANYWAY:
+        klipper.refuse_shut_down(board)
+        return None
+    front_end = board.front_end
+    handler = _TABLES[front_end.language, front_end.flavour].get(code)
+    if handler is None and command.code.startswith("T") and front_end.language != "klipper":
+        handler = change_tool
     if handler is not None:
         return handler(board, command)
-    if not (board.front_end.ignores_extended and _EXTENDED(text)):
+    if not (front_end.ignores_extended and _EXTENDED(text)):
         board.unknown(text)
     return None
+
+
+def straight_of(front_end: FrontEnd) -> Straight:
+    """What makes a G0 or G1 of the usual form, the one command that has to be quick."""
+    return klipper.straight if front_end.language == "klipper" else moves.straight

@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.sim.answers import ask_person, limit_accelerations, nothing, positive
+from printer_slicer.sim.answers import limit_accelerations, nothing, positive
 from printer_slicer.sim.machine import AXES, replaced
 from printer_slicer.sim.moves import probe
+from printer_slicer.sim.pausing import ask_person
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.sim.tools import hotend_of
+
 if TYPE_CHECKING:
     from printer_slicer.sim.board import Board, Steps
     from printer_slicer.sim.heater import Heater
@@ -20,7 +22,9 @@ COOLING_LEAST: Final = 1.5
 
 def _hotend_target(board: Board, command: Command) -> None:
     """M104."""
-    _aim(board, board.hotend, command, "S")
+    heater = hotend_of(board, command)
+    if heater is not None:
+        _aim(board, heater, command, "S")
 
 
 def _bed_target(board: Board, command: Command) -> None:
@@ -30,7 +34,8 @@ def _bed_target(board: Board, command: Command) -> None:
 
 def _hotend_wait(board: Board, command: Command) -> Steps | None:
     """M109: S waits for heating only, R for cooling too."""
-    return _aim_and_wait(board, board.hotend, command)
+    heater = hotend_of(board, command)
+    return None if heater is None else _aim_and_wait(board, heater, command)
 
 
 def _bed_wait(board: Board, command: Command) -> Steps | None:
@@ -47,8 +52,7 @@ def _aim(board: Board, heater: Heater, command: Command, letters: str) -> bool:
             if target > highest:
                 name = "bed" if heater is board.bed else "hotend"
                 board.violated(f"{name} asked for {target:.0f} °C, the machine allows {highest:.0f} °C")
-            heater.set_target(min(max(target, 0.0), highest), board.now)
-            board.hot = False
+            board.aim(heater, min(max(target, 0.0), highest))
             return True
     return False
 
@@ -70,19 +74,20 @@ def _waited(board: Board, heater: Heater) -> Steps:
     began = board.now
     board.waiting = True
     board.mover.expects_stop = True
-    arrives = _arrival(heater, began)
-    done = began if arrives == began else arrives + heater.spec.residency
+    upsets, arrives, done = board.heaters.upsets, *_expected(heater, began, began)
     report = began
-    before = heater.temperature(began)
+    before = heater.reading(began)
     check = began + COOLING_CHECK if before > heater.target else inf
     while board.waiting:
+        if board.heaters.upsets != upsets:
+            upsets, arrives, done = board.heaters.upsets, *_expected(heater, board.now, began)
         if board.now >= report:
             rest = "?" if board.now < arrives or arrives == began else str(int(done - board.now))
-            board.say(f" {board.temperatures()} W:{rest}")
+            _report(board, rest)
             report += REPORT_SECONDS
         if board.now >= check:
             check += COOLING_CHECK
-            before, last = heater.temperature(board.now), before
+            before, last = heater.reading(board.now), before
             if last - before < COOLING_LEAST:
                 break
         if board.now >= done:
@@ -92,8 +97,27 @@ def _waited(board: Board, heater: Heater) -> Steps:
     board.tally.heating_seconds += board.now - began
 
 
+def _expected(heater: Heater, now: float, began: float) -> tuple[float, float]:
+    """When the temperature will be near the target, and when the wait that began then will be over."""
+    arrives = _arrival(heater, now)
+    return arrives, began if arrives == began else arrives + heater.spec.residency
+
+
+def _report(board: Board, rest: str) -> None:
+    """What is said every second of a wait."""
+    language = board.front_end.language
+    if language == "klipper":
+        board.report(board.temperatures())
+    elif language == "virtual":
+        board.report(f"T:{board.hotend.reading(board.now):.2f}")
+    else:
+        board.report(f" {board.temperatures()} W:{rest}")
+
+
 def _arrival(heater: Heater, now: float) -> float:
     """When the temperature comes within the window around the target; infinite when it never does."""
+    if heater.disturbed:
+        return inf
     missing = heater.target - heater.temperature(now)
     window = heater.spec.window
     if abs(missing) < window:
@@ -108,6 +132,7 @@ def _fan(board: Board, command: Command) -> None:
         return
     speed = command.value("S")
     ratio = 0.0 if command.code == "M107" else min(max(255.0 if speed is None else speed, 0.0), 255.0) / 255.0
+    board.settle()
     board.hotend.set_fan(ratio, board.now)
     board.hot = False
 

@@ -34,6 +34,9 @@ _PREFIX: Final = re.compile(rb"N[-+]?\d* *").match
 _NEITHER: Final = re.compile(rb"(?:N[-+]?\d* *)?([^*]*)", re.DOTALL).match
 _CRC_DIGITS: Final = 5
 
+MOST_UNREAD: Final = 65_536
+"""Bytes kept for a printer with flow control: the sender has to wait, and what it sends all the same is lost."""
+
 
 class LineReader:
     """The receive buffer and the line buffer of a firmware.
@@ -48,7 +51,7 @@ class LineReader:
     """
 
     __slots__ = (
-        *("_at", "_front_end", "_keep", "_line", "_numbered", "_ring", "_tally"),
+        *("_at", "_front_end", "_keep", "_line", "_numbered", "_ring", "_room", "_tally"),
         *("fault", "last", "overflowed", "passed", "refused", "skipping"),
     )
 
@@ -62,6 +65,7 @@ class LineReader:
         self._numbered = False
         self._front_end = front_end
         self._keep = front_end.line_size - 1
+        self._room = MOST_UNREAD if front_end.receive_buffer is None else front_end.receive_buffer
         self._tally = tally
         self._line = b""
         self._ring = b""
@@ -72,8 +76,8 @@ class LineReader:
         if b"\r" in data:
             data = data.replace(b"\r", b"\n")  # both end a line, and empty lines do not count
         unread = self._ring[self._at :]
-        room = self._front_end.receive_buffer
-        if room is not None and len(unread) + len(data) > room:
+        room = self._room
+        if len(unread) + len(data) > room:
             kept = data[: room - len(unread)]
             self._tally.bytes_lost += len(data) - len(kept)
             self.overflowed = True
@@ -85,6 +89,11 @@ class LineReader:
     def waiting(self) -> bool:
         """Whether bytes have arrived that were not read yet."""
         return self._at < len(self._ring)
+
+    @property
+    def unread(self) -> int:
+        """How many of them."""
+        return len(self._ring) - self._at
 
     @property
     def partial(self) -> bool:
@@ -159,9 +168,8 @@ class LineReader:
         inner = command.find(b"N", 4) if renumbers else -1
         number = _number(command[max(inner, 0) + 1 :])
         body, star, check = command.rpartition(b"*")
-        right = bool(star) and checksum(body) == _number(check)
-        if front_end.lines_skipped and not right:
-            # Repetier looks at the checksum first.
+        right = checksum(body) == _number(check) if star else not front_end.checksum_needed
+        if front_end.checksum_first and not right:
             self._refuse(front_end.wrong_checksum if star else front_end.no_checksum, number)
             return None
         if number != self.last + 1 and not renumbers:

@@ -4,71 +4,25 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf
-from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from printer_slicer.errors import PortError
+from printer_slicer.sim.damage import Chance, Damage, Direction
+from printer_slicer.sim.latency import LatencyTimer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from printer_slicer.sim.faults import Faults
     from printer_slicer.sim.printer import SimulatedPrinter
 
 __all__ = ["Cable", "Chance", "Damage", "Direction", "VirtualPort", "Wire"]
 
-Direction = Literal["to printer", "to host"]
+MOST_ON_ITS_WAY: Final = 8192
+"""Bytes between host and printer beyond which a sender waits: the buffers of a system hold that much."""
 
-BITS_PER_BYTE = 10
+BITS_PER_BYTE: Final = 10
 """8 data bits between a start and a stop bit."""
-
-
-class Chance(Protocol):
-    """A source of chance, such as a seeded `random.Random`."""
-
-    def random(self) -> float:
-        """A number from 0 to below 1."""
-
-    def randrange(self, stop: int, /) -> int:
-        """A whole number from 0 to below `stop`."""
-
-
-class Damage:
-    """Bytes flipped, dropped and inserted at random.
-
-    Every byte is hit independently of all others, so several can be hit in one line, and nothing comes in
-    bursts; no byte is repeated, delayed or overtaken, and a written chunk is never lost as a whole. A flip
-    turns one of the eight bits, an insertion puts any of the 256 bytes in front. The checksum of a line is
-    one exclusive or: two flips of the same bit, or two equal bytes lost, pass it, so altered lines can be
-    executed; how many to expect follows from the rates.
-
-    Attributes:
-        flipped, dropped, inserted: how many bytes so far, both directions together.
-    """
-
-    def __init__(self, chance: Chance, *, flip: float = 0.0, drop: float = 0.0, insert: float = 0.0) -> None:
-        self.flipped = self.dropped = self.inserted = 0
-        self._chance = chance
-        self._flip = flip
-        self._drop = drop
-        self._insert = insert
-
-    def __call__(self, data: bytes, direction: Direction) -> bytes:
-        """What arrives of `data`; both directions are treated alike."""
-        del direction
-        whole = self._flip + self._drop + self._insert
-        out = bytearray()
-        for byte in data:
-            drawn = self._chance.random()
-            if drawn >= whole:
-                out.append(byte)
-            elif drawn < self._flip:
-                self.flipped += 1
-                out.append(byte ^ 1 << self._chance.randrange(8))
-            elif drawn < self._flip + self._drop:
-                self.dropped += 1
-            else:
-                self.inserted += 1
-                out += bytes((self._chance.randrange(256), byte))
-        return bytes(out)
 
 
 class _Chunk(NamedTuple):
@@ -120,6 +74,11 @@ class Wire:
             data = data[:n]
         return data, first + (n - 1) * each
 
+    @property
+    def on_its_way(self) -> int:
+        """Bytes written that have not come out at the other end."""
+        return sum(len(chunk.data) for chunk in self._chunks)
+
     def due(self) -> float:
         """When the next line, or all written with it, has arrived, s; infinite when nothing comes."""
         if not self._chunks:
@@ -137,6 +96,7 @@ class Cable:
         baud: of both directions; None = bytes take no time.
         latency: s added to each byte in each direction.
         damage: what the cable does to bytes as they are written, see `Damage`.
+        timer: s for which a USB chip gathers bytes for the host, see `LatencyTimer`.
     """
 
     def __init__(
@@ -146,10 +106,12 @@ class Cable:
         baud: int | None = None,
         latency: float = 0.0,
         damage: Callable[[bytes, Direction], bytes] | None = None,
+        timer: float = 0.0,
     ) -> None:
         self._printer = printer
         self._to_printer = Wire(baud, latency)
         self._to_host = Wire(baud, latency)
+        self._chip = LatencyTimer(timer) if timer > 0.0 else None
         self._damage = damage
 
     def write(self, data: bytes, now: float) -> None:
@@ -175,15 +137,25 @@ class Cable:
         said = self._printer.send(now)
         if said:
             self._to_host.push(said if self._damage is None else self._damage(said, "to host"), now)
+        chip = self._chip
         come = b""
         while (part := self._to_host.pop(now)) is not None:
-            come += part[0]
-        return come
+            if chip is None:
+                come += part[0]
+            else:
+                chip.arrive(*part)
+        return come if chip is None else chip.release(now)
 
     def due(self) -> float:
         """When something happens next, s; infinite when nothing will."""
         wakeup = self._printer.wakeup()
-        return min(self._to_printer.due(), self._to_host.due(), inf if wakeup is None else wakeup)
+        due = min(self._to_printer.due(), self._to_host.due(), inf if wakeup is None else wakeup)
+        return due if self._chip is None else min(due, self._chip.due())
+
+    @property
+    def crowded(self) -> bool:
+        """Whether so much is on its way that a sender with flow control waits."""
+        return self._to_printer.on_its_way + self._printer.unread > MOST_ON_ITS_WAY
 
 
 class VirtualPort:
@@ -194,11 +166,12 @@ class VirtualPort:
 
     Args:
         printer: at the other end.
-        baud, latency, damage: as for `Cable`.
+        baud, latency, damage, timer: as for `Cable`.
         started: s, what the clock begins with; for a second port to a printer that has been running.
+        faults: what shall go wrong, instead of `damage`; given to the printer too.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all but one have a good default
         self,
         printer: SimulatedPrinter,
         *,
@@ -206,8 +179,11 @@ class VirtualPort:
         latency: float = 0.0,
         damage: Callable[[bytes, Direction], bytes] | None = None,
         started: float = 0.0,
+        faults: Faults | None = None,
+        timer: float = 0.0,
     ) -> None:
-        self._cable = Cable(printer, baud=baud, latency=latency, damage=damage)
+        self._cable = Cable(printer, baud=baud, latency=latency, damage=damage or faults, timer=timer)
+        self._faults = faults
         self._now = started
         self._open = True
 
@@ -234,6 +210,8 @@ class VirtualPort:
         deadline = self._now + timeout
         while True:
             data = self._cable.read(self._now)
+            if self._faults is not None:
+                self._check()
             if data or self._now >= deadline:
                 return data
             self._now = min(deadline, max(self._cable.due(), self._now))
@@ -245,3 +223,7 @@ class VirtualPort:
     def _check(self) -> None:
         if not self._open:
             raise PortError("the simulated port is closed", remedy="Make a new one for the same printer.")
+        if self._faults is not None and self._faults.unplugged:
+            raise PortError(
+                "the cable of the simulated printer was pulled", remedy="A planted fault did that."
+            )

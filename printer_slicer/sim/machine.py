@@ -7,6 +7,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from printer_slicer.motion.rules import Axes, Limits
+from printer_slicer.sim.guard import GuardSpec
 from printer_slicer.sim.heater import HeaterSpec
 
 if TYPE_CHECKING:
@@ -43,9 +44,13 @@ def _bed() -> HeaterSpec:
     return HeaterSpec(power=220.0, heat_capacity=750.0, loss=1.6, fan_loss=0.2, highest=140.0)
 
 
+def _bed_guard() -> GuardSpec:
+    return GuardSpec(margin=10.0, watch_seconds=60.0, hysteresis=2.0, runaway_seconds=20.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A printer with one hotend and a bed.
+    """A printer with a bed and one or more extruders.
 
     Attributes:
         limits: speeds, accelerations and the number of planner blocks at power-on.
@@ -54,11 +59,19 @@ class Machine:
         homing_speed: x, y, z, mm/s.
         homing_bump: s per axis for backing off and touching again.
         steps: per mm of x, y, z, e; only for the step counts of M114.
-        hotend, bed: the heaters.
+        hotend, bed: the heaters; every extruder has a hotend like this.
+        hotend_guard, bed_guard: what the firmware takes for a heater out of control.
+        melting: J that a mm³ of filament takes along for each °C between hotend and room.
+        extruders: how many, T0 first.
+        tool_change: s that a change of the extruder takes.
         coldest_extrusion: °C; below it the extruder does not turn (M302 changes it).
         longest_extrusion: mm of filament in one move; the extruder ignores longer ones.
         ambient: °C of the room.
         filament_diameter: mm.
+        filament_left: mm on the spool; infinity: it never ends.
+        runout_sensor: the printer notices when the filament has ended.
+        nozzle: mm; Klipper refuses extrusions thicker than four times its square.
+        card: there is a card reader with a card in it.
         probe_points: how many points G29 touches; 0 = no probe, so that G29 is unknown.
         probe_seconds: s per point.
         person_seconds: s until a person presses the button that M0 and M1 wait for; infinity: nobody is there.
@@ -74,10 +87,19 @@ class Machine:
     steps: Axes = (80.0, 80.0, 400.0, 500.0)
     hotend: HeaterSpec = field(default_factory=_hotend)
     bed: HeaterSpec = field(default_factory=_bed)
+    hotend_guard: GuardSpec = field(default_factory=GuardSpec)
+    bed_guard: GuardSpec = field(default_factory=_bed_guard)
+    melting: float = 0.0022
+    extruders: int = 1
+    tool_change: float = 2.0
     coldest_extrusion: float = 170.0
     longest_extrusion: float = 200.0
     ambient: float = 21.0
     filament_diameter: float = 1.75
+    filament_left: float = inf
+    runout_sensor: bool = False
+    nozzle: float = 0.4
+    card: bool = False
     probe_points: int = 0
     probe_seconds: float = 3.0
     person_seconds: float = inf

@@ -9,20 +9,46 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from printer_slicer.motion.rules import Axes, Block, Limits, Lookahead
 
 if TYPE_CHECKING:
     from printer_slicer.sim.tally import Tally
 
-__all__ = ["Mover"]
+__all__ = ["Mover", "Planned"]
 
 LONGEST_STARVATION: Final = 2.0
 """s; a machine that stands still for longer was not waiting for the cable but for a person or a program."""
 
 ENOUGH_TO_START: Final = 3
 """Moves that make a standing machine start at once instead of waiting for more, as Marlin does."""
+
+
+class Planned(NamedTuple):
+    """The state of a planner whose machine moves.
+
+    Attributes:
+        queue: blocks that wait, each with the squared speed of the corner before it.
+        last: the block pushed last.
+        square: squared speed at the end of the running block, (mm/s)².
+        targets: where the running block and each waiting one end, x, y, z, e, mm.
+        standing: where the running block began.
+        began, ends: s, when it did and will.
+    """
+
+    queue: tuple[tuple[Block, float], ...]
+    last: Block | None
+    square: float
+    targets: tuple[Axes, ...]
+    standing: Axes
+    began: float
+    ends: float
+
+
+_NOWHERE: Final[Axes] = (0.0, 0.0, 0.0, 0.0)
+_AT_ONCE: Final = 1e12
+"""mm/s²; a pause is a block that goes nowhere at 1 mm/s, and is at full speed from its beginning to its end."""
 
 
 class Mover:
@@ -47,6 +73,7 @@ class Mover:
         "_running",
         "_standing",
         "_tally",
+        "_woken_by",
         "ends",
         "expects_stop",
         "targets",
@@ -63,6 +90,7 @@ class Mover:
         self._running = False
         self._began = 0.0
         self._dry_since = -inf
+        self._woken_by = 0
         self._standing: Axes = (0.0, 0.0, 0.0, 0.0)
 
     @property
@@ -82,6 +110,9 @@ class Mover:
     def push(self, block: Block, target: Axes, now: float) -> None:
         """Take a move that ends at `target`. The caller has looked at `room`, after `advance(now)`."""
         self._lookahead.push(block)
+        if (track := self._tally.track) is not None:
+            start = self.targets[-1] if self.targets else self._standing
+            track.planned(self._tally.lines, start, target, block.speed)
         self.targets.append(target)
         if self._running:
             return
@@ -90,8 +121,15 @@ class Mover:
             if self.expects_stop or now - self._dry_since > LONGEST_STARVATION:
                 self._dry_since = -inf
             self.expects_stop = False
+            self._woken_by = self._tally.lines
         elif len(self.targets) >= ENOUGH_TO_START:
             self.ends = min(self.ends, now)
+
+    def hold(self, seconds: float, target: Axes, now: float) -> None:
+        """Stand still at `target` for so long, behind the moves that wait; as `push`."""
+        self._lookahead.stop()
+        self.push(Block(seconds, _NOWHERE, 1.0, _AT_ONCE), target, now)
+        self._lookahead.stop()
 
     def advance(self, now: float) -> None:
         """Execute everything that begins until `now`."""
@@ -104,6 +142,8 @@ class Mover:
                     self._start(at)
                 seconds = self._lookahead.pop()
                 self._tally.motion_seconds += seconds
+                if self._tally.track is not None:
+                    self._tally.track.begun(seconds)
                 self._began = at
                 self.ends = at + seconds
             else:
@@ -125,6 +165,26 @@ class Mover:
         if not self.busy:
             self._standing = position
 
+    @property
+    def planned(self) -> Planned | None:
+        """What is being made and what waits; None while nothing moves."""
+        if not self._running:
+            return None
+        queue, last, square = self._lookahead.planned()
+        return Planned(
+            tuple(queue), last, square, tuple(self.targets), self._standing, self._began, self.ends
+        )
+
+    def leap(self, planned: Planned, seconds: float) -> None:
+        """Have made moves that took so many seconds, without a break, and be in the middle of others.
+
+        Whoever has reckoned all that has done it by the rules of this planner; see `motion.ahead`.
+        """
+        self._lookahead.leap(planned.queue, planned.last, planned.square)
+        self.targets = deque(planned.targets)
+        self._standing, self._began, self.ends = planned.standing, planned.began, planned.ends
+        self._tally.motion_seconds += seconds
+
     def stop(self, now: float) -> tuple[Axes, float]:
         """Stop at once and forget all moves: where that is, and the E (mm) that will not be fed."""
         position = self.position(now)
@@ -132,6 +192,8 @@ class Mover:
         if self._running:
             self._tally.motion_seconds -= self.ends - now
         self.targets.clear()
+        if self._tally.track is not None:
+            self._tally.track.forget()
         self._lookahead = Lookahead(self._lookahead.limits)
         self._running = False
         self.ends = inf
@@ -143,5 +205,4 @@ class Mover:
         """From standing to moving, and the account of a machine that stood because no move came."""
         self._running = True
         if self._dry_since != -inf:
-            self._tally.starvations += 1
-            self._tally.starved_seconds += at - self._dry_since
+            self._tally.waited(at - self._dry_since, self._woken_by)

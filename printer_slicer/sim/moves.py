@@ -6,6 +6,7 @@ business.
 
 from __future__ import annotations
 
+from math import hypot
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
@@ -19,7 +20,16 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.words import Command
 
-__all__ = ["STOP_SECONDS", "TABLE", "probe", "straight"]
+__all__ = ["STOP_SECONDS", "TABLE", "goal_of", "probe", "straight"]
+
+LARGEST_RADIUS: Final = 10_000.0
+"""mm; an arc of a larger circle has more chords than a firmware can count."""
+
+HOMING_REACH: Final = 1.5
+
+LARGEST_BABYSTEP: Final = 2.0
+BABYSTEP_SPEED: Final = 2.0
+"""mm and mm/s."""
 
 STOP_SECONDS: Final = 1.0
 """s after M410 in which Marlin takes no moves."""
@@ -30,7 +40,7 @@ def straight(board: Board, words: Sequence[str | float | None]) -> Steps | None:
     feed = words[4]
     if feed is not None and float(feed) > 0.0:
         board.feed = float(feed) * board.unit / 60.0
-    goal = _goal(board, words)
+    goal = goal_of(board, words)
     block = _prepared(board, goal)
     if block is None:
         return None
@@ -44,7 +54,7 @@ def straight(board: Board, words: Sequence[str | float | None]) -> Steps | None:
     return None
 
 
-def _goal(board: Board, words: Sequence[str | float | None]) -> Axes:
+def goal_of(board: Board, words: Sequence[str | float | None]) -> Axes:
     """Where the words lead from the present position; not yet kept inside the machine."""
     x, y, z, e = board.position
     unit = board.unit
@@ -86,6 +96,8 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
     if de > 0.0:
         board.filament += de
         board.tally.filament_fed += de
+        if board.filament > board.spool_end:
+            board.spool_ended()
         if block is not None and (dx or dy):
             board.tally.laid(old, goal)
             rate = de / block.length * block.speed
@@ -132,9 +144,9 @@ def _arc(board: Board, command: Command) -> Steps | None:
     words = [command.value(letter) for letter in "XYZEF"]
     if words[4] is not None and words[4] > 0.0:
         board.feed = words[4] * board.unit / 60.0
-    start, goal = board.position, _goal(board, words)
+    start, goal = board.position, goal_of(board, words)
     centre = _centre(board, command, goal)
-    if centre is None:
+    if centre is None or hypot(start[0] - centre[0], start[1] - centre[1]) > LARGEST_RADIUS:
         board.say("Error:G2/G3 bad parameters")
         board.violated("arc without a centre")
         return None
@@ -188,6 +200,7 @@ def _dwell(board: Board, command: Command) -> Steps:
     seconds = command.value("S") or seconds
     if seconds > 0.0:
         began = board.now
+        board.notify("Sleep...")
         yield from board.until(began + seconds)
         board.tally.dwell_seconds += board.now - began
 
@@ -201,6 +214,13 @@ def _home(board: Board, command: Command) -> Steps:
     position, offset = list(board.position), list(board.offset)
     for axis in named or range(3):
         way = abs(position[axis] - machine.home[axis])
+        if axis in board.stuck_endstops:
+            # It drives half as far again as the axis is long before it gives up.
+            way = HOMING_REACH * (machine.box_max[axis] - machine.box_min[axis])
+            yield from board.until(board.now + way / machine.homing_speed[axis])
+            board.violated("an endstop never closed")
+            board.kill("Homing Failed")
+            return
         yield from board.until(board.now + way / machine.homing_speed[axis] + machine.homing_bump)
         position[axis] = machine.home[axis]
         offset[axis] = 0.0
@@ -210,7 +230,8 @@ def _home(board: Board, command: Command) -> Steps:
         board.mover.place((position[0], position[1], position[2], board.filament))
     board.tally.homing_seconds += board.now - began
     board.guard()
-    board.say(board.place())
+    if board.front_end.language == "marlin":
+        board.say(board.place())
 
 
 def probe(board: Board, command: Command) -> Steps | None:
@@ -268,7 +289,23 @@ def _set_position(board: Board, command: Command) -> None:
     at = zip("XYZ", (x, y, z), board.offset, strict=True)
     new = [named[letter] - here if letter in named else old for letter, here, old in at]
     board.offset = (new[0], new[1], new[2])
-    board.say(board.place())
+    if board.front_end.language == "marlin":
+        board.say(board.place())
+
+
+def _babystep(board: Board, command: Command) -> Steps | None:
+    """M290: the nozzle goes up or down, and what the program calls its place stays."""
+    step = command.value("Z") or command.value("S")
+    if not step or not abs(step) <= LARGEST_BABYSTEP:
+        return None
+    z = board.position[2]
+    feed, relative = board.feed, board.relative
+    board.feed, board.relative = BABYSTEP_SPEED, True
+    steps = straight(board, (None, None, step / board.unit, None, None))
+    board.feed, board.relative = feed, relative
+    dx, dy, dz = board.offset
+    board.offset = (dx, dy, dz - (board.position[2] - z))
+    return steps
 
 
 def _absolute(board: Board, command: Command) -> None:
@@ -303,6 +340,7 @@ TABLE: Final = {
     "M82": _extruder_mode,
     "M83": _extruder_mode,
     "M84": _motors_off,
+    "M290": _babystep,
     "M400": _finish,
     "M410": _quick_stop,
     "M420": _stored_mesh,

@@ -5,54 +5,45 @@ All time is the caller's: a virtual clock makes a print of hours take seconds, t
 to test a host against. What happens depends only on the bytes and their times, never on how often anybody
 asks.
 
-Modelled:
-- the serial port: receive buffer with or without flow control, lines assembled from bytes however they are
-  cut, the 96-byte line buffer, numbers, checksums, refusals and resends as the chosen front end does them, ok
-  (also with numbers), `busy`, `wait`, a main loop that takes time and waits for its own printing, M108, M112
-  and M410 seen early, the emergency parser;
-- the command queue of four and the planner of sixteen: a move is answered when it has a place in the planner,
-  so a full planner holds back the ok; moves last as long as `motion.rules.Lookahead` says, with what it knew
-  by then;
-- heaters that store and lose heat, waits with their window, M109 and M190 with S and R;
-- homing and probing that take their time, soft endstops, offsets, units, relative and absolute modes, arcs,
-  feed and flow ratios, limits changed by M201 to M205, refused cold extrusion;
-- an account of all that, see `Report`: times, filament, heights, violations, starvations.
-
-Not modelled: steps and their rounding, pressure advance, filament and its melting, a bed that is not flat,
-sensors that fail or are noisy, thermal runaway and every other fault of the machine, EEPROM, SD card,
-display, more than one extruder, backspaces and quoting in lines, and the speed within a move: the position
-in the middle of a move is taken by its share of time.
+What is modelled, what is not, and what is known of each firmware is told in docs/simulator.md.
 """
 
 from __future__ import annotations
 
-import re
 from collections import deque
-from math import inf, pi
+from math import inf, nextafter, pi
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.board import Board
-from printer_slicer.sim.commands import run
+from printer_slicer.sim.card import Card
+from printer_slicer.sim.card_commands import abort, finished, write_line
+from printer_slicer.sim.commands import run, straight_of
 from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
+from printer_slicer.sim.leap import Leap
 from printer_slicer.sim.line_reader import Line, LineReader
-from printer_slicer.sim.moves import STOP_SECONDS, straight
+from printer_slicer.sim.moves import STOP_SECONDS
+from printer_slicer.sim.refusals import Refusals
 from printer_slicer.sim.tally import Report, Tally
+from printer_slicer.sim.urgent import URGENT_CODES, EmergencyParser
 from printer_slicer.sim.words import SIMPLE_MOVE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from printer_slicer.sim.board import Steps
     from printer_slicer.sim.machine import Machine
+    from printer_slicer.sim.track import Track
+    from printer_slicer.sim.trouble import Trouble
 
 __all__ = ["SimulatedPrinter"]
 
-_URGENT: Final = re.compile(rb" *(?:N[-0-9 ]*)?(M108|M112|M410)").match
-"""What an emergency parser recognises at the start of a line, whatever follows."""
-
-_URGENT_CODES: Final = frozenset({"M108", "M112", "M410"})
-
 _MOVES: Final = frozenset({"G0", "G1", "G2", "G3"})
+
+_OWN: Final = -(2**63)
+"""Stands for the line number of a command of the card or of the firmware itself, which gets no ok."""
+
+_CARD_SECONDS: Final = 0.0002
+"""What reading a line of the card costs the main loop."""
 
 
 class SimulatedPrinter:
@@ -63,32 +54,48 @@ class SimulatedPrinter:
         front_end: how its firmware reads and answers.
         on_executed: called with each command, without number and checksum, when it begins.
         boots: it is switched on at time 0 and says its banner; otherwise it was on for long and says nothing.
+        track: is told every move.
+        faults: what shall go wrong.
+        card: files on the memory card, by name.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all but one have a good default
         self,
         machine: Machine,
         front_end: FrontEnd = MARLIN_2_1,
         *,
         on_executed: Callable[[str], None] | None = None,
         boots: bool = True,
+        track: Track | None = None,
+        faults: Trouble | None = None,
+        card: Mapping[str, bytes] | None = None,
     ) -> None:
         self._machine = machine
         self._front_end = front_end
-        self._on_executed = on_executed
-        self._tally = Tally()
+        self._on_executed = on_executed if faults is None else faults.watch(on_executed)
+        self._straight = straight_of(front_end)
+        self._any_number = front_end.takes == "any"
+        self._patient = front_end.partial_seconds == inf
+        self._tally = Tally(track)
+        self._card = Card(card)
+        self._faults = faults
+        self._line: int | None = None
         self._ready = 0.0
-        self._deaf_until = -inf
+        self._deaf_until = self._hung_until = -inf
         self._start(0.0, banner=boots)
+        if faults is not None:
+            faults.take(self)
+            self._next = self._next_event()
 
     def receive(self, data: bytes, now: float) -> None:
         """Bytes that arrive at `now`, s."""
         self._advance(now)
         if self._board.killed or now < self._deaf_until:
             return
-        self._last_byte = now
+        self._refusals.last_byte = now
         if self._front_end.emergency_parser:
-            self._parse_emergencies(data)
+            for code in self._parser.arrive(data):
+                self._act_urgently(code)
         self._reader.arrive(data)
         self._pump()
 
@@ -110,9 +117,56 @@ class SimulatedPrinter:
         return self._next if self._next < inf else None
 
     @property
+    def board(self) -> Board:
+        """Its state; another one after each reset."""
+        return self._board
+
+    @property
+    def line(self) -> int:
+        """Number of the line that was begun last; of a host without numbers, how many commands it has sent."""
+        if self._queue and self._queue[0][0] not in (None, _OWN):
+            self._line = self._queue[0][0]
+        return self._tally.lines if self._line is None else self._line
+
+    @property
+    def laid(self) -> tuple[int, float]:
+        """At how many heights plastic was laid, and the last of them, mm."""
+        return self._tally.n_layers, self._tally.z
+
+    def interrupt(self) -> None:
+        """Let the printer look up before it begins another line."""
+        self._ready = max(self._ready, nextafter(self._board.now, inf))
+
+    @property
+    def unread(self) -> int:
+        """Bytes that have arrived and were not read: a cable with flow control waits while there are many."""
+        return self._reader.unread
+
+    @property
     def working(self) -> bool:
         """Whether a command that arrived is still unanswered."""
-        return not self._board.killed and bool(self._queue or self._asking)
+        return not self._board.killed and bool(self._queue or self._refusals.asking)
+
+    @property
+    def undisturbed_until(self) -> float:
+        """When something will happen that no command asked for just now, s; infinite for never."""
+        return min(self._board.due, self._next_wait)
+
+    def hear(self, number: int | None, text: str, now: float) -> None:
+        """A line that was read at `now`, s, without the bytes that would have brought it."""
+        self._advance(now)
+        if not self._board.killed:
+            self._reader.last = self._reader.last if number is None else number
+            self._enqueue((number, text))
+            self._pump()
+
+    def leap(self, leap: Leap) -> None:
+        """Have executed many plain commands, as somebody else has reckoned that it would; see `Leap`."""
+        assert not self.working
+        self._reader.last = leap.number
+        self._numbered = True
+        leap.land(self._board)
+        self._next = self._next_event()
 
     def reset(self, now: float) -> None:
         """Restart the firmware, as a brown-out or the reset button does.
@@ -121,46 +175,57 @@ class SimulatedPrinter:
         are.
         """
         self._advance(now)
+        self._reset()
+
+    def _reset(self) -> None:
         self._tally.resets += 1
+        self._line = None
         old = self._board
         old.stop_moving()
         self._deaf_until = old.now + self._front_end.boot_seconds
         self._start(old.now, banner=True)
         self._board.out[:0] = old.out
-        for heater, before in ((self._board.hotend, old.hotend), (self._board.bed, old.bed)):
-            heater.cool_from(before, old.now)
+        self._board.take_over(old)
+        self._next = self._next_event()
 
     def hang(self, seconds: float, now: float) -> None:
         """Let the main loop do something else for so long; what arrives in the meantime fills the buffer."""
         self._advance(now)
-        self._ready = max(self._ready, now) + seconds
+        self._ready = self._hung_until = max(self._ready, now) + seconds
         self._pump()
 
     def report(self) -> Report:
         """What was executed so far; moves that have not begun are in it with everything but their time."""
         board = self._board
         board.mover.advance(board.now)
-        for heater in (board.hotend, board.bed):
+        board.settle()
+        board.clog(board.clogged)
+        for heater in board.heaters.all():
             heater.temperature(board.now)
         radius = self._machine.filament_diameter / 2.0
         return self._tally.report(
-            filament_area=pi * radius * radius, peak_hotend=board.hotend.peak, peak_bed=board.bed.peak
+            filament_area=pi * radius * radius,
+            peak_hotend=max(heater.peak for heater in board.heaters.hotends),
+            peak_bed=board.bed.peak,
         )
 
     def _start(self, now: float, *, banner: bool) -> None:
         """The state after power-on."""
-        self._board = Board(self._machine, self._front_end, self._tally, now)
+        self._card.stop()
+        self._card.writing = ""
+        self._board = Board(self._machine, self._front_end, self._tally, self._card, now)
+        self._board.inject = self._inject
+        self._board.reset = self._reset
         self._reader = LineReader(self._front_end, self._tally)
+        self._refusals = Refusals(self._reader, self._board, self._front_end, self._tally, now)
+        self._parser = EmergencyParser(self._front_end.line_size)
         self._queue: deque[Line] = deque()
         self._steps: Steps | None = None
         self._resume_at = self._next_busy = inf
         self._next_wait = now + self._front_end.wait_seconds if self._front_end.wait_seconds else inf
         self._numbered = False  # a line with a number was executed
-        self._asking = False  # a refused line still needs its Resend
         self._ready = now  # the main loop has no time before
         self._charged = 0  # how many of the lines said have cost the main loop their time
-        self._arriving = b""
-        self._last_byte = now
         self._next = inf
         if banner:
             for line in self._front_end.banner:
@@ -177,47 +242,58 @@ class SimulatedPrinter:
         """Let happen what is due at `now`."""
         board = self._board
         board.now = now
+        if self._faults is not None and self._faults.due <= now:
+            self._next = inf  # it may reset the printer
+            self._faults.strike(now)
+            board = self._board
+        if now >= self._hung_until:
+            self._go_on(board, now)
+        self._pump()
+
+    def _go_on(self, board: Board, now: float) -> None:
+        """What the main loop does besides lines."""
         if self._steps is not None and max(self._resume_at, self._ready) <= now:
             self._resume(self._steps)
         if self._steps is not None and self._next_busy <= now:
-            board.say(f"echo:busy: {board.busy_with}")
+            board.report(f"echo:busy: {board.busy_with}")
             self._next_busy = now + board.busy_seconds
-        if board.next_report <= now:
-            board.say(" " + board.temperatures())
-            board.next_report += board.report_seconds
-        if not self._queue and self._next_wait <= now:
-            board.say("wait")
+        if board.due <= now:
+            board.ring()
+        idle = not (self._queue or self._reader.waiting) and self._ready <= now
+        if idle and self._next_wait <= now:
+            board.report("wait")
             self._next_wait = now + self._front_end.wait_seconds
-        if self._abandons() <= now:
-            self._abandon(now)
-        self._pump()
-
-    def _abandons(self) -> float:
-        """When it will wait no longer for the rest of a line, or for a line that it asked for; infinite for never."""
-        reader, front_end = self._reader, self._front_end
-        asked = front_end.partial_asks and reader.skipping >= 0 and not reader.waiting
-        return self._last_byte + front_end.partial_seconds if asked or reader.partial else inf
-
-    def _abandon(self, now: float) -> None:
-        """Throw the beginning of a line away, and ask for it again where the firmware does."""
-        self._last_byte = now
-        self._reader.abandon()
-        if self._front_end.partial_asks:
-            self._asking = True
-        else:
-            self._board.say("RX timeout")
+        if not self._patient and self._refusals.due() <= now:
+            self._refusals.abandon(now)
 
     def _next_event(self) -> float:
         """When something will happen without bytes arriving."""
         board = self._board
+        if self._faults is not None or self._hung_until > board.now:
+            return self._next_trouble()
         if board.killed:
             return inf
-        due = min(board.next_report, self._abandons())
+        return self._next_of_firmware(board)
+
+    def _next_trouble(self) -> float:
+        """The same with planted faults, or while the main loop hangs."""
+        board = self._board
+        planted = inf if self._faults is None else self._faults.due
+        if board.killed:
+            return planted
+        hung = self._hung_until > board.now
+        return min(planted, self._hung_until if hung else self._next_of_firmware(board))
+
+    def _next_of_firmware(self, board: Board) -> float:
+        """When the firmware has something to do."""
+        due = board.due if self._patient else min(board.due, self._refusals.due())
         if self._steps is not None:
             due = min(due, max(self._resume_at, self._ready), self._next_busy)
-        elif not self._queue:
+        elif not (self._queue or self._reader.waiting):
             due = min(due, max(self._next_wait, self._ready))
-        if self._ready > board.now and (self._queue or self._asking or self._reader.waiting):
+        if self._ready > board.now and (
+            self._queue or self._refusals.asking or self._reader.waiting or self._card.printing
+        ):
             due = min(due, self._ready)
         return due
 
@@ -231,39 +307,34 @@ class SimulatedPrinter:
                 self._charge()
             if self._ready > board.now:
                 break
-            if self._asking:
-                self._ask_again()
+            if self._refusals.asking:
+                self._refusals.ask_again()
             elif queue and self._steps is None:
                 self._execute()
             elif len(queue) >= places:
                 break
             elif (line := reader.next()) is not None:
                 self._enqueue(line)
-            elif not self._answer_refused():
+            elif reader.refused or reader.passed is not None or reader.overflowed:
+                self._refusals.answer()
+            elif self._card.printing:
+                self._read_card()
+            else:
                 break
         self._next = self._next_event()
 
-    def _answer_refused(self) -> bool:
-        """Answer a line that was not taken; False when there was none, and everything was read."""
-        reader = self._reader
-        if reader.refused:
-            self._refuse()
-        elif reader.passed is not None:
-            for said in reader.passed:
-                self._board.say(said)
-            reader.passed = None
-        else:
-            self._look_at_overflow()
-            return False
-        return True
+    def _read_card(self) -> None:
+        """Take a line of the file that is printed."""
+        text = self._card.next()
+        if text is None:
+            finished(self._board)
+            return
+        self._queue.append((_OWN, text))
+        self._ready = max(self._ready, self._board.now) + _CARD_SECONDS
 
-    def _look_at_overflow(self) -> None:
-        """Everything was read: say whether some of it came too fast."""
-        reader = self._reader
-        if reader.overflowed and self._front_end.tells_overflow:
-            reader.abandon()
-            self._board.say("Full RX Buffer")
-        reader.overflowed = False
+    def _inject(self, text: str) -> None:
+        """Execute a command of the firmware's own behind the present one."""
+        self._queue.insert(1, (_OWN, text))
 
     def _charge(self) -> None:
         """Hold up the main loop for what was said since the last time."""
@@ -276,66 +347,53 @@ class SimulatedPrinter:
     def _enqueue(self, line: Line) -> None:
         """Put a line into the queue; the urgent ones act at once if they are un-numbered."""
         number, text = line
-        if number is None and text[:4] in _URGENT_CODES and not self._front_end.emergency_parser:
+        if (number is None or self._any_number) and text[:4] in URGENT_CODES and self._sees_early(text[:4]):
             self._act_urgently(text[:4])
         self._queue.append(line)
         if self._front_end.ok_when_read:
             self._board.say("ok")
         self._ready = max(self._ready, self._board.now) + self._front_end.seconds_per_line
 
-    def _parse_emergencies(self, data: bytes) -> None:
-        """Act on urgent commands as soon as their line is complete."""
-        data = self._arriving + data.replace(b"\r", b"\n")
-        *lines, rest = data.split(b"\n")
-        self._arriving = rest[: self._front_end.line_size]
-        for line in lines:
-            match = _URGENT(line)
-            if match is not None:
-                self._act_urgently(match[1].decode())
+    def _sees_early(self, code: str) -> bool:
+        """Whether an urgent command acts when it is queued."""
+        if self._front_end.language == "klipper":
+            return code == "M112"
+        return not self._front_end.emergency_parser and not self._card.writing
 
     def _act_urgently(self, code: str) -> None:
-        """M108 ends a wait, M410 stops the motion, M112 everything."""
+        """M108 and M876 end a wait, M410 stops the motion, M524 the print of a file, M112 everything."""
         board = self._board
         if code == "M112":
-            board.kill("M112 Shutdown")
-        elif code == "M108":
-            if board.waiting:
+            if not board.shut_down:
+                board.kill("M112 Shutdown")
+            if board.shut_down and self._steps is not None:
+                self._steps = None
+                self._acknowledge()
+        elif code in {"M108", "M876"}:
+            if board.waiting and (code == "M108" or self._front_end.prompts):
                 board.waiting = False
                 self._resume_at = board.now
+        elif code == "M524":
+            abort(board)
         else:
             board.stop_moving()
             self._ready = max(self._ready, board.now) + STOP_SECONDS
             # A command that waited for moves waits for nothing now; any other goes back to sleep.
             self._resume_at = min(self._resume_at, self._ready)
 
-    def _refuse(self) -> None:
-        """Say what is wrong with a line; saying so may take time in which more arrives."""
-        reader = self._reader
-        if reader.fault:
-            self._board.say(reader.fault)
-        reader.fault, reader.refused = "", False
-        self._tally.line_errors += 1
-        self._asking = True
-
-    def _ask_again(self) -> None:
-        """Ask for the line after the last good one."""
-        self._asking = False
-        if self._front_end.flushes_on_error:
-            self._reader.flush()
-        self._tally.resends += 1
-        self._board.say(self._front_end.resend.format(wanted=self._reader.last + 1))
-        if self._front_end.ok_after_resend:
-            self._board.say("ok")
-
     def _execute(self) -> None:
         """Begin the first command of the queue."""
         number, text = self._queue[0]
         board = self._board
+        if self._card.writing:
+            write_line(board, text)
+            self._acknowledge()
+            return
         self._tally.executed(text)
         if self._on_executed is not None:
             self._on_executed(text)
         if number is not None:
-            self._numbered = True
+            self._numbered = self._numbered or number != _OWN
         elif self._numbered and text.partition(" ")[0] in _MOVES:
             self._tally.unnumbered_moves += 1
         match = SIMPLE_MOVE(text)
@@ -345,7 +403,7 @@ class SimulatedPrinter:
             if board.renumber is not None:
                 self._reader.last, board.renumber = board.renumber, None
         else:
-            steps = straight(board, match.groups())
+            steps = self._straight(board, match.groups())
         if steps is None:
             self._acknowledge()
         else:
@@ -367,9 +425,11 @@ class SimulatedPrinter:
         """Answer the command that was executed; one that killed the printer gets no answer."""
         board, front_end = self._board, self._front_end
         number, _ = self._queue.popleft()
-        if board.killed:
+        if board.killed or number == _OWN:
             return
-        if front_end.ok_when_read:
+        if board.muted:
+            board.muted -= 1
+        elif front_end.ok_when_read:
             if board.ok_tail:
                 board.say(board.ok_tail.strip())
                 board.ok_tail = ""

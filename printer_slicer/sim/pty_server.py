@@ -11,13 +11,12 @@ import os
 import select
 import sys
 from collections.abc import Callable, Iterator
-from math import inf
 from pathlib import Path
-from time import monotonic
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from printer_slicer.errors import PortError
 from printer_slicer.sim.link import Cable
+from printer_slicer.sim.serving import CHUNK, Clock, carry
 
 if sys.platform != "win32":
     import pty
@@ -29,22 +28,14 @@ if TYPE_CHECKING:
 
 __all__ = ["serve"]
 
-LONGEST_WAIT: Final = 0.05
-"""s between two looks at `stop`."""
 
-CHUNK: Final = 4096
-"""Bytes read at once."""
-
-MOST_UNREAD: Final = 65_536
-"""Bytes kept for a host that does not read; older ones are lost, as in a cable nobody listens to."""
-
-
-def serve(
+def serve(  # noqa: PLR0913 - all but two have a good default
     printer_factory: Callable[[], SimulatedPrinter],
     link_path: Path,
     *,
     speed: float = 1.0,
     connect: Callable[[SimulatedPrinter], Cable] = Cable,
+    unplugged: Callable[[], bool] = lambda: False,
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
@@ -60,6 +51,7 @@ def serve(
             but whenever the host waits for an answer, the time until that answer is skipped.
         connect: makes the cable, with the pace and latency of the bytes in simulated time. A front end with a small
             receive buffer wants a pace: without, everything written at once arrives at once.
+        unplugged: whether the cable is out; as long as it is there is no device, and afterwards it may be another one.
         stop: asked about twenty times a second.
         ready: called with the name of the device when it can be opened.
 
@@ -69,15 +61,62 @@ def serve(
     if sys.platform == "win32":
         raise PortError(
             "this system has no pseudo-terminals",
-            remedy="Use the dry run, which needs no port, or serve the printer from Linux or macOS.",
+            remedy="Serve it over TCP (sim --tcp HOST:PORT), or use the dry run, which needs no port.",
         )
-    with _terminal() as (master, name), _linked(link_path, name):
-        ready(name)
-        printer = printer_factory()
-        # Ctrl-C is how a person ends it.
-        with contextlib.suppress(KeyboardInterrupt):
-            _carry(printer, connect(printer), master, _Clock(speed), stop)
-        return printer.report()
+    made: list[tuple[SimulatedPrinter, Cable, Clock]] = []
+    # Ctrl-C is how a person ends it.
+    with contextlib.suppress(KeyboardInterrupt):
+        while not stop():
+            with _terminal() as (master, name), _linked(link_path, name):
+                ready(name)
+                if not made:
+                    printer = printer_factory()
+                    made.append((printer, connect(printer), Clock(speed)))
+                carry(*made[0], _Terminal(master), lambda: stop() or unplugged())
+            carry(*made[0], _Nowhere(), lambda: stop() or not unplugged())
+    return (made[0][0] if made else printer_factory()).report()
+
+
+class _Terminal:
+    """Our end of a pseudo-terminal."""
+
+    def __init__(self, master: int) -> None:
+        self._master = master
+
+    def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
+        """Wait for the host."""
+        mine = [self._master]
+        readable, _, _ = select.select(mine if reads else [], mine if writes else [], [], seconds)
+        return bool(readable)
+
+    def read(self) -> bytes:
+        """What the host has sent."""
+        return os.read(self._master, CHUNK)
+
+    def write(self, data: bytes) -> int:
+        """How many bytes the pseudo-terminal took."""
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+
+class _Nowhere:
+    """A cable whose plug is out."""
+
+    def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
+        """Let time pass."""
+        del reads, writes
+        select.select([], [], [], seconds)
+        return False
+
+    def read(self) -> bytes:
+        """Nothing comes."""
+        return b""
+
+    def write(self, data: bytes) -> int:
+        """Everything is lost."""
+        return len(data)
 
 
 @contextlib.contextmanager
@@ -121,60 +160,3 @@ def _link(path: Path, target: str) -> None:
             f"cannot make the link {path}: {error.strerror}",
             remedy="Choose a name in a folder you may write to.",
         ) from error
-
-
-class _Clock:
-    """Simulated time out of real time.
-
-    Attributes:
-        skips: jumps over the printer's waits instead of running faster.
-    """
-
-    def __init__(self, speed: float) -> None:
-        self.skips = speed in (0.0, inf)
-        self._rate = 1.0 if self.skips else speed
-        self._began = monotonic()
-        self._skipped = 0.0
-
-    def now(self) -> float:
-        """Simulated seconds since the beginning."""
-        return (monotonic() - self._began) * self._rate + self._skipped
-
-    def skip_to(self, moment: float) -> None:
-        """Make it at least `moment`."""
-        self._skipped += max(moment - self.now(), 0.0)
-
-    def real_seconds(self, moment: float) -> float:
-        """Real seconds until `moment`."""
-        return max(moment - self.now(), 0.0) / self._rate
-
-
-def _carry(
-    printer: SimulatedPrinter, cable: Cable, master: int, clock: _Clock, stop: Callable[[], bool]
-) -> None:
-    """Carry bytes between the printer and the pseudo-terminal until `stop` says so."""
-    unsent = b""
-    while not stop():
-        due = cable.due()
-        jump = clock.skips and printer.working and due < inf
-        wait = 0.0 if jump else min(clock.real_seconds(due), LONGEST_WAIT)
-        readable, _, _ = select.select([master], [master] if unsent else [], [], wait)
-        if readable:
-            cable.write(os.read(master, CHUNK), clock.now())
-        elif jump:
-            clock.skip_to(due)
-        now = clock.now()
-        # Moment by moment, as the cable wants it.
-        while (due := cable.due()) <= now:
-            unsent += cable.read(due)
-        unsent = (unsent + cable.read(now))[-MOST_UNREAD:]
-        if unsent:
-            unsent = unsent[_written(master, unsent) :]
-
-
-def _written(master: int, data: bytes) -> int:
-    """How many bytes the pseudo-terminal took."""
-    try:
-        return os.write(master, data)
-    except BlockingIOError:
-        return 0

@@ -8,9 +8,13 @@ from typing import Final
 __all__ = ["SIMPLE_MOVE", "Command"]
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_SHORT = r"[-+]?(?:[0-9]{1,9}\.?[0-9]*|\.[0-9]+)"
+
+_LARGEST: Final = 1e9
+"""No firmware counts further than this; without a limit a line of digits would be infinite."""
 
 SIMPLE_MOVE: Final = re.compile(
-    rf"G[01](?: X({_NUMBER}))?(?: Y({_NUMBER}))?(?: Z({_NUMBER}))?(?: E({_NUMBER}))?(?: F({_NUMBER}))?"
+    rf"G[01](?: X({_SHORT}))?(?: Y({_SHORT}))?(?: Z({_SHORT}))?(?: E({_SHORT}))?(?: F({_SHORT}))?"
 ).fullmatch
 """Matches a G0 or G1 with words in the usual order and gives them as five groups."""
 
@@ -42,7 +46,7 @@ class Command:
     def value(self, letter: str) -> float | None:
         """The number behind a letter; None without the letter or without a number."""
         text = self.words.get(letter)
-        return float(text) if text else None
+        return min(max(float(text), -_LARGEST), _LARGEST) if text else None
 
     def values(self, letters: str) -> dict[str, float]:
         """The numbers behind those of the letters that have one."""

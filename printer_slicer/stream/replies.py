@@ -233,8 +233,10 @@ def read_reply(line: bytes) -> tuple[Reply, ...]:
         number, planner, places = (int(value) if value else None for value in found.groups())
         return (Ok(number, planner=planner, places=places),)
     if _OK_AND.match(line):
-        ok = Ok(heat=_HEATER.search(line) is not None)
         told = [reply for reply in _read_text(line[3:]) if not isinstance(reply, Garbled | Message)]
+        # Where it says steps too, `B:` and `C:` are motors.
+        placed = any(isinstance(reply, Position) for reply in told)
+        ok = Ok(heat=not placed and _HEATER.search(line) is not None)
         # A report belongs to its ok; anything else is the next answer, and the line break between is damaged.
         return (*told, ok) if all(isinstance(reply, _REPORTS) for reply in told) else (ok, *told)
     return _read_text(line)

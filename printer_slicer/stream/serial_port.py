@@ -13,6 +13,7 @@ import select
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Final
 
 import serial
@@ -34,6 +35,10 @@ __all__ = ["PortInfo", "SerialPort", "find_again", "identity", "list_ports", "op
 _BY_ID: Final = Path("/dev/serial/by-id")
 _WRITE_TIMEOUT: Final = 5.0
 _CHUNK: Final = 4096
+
+_OVER_TELNET: Final = "rfc2217://"
+_GLANCE: Final = 0.02
+"""s; over RFC 2217 every change of the timeout settles all settings of the port anew, so it stays this short one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +138,9 @@ def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> S
         port = serial.serial_for_url(
             address,
             baudrate=baud,
-            timeout=0,
-            write_timeout=_WRITE_TIMEOUT,
+            timeout=_GLANCE if address.startswith(_OVER_TELNET) else 0,
+            # pyserial's RFC 2217 refuses one; what it writes goes into a socket.
+            write_timeout=None if address.startswith(_OVER_TELNET) else _WRITE_TIMEOUT,
             exclusive=exclusive,
             do_not_open=True,
         )
@@ -204,9 +210,19 @@ class SerialPort:
                 if self._ear in ready:
                     os.read(self._ear, _CHUNK)
                 return bytes(self._port.read(_CHUNK)) if self._descriptor in ready else b""
-            self._port.timeout = timeout
-            first = bytes(self._port.read(1))
+            first = self._first_byte(timeout)
             return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
+
+    def _first_byte(self, timeout: float) -> bytes:
+        """A byte that has come within `timeout` seconds, or none."""
+        if not self._address.startswith(_OVER_TELNET):
+            self._port.timeout = timeout
+            return bytes(self._port.read(1))
+        until = monotonic() + timeout
+        first = bytes(self._port.read(1)) if timeout > 0.0 or self._port.in_waiting else b""
+        while not first and monotonic() < until:
+            first = bytes(self._port.read(1))
+        return first
 
     def close(self) -> None:
         """Let go of the port."""

@@ -150,7 +150,7 @@ def test_temperatures_cost_less_than_2_percent(
 ) -> None:
     text = "".join(f"M117 a line of the usual length {i:05d}\n" for i in range(6000))
     if not reports:
-        monkeypatch.setattr("printer_slicer.sim.front_end._PRESENT", frozenset())
+        monkeypatch.setattr("printer_slicer.sim.switches._PRESENT", frozenset())
     watched = Rig(text, MARLIN_2_0_AVR, baud=baud)
 
     with_ = seconds_of(watched)

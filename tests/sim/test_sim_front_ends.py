@@ -90,7 +90,7 @@ CONVERSATIONS: dict[str, tuple[FrontEnd, list[tuple[str, list[str]]]]] = {
             ("M105", ["ok B:21.0 /0.0 T0:21.0 /0.0"]),
             ("M115", ["ok FIRMWARE_NAME:Klipper FIRMWARE_VERSION:v0.12.0"]),
             ("M9999", ['// Unknown command:"M9999"', "ok"]),
-            ("M112", ["// Klipper state: Shutdown"]),
+            ("M112", ["// Klipper state: Shutdown", "ok"]),
         ],
     ),
     "Repetier says ok when it has read, and skips what it had": (

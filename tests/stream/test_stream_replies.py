@@ -73,6 +73,10 @@ SAID: dict[str, tuple[Reply, ...]] = {
         Temperature(readings(("B", 65.9, 0.0), ("T0", 204.3, 210.0))),
         Ok(heat=True),
     ),
+    "ok X:10.0 Y:0.0 Z:0.2 E:1.5 Count: A:1000 B:0 C:80": (
+        Position(10.0, 0.0, 0.2, "X:10.0 Y:0.0 Z:0.2 E:1.5 Count: A:1000 B:0 C:80", 1.5),
+        Ok(),
+    ),
     "ok T:21.30/ 0.00 B:21.30/ 0.00 @:64": (
         Temperature(readings(("T", 21.3, 0.0), ("B", 21.3, 0.0))),
         Ok(heat=True),

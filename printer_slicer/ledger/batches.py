@@ -1,0 +1,64 @@
+"""Moves of one height of a print, in columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.ledger.executed import Marks, Mishap
+
+__all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "runs_of"]
+
+COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
+"""Columns of the rows that a printer keeps of its moves: see `sim.track`."""
+
+NOTHING: Final = 1e-9
+"""mm³ or mm: less is rounding."""
+
+_LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
+_SEEN: Final = 0.2  # mm³; the rounding of shorter moves says more than their flow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Moves of one height: columns of their rows, and what follows from them."""
+
+    command: Int
+    start: Float
+    end: Float
+    seconds: Float
+    volume: Float
+    flat: Float
+    lays: Bool
+    role: Int
+    flow: Float
+
+    @classmethod
+    def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> Batch:
+        """The batch that some rows are."""
+        command = rows[:, COMMAND].astype(np.int64)
+        start, end = rows[:, START], rows[:, END]
+        flat = np.hypot(*(end - start)[:, :2].T)
+        lays = (fresh > NOTHING) & (flat > NOTHING)
+        flow = np.where(lays & (fresh > _SEEN), fresh / np.maximum(seconds, 1e-9), 0.0)
+        return cls(command, start, end, seconds, fresh, flat, lays, marks.role(command), flow)
+
+    def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Mishap:
+        """What went wrong at one of the moves, where it ends."""
+        x, y, z = self.end[at].tolist()
+        return Mishap(kind, int(self.command[at]), int(numbers[at]), z, x, y, amount)
+
+
+def runs_of(at: Int, z: Float, before: float) -> tuple[list[int], list[float]]:
+    """Where something is laid at another height than at the beginning of its run, and that height."""
+    firsts, heights = [], []
+    changes = np.flatnonzero(np.diff(z, prepend=np.nan) != 0)
+    for place, height in zip(at[changes].tolist(), z[changes].tolist(), strict=True):
+        if not abs(height - before) <= _LEVEL:
+            firsts.append(place)
+            heights.append(height)
+            before = height
+    return firsts, heights

@@ -1,0 +1,139 @@
+"""What became of the material of a print as a printer executed it: layers, times, volumes, mishaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from printer_slicer.geometry import Int
+from printer_slicer.ledger.relief import Plate
+
+__all__ = ["FAT", "Account", "Layer", "Marks", "Mishap"]
+
+FAT: Final = 3.0
+"""mm²; no nozzle lays a bead like that."""
+
+
+class Mishap(NamedTuple):
+    """Something that went wrong with the material.
+
+    Attributes:
+        kind: "air", "crash", "bed" or "flow".
+        command: that did it, as the printer counts them from 1.
+        layer: see `Marks.layer`.
+        z, x, y: mm, where.
+        amount: mm in the air, mm gone through, mm over the bed, mm³/s.
+        depth: mm, of a crash.
+    """
+
+    kind: str
+    command: int
+    layer: int
+    z: float
+    x: float
+    y: float
+    amount: float
+    depth: float = 0.0
+
+
+@dataclass(slots=True)
+class Layer:
+    """What was done in a layer.
+
+    Attributes:
+        number: see `Marks.layer`.
+        first: its first command.
+        z: mm, the height of most of its beads so far.
+        seconds: of all its moves.
+        volume: mm³ laid while moving.
+        peak_flow: mm³/s.
+        length: mm of beads.
+    """
+
+    number: int
+    first: int
+    z: float = 0.0
+    seconds: float = 0.0
+    volume: float = 0.0
+    peak_flow: float = 0.0
+    length: float = 0.0
+    _longest: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks:
+    """What comments tell about commands, as the printer counts them.
+
+    Attributes:
+        layers: (M,) commands at which a layer begins, ascending; empty where nothing tells: then heights are counted.
+        roles: (R,) commands from which on beads have another name.
+        names: (R,) index into `spoken` of each.
+        spoken: names; the first is that of beads without one.
+        loose: names of what is taken off the part again.
+    """
+
+    layers: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    roles: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    names: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    spoken: tuple[str, ...] = ("printing",)
+    loose: frozenset[int] = frozenset()
+
+    @property
+    def told(self) -> bool:
+        """Whether comments name beads at all."""
+        return len(self.roles) > 0
+
+    def role(self, command: Int) -> Int:
+        """(n,) the name of what each command lays."""
+        at = np.searchsorted(self.roles, command, side="right")
+        return np.append(0, self.names)[at]
+
+    def layer(self, command: Int) -> Int:
+        """(n,) the layer of each command, counted from 1; 0 before the first."""
+        return np.searchsorted(self.layers, command, side="right")
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """What the material came to. Times in s.
+
+    Attributes:
+        layers: in the order in which they were begun.
+        by_role: seconds of laying, by the names of beads.
+        travel, extruder: seconds of moves without filament, and of the extruder alone.
+        volume: mm³ laid while moving.
+        standing: mm³ that came out while standing.
+        length: mm of beads.
+        pushed: mm of filament pushed forward while moving over the plate.
+        area: mm² of the filament.
+        section: mm², of the bead in the middle of all length.
+        speed: mm/s, that half of all length is laid slower than.
+        peak: the highest flow, as a mishap tells it; None without any.
+        mishaps: the worst of each kind in each layer, in order.
+        counts: how many layers have each kind of them.
+        laid, backward, fat: the first command that lays, that pulls back while moving over the plate, that lays a bead
+            of more than `FAT`; None if none does.
+        plate: what stands on it at the end.
+    """
+
+    layers: Sequence[Layer]
+    by_role: Mapping[str, float]
+    travel: float
+    extruder: float
+    volume: float
+    standing: float
+    length: float
+    pushed: float
+    area: float
+    section: float
+    speed: float
+    peak: Mishap | None
+    mishaps: Sequence[Mishap]
+    counts: Mapping[str, int]
+    laid: int | None
+    backward: int | None
+    fat: int | None
+    plate: Plate = field(compare=False)

@@ -1,0 +1,188 @@
+"""The material as a printer executed it: kept account of while it prints, in memory that does not grow with the job.
+
+Moves come in chunks. What is laid at one height is looked at together, see `mishaps`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Float, Int
+from printer_slicer.ledger.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
+from printer_slicer.ledger.executed import FAT, Account, Layer, Marks
+from printer_slicer.ledger.mishaps import PLUNGE, Watch
+from printer_slicer.ledger.relief import Relief
+
+__all__ = ["Keeper"]
+
+_MOST: Final = 65_536  # moves that are kept before they are looked at
+_MOST_LAYERS: Final = 20_000
+
+_BINS: Final = np.geomspace(1e-3, 1e4, 1400)
+"""mm² and mm/s, finely enough for a median."""
+
+
+class Keeper:
+    """Keeps the account.
+
+    Args:
+        box: corners of what the nozzle can reach, x and y, mm.
+        area: mm² of the filament.
+        max_flow: mm³/s that the material melts.
+        marks: what comments tell.
+    """
+
+    def __init__(
+        self,
+        box: tuple[tuple[float, float], tuple[float, float]],
+        area: float,
+        max_flow: float,
+        marks: Marks,
+    ) -> None:
+        self._relief = Relief(*box)
+        self._watch = Watch(self._relief, max_flow, marks)
+        self._area, self._marks = area, marks
+        self._fed = self._reached = 0.0  # mm of filament, and the most that it was
+        self._waiting: list[tuple[Float, Float, Float]] = []
+        self._waits = 0
+        self._z = np.nan
+        self._layers: dict[int, Layer] = {}
+        self._heights: dict[float, int] = {}
+        self._seconds = np.zeros(len(marks.spoken))
+        self._travel = self._extruder = self._volume = self._standing = 0.0
+        self._sections = np.zeros(len(_BINS) + 1)
+        self._speeds = np.zeros(len(_BINS) + 1)
+        self._pushed = 0.0
+        self._firsts: dict[str, int] = {}
+
+    def feed(self, rows: Float, seconds: Float) -> None:
+        """Some more moves.
+
+        Args:
+            rows: (n, 9) as `sim.track` has them.
+            seconds: (n,) that each takes.
+        """
+        fresh = self._fresh(rows[:, FED]) * self._area
+        flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
+        lays = (fresh > NOTHING) & (flat > NOTHING)
+        self._standing += float(fresh[~lays].sum())
+        over = flat > NOTHING
+        self._pushed += float(rows[over, FED].clip(0).sum())
+        for name, which in (
+            ("laid", lays),
+            ("backward", over & (rows[:, FED] < 0)),
+            ("fat", lays & (fresh > FAT * flat)),
+        ):
+            if name not in self._firsts and which.any():
+                self._firsts[name] = int(rows[which.argmax(), COMMAND])
+        z = rows[:, 6]
+        # Cut where something is laid at another height than before, or the nozzle sinks into what was laid just now.
+        sinks = (z < rows[:, 3] - PLUNGE) & (z < np.fmax.accumulate(np.where(lays, z, self._z)) - PLUNGE)
+        at = np.flatnonzero(lays | sinks)
+        begin = 0
+        for first, height in zip(*runs_of(at, z[at], self._z), strict=True):
+            if first > begin or self._waiting:
+                self._wait(rows[begin:first], seconds[begin:first], fresh[begin:first])
+                self._look()
+            begin, self._z = first, height
+        self._wait(rows[begin:], seconds[begin:], fresh[begin:])
+
+    def close(self) -> Account:
+        """All that was found."""
+        self._look()
+        names = self._marks.spoken
+        return Account(
+            layers=tuple(self._layers.values()),
+            by_role={names[i]: float(s) for i, s in enumerate(self._seconds) if s > 0},
+            travel=self._travel,
+            extruder=self._extruder,
+            volume=self._volume,
+            standing=self._standing,
+            length=sum(layer.length for layer in self._layers.values()),
+            pushed=self._pushed,
+            area=self._area,
+            section=_median(self._sections),
+            speed=_median(self._speeds),
+            peak=self._watch.peak,
+            mishaps=tuple(self._watch.mishaps),
+            counts=dict(self._watch.counts),
+            laid=self._firsts.get("laid"),
+            backward=self._firsts.get("backward"),
+            fat=self._firsts.get("fat"),
+            plate=self._relief.plate(),
+        )
+
+    def _fresh(self, fed: Float) -> Float:
+        """(n,) mm of filament that leave the nozzle: what goes beyond the farthest that it was."""
+        total = np.round(self._fed + np.cumsum(fed), 7)
+        peak = np.maximum.accumulate(np.maximum(total, self._reached))
+        fresh = np.diff(peak, prepend=self._reached)
+        if len(total):
+            self._fed, self._reached = float(total[-1]), float(peak[-1])
+        return np.asarray(fresh)
+
+    def _wait(self, rows: Float, seconds: Float, fresh: Float) -> None:
+        """Keep moves until all that lie at their height have come."""
+        if len(rows):
+            self._waiting.append((rows, seconds, fresh))
+            self._waits += len(rows)
+            if self._waits > _MOST:
+                self._look()
+
+    def _look(self) -> None:
+        """Look at what waits."""
+        if not self._waiting:
+            return
+        rows, seconds, fresh = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
+        self._waiting, self._waits = [], 0
+        batch = Batch.of(rows, seconds, fresh, self._marks)
+        numbers = self._numbers(batch)
+        self._add(batch, numbers)
+        self._watch.look(batch, numbers)
+
+    def _numbers(self, batch: Batch) -> Int:
+        """(n,) the layer of each move."""
+        if len(self._marks.layers):
+            return self._marks.layer(batch.command)
+        if not batch.lays.any():
+            return np.full(len(batch.command), max(self._heights.values(), default=0))
+        z = round(float(batch.end[batch.lays, 2].max()), 3)
+        if len(self._heights) < _MOST_LAYERS:
+            self._heights.setdefault(z, len(self._heights) + 1)
+        return np.full(len(batch.command), self._heights.get(z, len(self._heights)))
+
+    def _add(self, batch: Batch, numbers: Int) -> None:
+        """Count times and volumes."""
+        lays = batch.lays
+        self._seconds += np.bincount(batch.role[lays], batch.seconds[lays], len(self._seconds))
+        still = batch.flat <= NOTHING
+        upright = np.abs(batch.end[:, 2] - batch.start[:, 2]) > NOTHING
+        alone = still & ~upright
+        self._extruder += float(batch.seconds[alone].sum())
+        self._travel += float(batch.seconds[~lays & ~alone].sum())
+        self._volume += float(batch.volume[lays].sum())
+        section = batch.volume[lays] / batch.flat[lays]
+        self._sections += np.bincount(np.searchsorted(_BINS, section), batch.flat[lays], len(_BINS) + 1)
+        pace = batch.flat[lays] / np.maximum(batch.seconds[lays], 1e-9)
+        self._speeds += np.bincount(np.searchsorted(_BINS, pace), batch.flat[lays], len(_BINS) + 1)
+        for number in np.unique(numbers).tolist():
+            if number not in self._layers and len(self._layers) >= _MOST_LAYERS:
+                continue
+            own = numbers == number
+            layer = self._layers.setdefault(number, Layer(number, int(batch.command[own.argmax()])))
+            laid = own & lays
+            length = float(batch.flat[laid].sum())
+            layer.seconds += float(batch.seconds[own].sum())
+            layer.volume += float(batch.volume[laid].sum())
+            layer.length += length
+            layer.peak_flow = max(layer.peak_flow, float(batch.flow[laid].max(initial=0.0)))
+            if length > layer._longest:  # noqa: SLF001 - a layer is this file's own
+                layer._longest, layer.z = length, float(batch.end[laid, 2].max())  # noqa: SLF001
+
+
+def _median(bins: Float) -> float:
+    """The value in the middle of all weight; 0 of none."""
+    total = np.cumsum(bins)
+    return float(np.append(_BINS, _BINS[-1])[np.searchsorted(total, total[-1] / 2)]) if total[-1] > 0 else 0.0

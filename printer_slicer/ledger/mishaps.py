@@ -1,0 +1,175 @@
+"""What goes wrong with plastic while it is laid, looked for height by height against everything laid before.
+
+what                when
+in the air          beads lie farther than 5 mm from any bead of their height that rests, or bridges
+through the print   the nozzle, laying or not, is more than 0.12 mm lower than the plastic in its way
+on the bed          beads lie less than 0.04 mm above it
+too much            more plastic per second than the material melts
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Int
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.ledger.batches import NOTHING, Batch
+from printer_slicer.ledger.executed import Marks, Mishap
+from printer_slicer.ledger.relief import Cut, Relief, cut_up
+
+__all__ = ["PLUNGE", "Watch"]
+
+PLUNGE: Final = 0.5
+"""mm straight down into what stands there that are a crash."""
+
+_THREAD: Final = 1.15  # of its thickness a thread may sink
+_CONTACT: Final = 0.32  # mm that slicers leave between what is taken off again and the part
+_LIP: Final = 5.0  # mm that plastic may stand out over air, bead beside bead
+_WORTH: Final = 3.0  # mm in the air or through the print, of one height, that are worth telling
+_DEEP: Final = 0.12  # mm lower than the plastic in its way
+_SCRAPES: Final = 0.04  # mm over the bed
+_OVER: Final = 1.01
+_STRAIGHT: Final = 0.95  # chord by length, from which what rests at both ends is a bridge
+_MOST_MISHAPS: Final = 200
+
+
+class Watch:
+    """Looks at what is laid.
+
+    Args:
+        relief: what stands on the plate so far; what is looked at is put into it.
+        max_flow: mm³/s that the material melts.
+        marks: what comments tell.
+
+    Attributes:
+        mishaps: the worst of each kind in each layer, in order, the first 200.
+        counts: how many layers have each kind.
+        peak: the highest flow; None without any.
+    """
+
+    def __init__(self, relief: Relief, max_flow: float, marks: Marks) -> None:
+        self._relief, self._max_flow, self._marks = relief, max_flow, marks
+        self._loose = [*marks.loose]
+        self.mishaps: list[Mishap] = []
+        self.counts: dict[str, int] = {}
+        self.peak: Mishap | None = None
+
+    def look(self, batch: Batch, numbers: Int) -> None:
+        """Look at moves of one height, `numbers` (n,) their layers."""
+        self._flow(batch, numbers)
+        cut = cut_up(batch.start, batch.end)
+        cell = self._relief.cells(cut)
+        self._crash(batch, cut, cell, numbers)
+        laid = np.flatnonzero(batch.lays[cut.move])
+        if len(laid):
+            some = Cut(cut.move[laid], cut.x[laid], cut.y[laid], cut.z[laid], cut.length[laid])
+            self._air(batch, some, cell[laid], numbers)
+            self._lay(batch, some, cell[laid])
+
+    def _flow(self, batch: Batch, numbers: Int) -> None:
+        """Plastic per second."""
+        if not len(batch.flow):
+            return
+        at = int(batch.flow.argmax())
+        flow = float(batch.flow[at])
+        if flow <= 0:
+            return
+        mishap = batch.mishap("flow", at, numbers, flow)
+        if self.peak is None or flow > self.peak.amount:
+            self.peak = mishap
+        if flow > self._max_flow * _OVER:
+            first = int(np.flatnonzero(batch.flow > self._max_flow * _OVER)[0])
+            self._tell(batch.mishap("flow", first, numbers, flow))
+
+    def _crash(self, batch: Batch, cut: Cut, cell: Int, numbers: Int) -> None:
+        """The nozzle, lower than what stands in its way."""
+        depth = self._relief.depth(cell, cut.z)
+        upright = cut.length <= NOTHING
+        sinks = (batch.end[:, 2] < batch.start[:, 2] - NOTHING)[cut.move]
+        down = np.flatnonzero(upright & sinks)
+        depth[down] = self._relief.deepest(cell[down], cut.z[down])
+        hit = np.flatnonzero((~upright & (depth > _DEEP)) | (upright & sinks & (depth > PLUNGE)))
+        if not len(hit):
+            return
+        through = float(cut.length[hit].sum())
+        if through < _WORTH and not upright[hit].any():
+            return
+        worst = float(depth[hit].max())
+        self._tell(batch.mishap("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
+
+    def _air(self, batch: Batch, cut: Cut, cell: Int, numbers: Int) -> None:
+        """Beads with nothing under them that nothing holds."""
+        low = batch.end[cut.move, 2] < _SCRAPES
+        if float(cut.length[low].sum()) > _WORTH:
+            first = int(cut.move[np.flatnonzero(low)[0]])
+            self._tell(batch.mishap("bed", first, numbers, float(batch.end[first, 2])))
+        if not numbers.any() and len(self._marks.layers):
+            return  # what primes the nozzle may do so in the air
+        thread = 2.0 * np.sqrt(batch.volume / np.maximum(batch.flat, NOTHING) / pi)
+        lowest = cut.z - thread[cut.move] * _THREAD
+        spare = _CONTACT
+        if not self._marks.told:
+            lowest = lowest - _CONTACT  # what lies below may be there to be taken off
+        rests = self._relief.rests(cell, lowest, spare) | (lowest <= 0)
+        if rests.all():
+            return
+        held = rests | _bridges(batch, cut, rests)
+        if held.all():
+            return
+        # Supports are there to be taken off: how they stand is the slicer's business.
+        loose = np.isin(batch.role[cut.move], self._loose)
+        lost = np.flatnonzero(~self._relief.connected(cell, held, _LIP) & ~loose)
+        length = float(cut.length[lost].sum())
+        if length > _WORTH:
+            at = lost[0]
+            mishap = batch.mishap("air", int(cut.move[at]), numbers, length)
+            self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))
+
+    def _lay(self, batch: Batch, cut: Cut, cell: Int) -> None:
+        """Put the beads into the relief."""
+        loose = np.isin(batch.role[cut.move], self._loose)
+        for kind in (True, False):
+            own = loose == kind
+            if own.any():
+                self._relief.lay(cell[own], cut.z[own], loose=kind)
+
+    def _tell(self, mishap: Mishap) -> None:
+        """Keep a mishap, one of each kind in a layer."""
+        same = next(
+            (i for i in range(len(self.mishaps) - 1, -1, -1) if self.mishaps[i].kind == mishap.kind), None
+        )
+        if same is not None and self.mishaps[same].layer == mishap.layer:
+            old = self.mishaps[same]
+            more = max if mishap.kind in {"flow", "crash"} else float.__add__
+            self.mishaps[same] = old._replace(
+                amount=more(old.amount, mishap.amount), depth=max(old.depth, mishap.depth)
+            )
+            return
+        self.counts[mishap.kind] = self.counts.get(mishap.kind, 0) + 1
+        if len(self.mishaps) < _MOST_MISHAPS:
+            self.mishaps.append(mishap)
+
+
+def _bridges(batch: Batch, cut: Cut, rests: Bool) -> Bool:
+    """(P,) which pieces are of a straight stretch over air that rests at both ends."""
+    broken = (np.diff(cut.move) > 0) & (
+        np.hypot(*(batch.start[cut.move[1:]] - batch.end[cut.move[:-1]])[:, :2].T) > NOTHING
+    )
+    path = np.append(0, np.cumsum(broken))
+    hangs = ~rests
+    begins = hangs & (np.append(True, rests[:-1]) | np.append(True, np.diff(path) > 0))
+    first = np.flatnonzero(begins)
+    ends = hangs & (np.append(rests[1:], True) | np.append(np.diff(path) > 0, True))
+    last = np.flatnonzero(ends)
+    same_before = (first > 0) & (path[np.maximum(first - 1, 0)] == path[first])
+    same_behind = (last < len(path) - 1) & (path[np.minimum(last + 1, len(path) - 1)] == path[last])
+    total = np.append(0.0, np.cumsum(cut.length))
+    length = total[last + 1] - total[first]
+    chord = np.hypot(cut.x[last] - cut.x[first], cut.y[last] - cut.y[first]) + cut.length[first]
+    bridge = same_before & same_behind & (chord >= _STRAIGHT * length)
+    result = np.zeros(len(rests), np.bool_)
+    result[consecutive(first[bridge], (last - first + 1)[bridge])] = True
+    return result

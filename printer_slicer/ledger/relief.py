@@ -1,0 +1,185 @@
+"""The plate as a relief: how high plastic stands in every cell, who goes through it, and what hangs over air.
+
+Cells are 0.25 mm wide. A bead marks the cells on its centre line, so that what only brushes its side does not count as
+going through it. It rests where something stands under it, or within a bead's width beside that, no farther down than
+the thread that leaves the nozzle is thick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.geometry.areas import consecutive
+
+__all__ = ["CELL", "Cut", "Plate", "Relief", "cut_up"]
+
+CELL: Final = 0.25
+"""mm."""
+
+_REACH: Final = 2  # cells to all sides within which a bead may rest
+_SPARE: Final = 2.0  # mm around what machines reach
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """Moves in pieces no longer than a cell.
+
+    Attributes:
+        move: (P,) index of the move of each.
+        x, y, z: (P,) mm, its middle; a move straight up or down is one piece at its lower end.
+        length: (P,) mm in the plane.
+    """
+
+    move: Int
+    x: Float
+    y: Float
+    z: Float
+    length: Float
+
+
+def cut_up(start: Float, end: Float) -> Cut:
+    """Moves from (n, 3) to (n, 3) mm in pieces, in order."""
+    way = end - start
+    length = np.hypot(way[:, 0], way[:, 1])
+    count = np.maximum(np.ceil(length / CELL), 1).astype(np.int64)
+    move = np.repeat(np.arange(len(start)), count)
+    share = (consecutive(np.zeros(len(start), np.int64), count) + 0.5) / count[move]
+    z = start[move, 2] + share * way[move, 2]
+    upright = (length == 0)[move]
+    z[upright] = np.minimum(start[move, 2], end[move, 2])[upright]
+    return Cut(
+        move,
+        start[move, 0] + share * way[move, 0],
+        start[move, 1] + share * way[move, 1],
+        z,
+        (length / count)[move],
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plate:
+    """What stands on the plate, seen from above.
+
+    Attributes:
+        top: (rows, columns) mm; the first row is the front one, 0 is where nothing stands.
+        left, front: mm, the corner of the first cell.
+        cell: mm.
+    """
+
+    top: Float
+    left: float
+    front: float
+    cell: float
+
+
+class Relief:
+    """The height of everything laid so far.
+
+    Args:
+        low, high: corners of what the nozzle can reach, x and y, mm; what lies outside is not looked at.
+    """
+
+    def __init__(self, low: tuple[float, float], high: tuple[float, float]) -> None:
+        self._left, self._front = low[0] - _SPARE, low[1] - _SPARE
+        self._wide = int(np.ceil((high[0] + _SPARE - self._left) / CELL)) + 1
+        self._deep = int(np.ceil((high[1] + _SPARE - self._front) / CELL)) + 1
+        # The last cell stands for everything outside: nothing is there, and nothing stays.
+        self._outside = self._wide * self._deep
+        self._top = np.zeros(self._outside + 1, np.float32)
+        self._loose = np.zeros(self._outside + 1, np.bool_)
+
+    def cells(self, cut: Cut) -> Int:
+        """(P,) the cell of each piece."""
+        column = np.floor((cut.x - self._left) / CELL).astype(np.int64)
+        row = np.floor((cut.y - self._front) / CELL).astype(np.int64)
+        inside = (column >= 0) & (column < self._wide) & (row >= 0) & (row < self._deep)
+        return np.where(inside, row * self._wide + column, self._outside)
+
+    def depth(self, cell: Int, z: Float) -> Float:
+        """(P,) mm by which the nozzle at z is lower than what stands there; negative above it."""
+        return np.asarray(self._top[cell] - z)
+
+    def deepest(self, cell: Int, z: Float) -> Float:
+        """(P,) the same, for the cells beside it, too: a nozzle is wider than a cell."""
+        around = [row * self._wide + column for row in (-1, 0, 1) for column in (-1, 0, 1)]
+        beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
+        return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
+
+    def rests(self, cell: Int, lowest: Float, spare: float) -> Bool:
+        """(P,) whether something reaches up to `lowest`, mm, under a piece or beside it.
+
+        Args:
+            cell: of each piece.
+            lowest: (P,) mm, how far down its thread reaches.
+            spare: mm that supports may be lower.
+        """
+        result = self._carries(cell, lowest, spare)
+        missing = np.flatnonzero(~result)
+        for row in range(-_REACH, _REACH + 1):
+            for column in range(-_REACH, _REACH + 1):
+                if not len(missing):
+                    return result
+                beside = np.clip(cell[missing] + row * self._wide + column, 0, self._outside)
+                found = self._carries(beside, lowest[missing], spare)
+                result[missing[found]] = True
+                missing = missing[~found]
+        return result
+
+    def lay(self, cell: Int, z: Float, *, loose: bool) -> None:
+        """Plastic reaches up to z in these cells now; loose is what the part is taken off again."""
+        np.maximum.at(self._top, cell, z.astype(np.float32))
+        self._loose[cell] = loose
+        self._top[self._outside], self._loose[self._outside] = 0.0, False
+
+    def plate(self, most: int = 260) -> Plate:
+        """What stands on the plate, in at most so many cells to a side."""
+        top = self._top[: self._outside].reshape(self._deep, self._wide)
+        rows, columns = (np.flatnonzero((top > 0).any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            return Plate(np.zeros((0, 0)), self._left, self._front, CELL)
+        first, last, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        by = int(max(np.ceil(max(last - first, right - left) / most), 1))
+        some = top[first:last, left:right]
+        some = np.pad(some, ((0, -some.shape[0] % by), (0, -some.shape[1] % by)))
+        coarse = some.reshape(some.shape[0] // by, by, some.shape[1] // by, by).max(axis=(1, 3))
+        return Plate(
+            coarse.astype(np.float64), self._left + left * CELL, self._front + first * CELL, by * CELL
+        )
+
+    def connected(self, cell: Int, seeds: Bool, reach: float) -> Bool:
+        """(P,) which pieces lie within `reach` mm of a seed, along cells that hold pieces."""
+        rows, columns = np.divmod(cell, self._wide)
+        top, left = rows.min() - 3, columns.min() - 3
+        shape = (int(rows.max() - top) + 4, int(columns.max() - left) + 4)
+        place = (rows - top) * shape[1] + columns - left
+        held = np.zeros(shape[0] * shape[1], np.bool_)
+        held[place] = True
+        # Beads lie a few cells apart: between them is plastic, too.
+        held = _grown(held.reshape(shape), 1)
+        reached = np.zeros(shape, np.bool_)
+        reached.reshape(-1)[place[seeds]] = True
+        for _ in range(round(reach / CELL)):
+            grown = _grown(reached, 1) & held
+            if (grown == reached).all():
+                break
+            reached = grown
+        return np.asarray(reached.reshape(-1)[place])
+
+    def _carries(self, cell: Int, lowest: Float, spare: float) -> Bool:
+        """(P,) whether what stands in a cell reaches up to `lowest`."""
+        return np.asarray(self._top[cell] + spare * self._loose[cell] >= lowest - 1e-4)
+
+
+def _grown(field: Bool, by: int) -> Bool:
+    """The field and its neighbours, to all sides."""
+    for _ in range(by):
+        field = field.copy()
+        field[1:] |= field[:-1]
+        field[:-1] |= field[1:]
+        field[:, 1:] |= field[:, :-1]
+        field[:, :-1] |= field[:, 1:]
+    return field

@@ -1,0 +1,131 @@
+"""What a firmware takes for a heater out of control.
+
+what              when                                                      Marlin's names
+MINTEMP           a heater that is on reads below 5 °C: a broken sensor     HEATER_0_MINTEMP
+MAXTEMP           it reads more than the highest target and a margin        HEATER_0_MAXTEMP
+heating failed    far below its target it gained less than 2 °C in 40 s     WATCH_TEMP_PERIOD, WATCH_TEMP_INCREASE
+thermal runaway   it had arrived and is 4 °C too cold for more than 40 s    THERMAL_PROTECTION_PERIOD, _HYSTERESIS
+
+A heater that works and is strong enough cannot do any of this, so nothing is looked at while there is no reason to: the
+look that decides "heating failed" is made when its time is over, and looks in every second begin when a fault was
+planted or somebody found the temperature too low.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from printer_slicer.sim.heater import Heater
+
+__all__ = ["Guard", "GuardSpec"]
+
+LOOK_SECONDS: Final = 1.0
+
+ARRIVED: Final = 1.0
+"""°C below the target from which on a heater counts as having arrived: its approach never ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class GuardSpec:
+    """Limits of a heater that is under control; the defaults are Marlin's for a hotend.
+
+    Attributes:
+        lowest: °C; a heater that is on and reads less has a broken sensor.
+        margin: °C that a reading may lie above the highest target.
+        watch_seconds, watch_rise: a heater that is far below its target has to gain so many °C in so many s.
+        near: °C; a heater that is as near as this to its target is not watched for that.
+        hysteresis, runaway_seconds: a heater that had arrived may be so much colder for so long.
+    """
+
+    lowest: float = 5.0
+    margin: float = 15.0
+    watch_seconds: float = 40.0
+    watch_rise: float = 2.0
+    near: float = 6.0
+    hysteresis: float = 4.0
+    runaway_seconds: float = 40.0
+
+
+class Guard:
+    """Looks after one heater.
+
+    Attributes:
+        due: when it wants to look next, s; infinite when there is no reason to.
+    """
+
+    __slots__ = ("_arrived", "_cold_since", "_goal", "_heater", "_spec", "_watched_until", "due")
+
+    def __init__(self, heater: Heater, spec: GuardSpec) -> None:
+        self.due = inf
+        self._heater = heater
+        self._spec = spec
+        self._goal = 0.0
+        self._watched_until = inf
+        self._arrived = False
+        self._cold_since = inf
+
+    def aimed(self, now: float) -> None:
+        """The heater got a target."""
+        self._arrived = False
+        self._cold_since = inf
+        self._watch(now)
+        self.due = self._next(now)
+
+    def disturbed(self, now: float) -> None:
+        """Something happened to the heater: look at once, and go on looking."""
+        self._arrived = self._arrived or self._heater.temperature(now) >= self._heater.target - ARRIVED
+        self.due = now
+
+    def check(self, now: float) -> str:
+        """What is wrong with the heater at `now`; empty if nothing is."""
+        heater, spec = self._heater, self._spec
+        reading = heater.reading(now)
+        if reading > heater.spec.highest + spec.margin:
+            return "MAXTEMP triggered"
+        if heater.target <= 0.0:
+            self.due = self._next(now)
+            return ""
+        if reading < spec.lowest:
+            return "MINTEMP triggered"
+        if now >= self._watched_until:
+            if reading < self._goal:
+                return "Heating failed"
+            self._watch(now)
+        self._arrived = self._arrived or reading >= heater.target - ARRIVED
+        if not self._arrived or reading >= heater.target - spec.hysteresis:
+            self._cold_since = inf
+        elif self._cold_since == inf:
+            self._cold_since = now
+        elif now - self._cold_since > spec.runaway_seconds:
+            return "Thermal Runaway"
+        self.due = self._next(now)
+        return ""
+
+    def seen(self, now: float) -> None:
+        """Somebody asked for the temperature; go on looking if it is too low."""
+        heater = self._heater
+        if heater.target <= 0.0 or self.due <= now + LOOK_SECONDS:
+            return
+        reading = heater.reading(now)
+        if reading >= heater.target - ARRIVED:
+            self._arrived = True
+        elif self._arrived and reading < heater.target - self._spec.hysteresis:
+            self.due = now + LOOK_SECONDS
+
+    def _watch(self, now: float) -> None:
+        """Expect a rise if the target is far away."""
+        heater, spec = self._heater, self._spec
+        reading = heater.reading(now)
+        if heater.target > 0.0 and reading < heater.target - spec.near:
+            self._goal, self._watched_until = reading + spec.watch_rise, now + spec.watch_seconds
+        else:
+            self._watched_until = inf
+
+    def _next(self, now: float) -> float:
+        """When to look again."""
+        if self._heater.disturbed or self._cold_since != inf:
+            return min(now + LOOK_SECONDS, self._watched_until)
+        return self._watched_until if self._heater.target > 0.0 else inf

@@ -1,0 +1,145 @@
+"""All heaters of a machine: what looks after them, the heat that plastic takes along, and their report."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import TYPE_CHECKING, Literal
+
+from printer_slicer.sim.guard import Guard
+from printer_slicer.sim.heater import Heater
+
+if TYPE_CHECKING:
+    from printer_slicer.sim.machine import Machine
+
+__all__ = ["Heaters"]
+
+
+class Heaters:
+    """The bed, and one hotend for each extruder.
+
+    Attributes:
+        bed: warms the bed.
+        hotends: by the numbers of the extruders.
+        tool: number of the extruder in use.
+        hotend: its own.
+        guards: what looks after them, by the names that firmware gives them: bed, E0, E1 and so on.
+        steady: plastic flows evenly, see `flow`.
+        upsets: how often one was disturbed; who waits for one has to reckon anew.
+    """
+
+    __slots__ = (
+        "_heat_per_mm",
+        "_melted_by",
+        "bed",
+        "guards",
+        "hotend",
+        "hotends",
+        "steady",
+        "tool",
+        "upsets",
+    )
+
+    def __init__(self, machine: Machine, now: float) -> None:
+        self.hotends = [Heater(machine.hotend, machine.ambient) for _ in range(machine.extruders)]
+        self.tool = 0
+        self.hotend = self.hotends[0]
+        self.bed = Heater(machine.bed, machine.ambient)
+        self.guards = {
+            **{f"E{n}": Guard(heater, machine.hotend_guard) for n, heater in enumerate(self.hotends)},
+            "bed": Guard(self.bed, machine.bed_guard),
+        }
+        self.upsets = 0
+        self._melted_by = (now, 0.0)  # s and mm at which the plastic's heat was reckoned last
+        self.steady = False
+        self._heat_per_mm = pi * machine.filament_diameter**2 / 4.0 * machine.melting
+
+    def all(self) -> tuple[Heater, ...]:
+        """The hotends, then the bed."""
+        return (*self.hotends, self.bed)
+
+    def named(self, name: str) -> Heater:
+        """The heater that firmware calls so."""
+        return self.bed if name == "bed" else self.hotends[int(name[1:])]
+
+    def use(self, tool: int) -> None:
+        """Extrude with another one."""
+        self.tool, self.hotend = tool, self.hotends[tool]
+
+    def settle(self, fed: float, now: float) -> None:
+        """Let the plastic that was fed since the last time, up to `fed` mm, take its heat along, evenly."""
+        since, before = self._melted_by
+        if now <= since:
+            return
+        heater = self.hotend
+        heater.flow_loss = max(fed - before, 0.0) / (now - since) * self._heat_per_mm
+        heater.temperature(now)
+        heater.flow_loss = 0.0
+        self._melted_by = (now, fed)
+
+    def flow(self, mm: float, seconds: float) -> None:
+        """From now on as much plastic flows as this in so many seconds, until `flowed`."""
+        self.steady = True
+        self.hotend.flow_loss = max(mm, 0.0) / max(seconds, 1e-9) * self._heat_per_mm
+
+    def flowed(self, fed: float, now: float) -> None:
+        """That is over; `fed` mm were fed in all."""
+        self.hotend.temperature(now)
+        self.hotend.flow_loss = 0.0
+        self._melted_by = (now, fed)
+        self.steady = False
+
+    @property
+    def due(self) -> float:
+        """When a guard wants to look, s."""
+        return min(guard.due for guard in self.guards.values())
+
+    def aimed(self, heater: Heater, now: float) -> None:
+        """A heater got another target."""
+        for name, guard in self.guards.items():
+            if self.named(name) is heater:
+                guard.aimed(now)
+
+    def upset(self, name: str, now: float) -> None:
+        """Something is wrong with a heater, or right again."""
+        self.upsets += 1
+        self.guards[name].disturbed(now)
+
+    def wrong(self, now: float) -> tuple[str, str] | None:
+        """Which heater is out of control, and how; None while all is well."""
+        for name, guard in self.guards.items():
+            if guard.due <= now and (what := guard.check(now)):
+                return name, what
+        return None
+
+    def told(self, language: Literal["marlin", "klipper", "virtual"], now: float) -> str:
+        """All temperatures, as the answer to M105 has them."""
+        for guard in self.guards.values():
+            guard.seen(now)
+        bed, hotends = self.bed, list(enumerate(self.hotends))
+        several = hotends if len(hotends) > 1 else []
+        if language == "klipper":
+            return " ".join(
+                [f"B:{_degrees(bed, now, 1)}", *(f"T{n}:{_degrees(one, now, 1)}" for n, one in hotends)]
+            )
+        if language == "virtual":
+            tools = [f"T{n}:{_virtual(one, now)}" for n, one in several]
+            return " ".join([f"T:{_virtual(self.hotend, now)}", *tools, f"B:{_virtual(bed, now)}", "@:64"])
+        words = [f"T:{_degrees(self.hotend, now)}", f"B:{_degrees(bed, now)}"]
+        words += [f"T{n}:{_degrees(one, now)}" for n, one in several]
+        words += [f"@:{_power(self.hotend, now)}", f"B@:{_power(bed, now)}"]
+        return " ".join(words + [f"@{n}:{_power(one, now)}" for n, one in several])
+
+
+def _degrees(heater: Heater, now: float, decimals: int = 2) -> str:
+    """Temperature and target as Marlin and Klipper say them."""
+    return f"{heater.reading(now):.{decimals}f} /{heater.target:.{decimals}f}"
+
+
+def _virtual(heater: Heater, now: float) -> str:
+    """The same as OctoPrint's virtual printer says them."""
+    return f"{heater.reading(now):.2f}/ {heater.target:.2f}"
+
+
+def _power(heater: Heater, now: float) -> int:
+    """Power of a heater as Marlin says it."""
+    return round(heater.power_ratio(now) * 127)

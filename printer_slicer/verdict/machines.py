@@ -1,0 +1,46 @@
+"""The machine and the firmware that a printer's profile describes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.profile import Printer
+from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
+from printer_slicer.sim.heater import HeaterSpec
+from printer_slicer.sim.machine import Machine
+
+__all__ = ["front_end_of", "machine_of"]
+
+_PERSON: Final = 60.0  # s until somebody answers a file that waits for a person
+_PROBED: Final = 16  # points that a machine with a probe touches
+
+
+def machine_of(printer: Printer) -> Machine:
+    """The machine that a printer's profile describes; what profiles do not say is that of a common printer."""
+    (left, front), (right, back) = printer.corners
+    return Machine(
+        limits=limits_of(printer),
+        box_min=(left - printer.reach, front - printer.reach, 0.0),
+        box_max=(right + printer.reach, back + printer.reach, printer.bed_z + 10),
+        home=(left, front, 0.0),
+        person_seconds=_PERSON,
+        probe_points=_PROBED if printer.probe else 0,
+        hotend=HeaterSpec(
+            power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=printer.max_nozzle_temperature
+        ),
+        bed=HeaterSpec(
+            power=max(220.0, 0.006 * printer.bed_x * printer.bed_y),
+            heat_capacity=0.0155 * printer.bed_x * printer.bed_y,
+            loss=1.6 * printer.bed_x * printer.bed_y / 220**2,
+            fan_loss=0.2,
+            highest=printer.max_bed_temperature,
+        ),
+    )
+
+
+def front_end_of(printer: Printer) -> FrontEnd:
+    """How the simulated firmware answers: as Marlin does, but commands mean what they do in the printer's flavour."""
+    extended = printer.firmware.extended_commands
+    return replace(MARLIN_2_1, flavour=printer.flavour, ignores_extended=extended)
