@@ -188,9 +188,9 @@ class CuraEngine:
         self.definitions = definitions
         self._same_beads = same_beads
 
-    def uniform(self, part: Part, height: float) -> Printed:
-        """Layers of one height, mm, after the first."""
-        settings: dict[str, object] = {"layer_height": height}
+    def uniform(self, part: Part, height: float, **more: object) -> Printed:
+        """Layers of one height, mm, after the first; `more` of its settings."""
+        settings: dict[str, object] = {"layer_height": height, **more}
         if self._same_beads:
             settings["line_width"] = round(float(bead.spacing(part.profile.extrusion_width, height)), 4)
         return self._sliced(part, f"uniform {height:g}", settings, cut_ratio=0.5)

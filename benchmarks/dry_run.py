@@ -1,0 +1,155 @@
+"""What a dry run of a long job costs: CPU, memory, and how far the simulated time is from the estimate.
+
+    python -m benchmarks.dry_run [--lines 100000 500000 1000000] [FILE.gcode ...]
+
+Without files it makes jobs of its own: a vase with a wavy wall, sliced here, its layers laid again and again, each
+higher than the one before, until there are so many lines. Every job runs in a process of its own, the command as a
+person would type it; and once more in a process that tells of its memory (Linux only): at most while it reads the
+file, for the job that it holds then, and by how much that grows while the job is rehearsed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from printer_slicer.jobs import job_of
+from printer_slicer.model import Mesh
+from printer_slicer.profile import load_profile
+
+__all__ = ["main", "wavy_vase"]
+
+LINES = (100_000, 500_000, 1_000_000)
+SETTINGS = {
+    "planner.kind": "uniform",
+    "layer_height": 0.2,
+    "first_layer_height": 0.2,
+    "infill_density": 0.15,
+    "printer.bed_z": 2000,
+    "material.min_layer_time": 0,
+}
+_MEMORY = """
+import gc, json, re, sys
+from pathlib import Path
+from printer_slicer.jobs import job_from
+from printer_slicer.profile import load_profile
+from printer_slicer.verdict import dry_run
+
+def memory(name):
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(name + r":\\s+(\\d+)", status)[1]) / 1024
+
+profile = load_profile(changes=json.loads(sys.argv[2]))
+job = job_from(Path(sys.argv[1]), profile)
+peak = memory("VmHWM")
+gc.collect()
+Path("/proc/self/clear_refs").write_text("5")  # the peak is counted anew from here
+held = memory("VmRSS")
+dry_run(job, profile)
+print(peak, held, memory("VmHWM"))
+"""
+
+
+def wavy_vase(radius: float = 38.0, height: float = 4.0, waves: int = 12, sides: int = 500) -> Mesh:
+    """A massive vase whose wall goes in and out; its outline has as many corners as curves of real parts have."""
+    turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    reach = radius + 3.0 * np.sin(waves * turn)
+    ring = np.column_stack([reach * np.cos(turn), reach * np.sin(turn)])
+    low, high = (np.column_stack([ring, np.full(sides, z)]) for z in (0.0, height))
+    after_low, after_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+    bottom, top = np.zeros((sides, 3)), np.tile([0.0, 0.0, height], (sides, 1))
+    facets = [
+        np.stack([low, after_low, after_high], axis=1),
+        np.stack([low, after_high, high], axis=1),
+        np.stack([after_low, low, bottom], axis=1),
+        np.stack([high, after_high, top], axis=1),
+    ]
+    return Mesh(np.concatenate(facets), "wavy vase")
+
+
+def long_job(lines: int) -> bytes:
+    """G-code of so many lines at least: the middle layers of the vase, one on the other."""
+    text = job_of(wavy_vase(), load_profile(changes=SETTINGS)).text.decode()
+    head, *layers = re.split(r"(?m)^(?=;LAYER_CHANGE$)", text)
+    first, middle = layers[0], layers[8:12]
+    height = 0.2 * len(middle)
+    parts, count, turn = [head, *layers[:8]], text.count("\n", 0, len(head) + len(first) * 8), 0
+    while count < lines:
+        for layer in middle:
+            parts.append(_raised(layer, turn * height))
+            count += layer.count("\n")
+        turn += 1
+    return "".join([*parts, "M104 S0\nM140 S0\nM107\nM84\n"]).encode()
+
+
+def _raised(layer: str, by: float) -> str:
+    """The same layer, higher."""
+
+    def higher(found: re.Match[str]) -> str:
+        return f"{found[1]}{float(found[2]) + by:.5g}"
+
+    return re.sub(r"(?m)^((?:G[01] .*?Z|;Z:))([\d.]+)", higher, layer)
+
+
+def measured(path: Path, changes: dict[str, object]) -> dict[str, float]:
+    """What the command costs for a file, and what it says."""
+    flags = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
+    command = [sys.executable, "-m", "printer_slicer", "dry-run", str(path), "--json", *flags]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, capture_output=True, check=False)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if not done.stdout:
+        raise SystemExit(done.stderr.decode())
+    said = json.loads(done.stdout)
+    memory = subprocess.run(
+        [sys.executable, "-c", _MEMORY, str(path), json.dumps(changes)], capture_output=True, check=True
+    )
+    peak, held, rehearsed = map(float, memory.stdout.split())
+    return {
+        "lines": said["commands"],
+        "hours": said["modelled_seconds"] / 3600,
+        "differs": said["simulated_seconds"] / said["modelled_seconds"] - 1,
+        "cpu": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+        "read_mb": peak,
+        "held_mb": held,
+        "grown_mb": rehearsed - held,
+        "ok": float(said["ok"]),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure; 1 when a simulated time is not the estimate within 0.1 %."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.dry_run", description=__doc__.splitlines()[0])
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE.gcode")
+    parser.add_argument("--lines", nargs="+", type=int, default=LINES, help="of the jobs that are made")
+    options = parser.parse_args(arguments)
+    print(
+        f"{'job':<24}{'lines':>10}{'hours':>7}{'CPU s':>7}{'differs':>10}{'read MB':>9}{'job MB':>9}{'dry run +MB':>12}  ok"
+    )
+    far = False
+    with tempfile.TemporaryDirectory() as folder:
+        jobs = [(path, {}) for path in options.files]
+        for lines in () if options.files else options.lines:
+            path = Path(folder, f"vase_{lines}.gcode")
+            path.write_bytes(long_job(lines))
+            jobs.append((path, SETTINGS))
+        for path, changes in jobs:
+            row = measured(path, changes)
+            far |= abs(row["differs"]) > 0.001
+            figures = f"{row['lines']:>10.0f}{row['hours']:>7.1f}{row['cpu']:>7.1f}{row['differs']:>+10.4%}"
+            memory = f"{row['read_mb']:>9.0f}{row['held_mb']:>9.0f}{row['grown_mb']:>12.0f}"
+            print(f"{path.name:<24}{figures}{memory}  {'yes' if row['ok'] else 'no'}", flush=True)
+    return int(far)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
