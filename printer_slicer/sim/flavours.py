@@ -10,8 +10,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.answers import limit_accelerations, nothing, positive
+from printer_slicer.sim.heating import tool_target, wait_for_all
 from printer_slicer.sim.machine import AXES, replaced
-from printer_slicer.sim.moves import probe
+from printer_slicer.sim.moves import firmware_retraction, probe
 from printer_slicer.sim.pausing import ask_person
 
 if TYPE_CHECKING:
@@ -80,6 +81,14 @@ def _junction_deviation(board: Board, command: Command) -> None:
     board.set_limits(replace(board.limits, junction_deviation=deviation))
 
 
+def _retraction_or_tool(board: Board, command: Command) -> Steps | None:
+    """G10: with a tool its temperature (Duet3D's G-code dictionary, "G10"), else it retracts."""
+    if command.value("P") is None:
+        return firmware_retraction(board, command)
+    tool_target(board, command)
+    return None
+
+
 FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] = {
     "marlin": {},
     "marlin_legacy": {},
@@ -100,9 +109,12 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "SET_VELOCITY_LIMIT": _velocity_limit,
     },
     "reprapfirmware": {
+        "G10": _retraction_or_tool,
+        "M116": wait_for_all,
         "M203": _speeds_per_minute,
         "M226": ask_person,
         "M566": _jerks_per_minute,
+        "M568": tool_target,
         "M572": nothing,
     },
     "repetier": {

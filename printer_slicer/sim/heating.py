@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.heater import Heater
     from printer_slicer.sim.words import Command
 
-__all__ = ["TABLE"]
+__all__ = ["TABLE", "tool_target", "wait_for_all"]
 
 REPORT_SECONDS: Final = 1.0
 COOLING_CHECK: Final = 60.0
@@ -25,6 +25,18 @@ def _hotend_target(board: Board, command: Command) -> None:
     heater = hotend_of(board, command)
     if heater is not None:
         _aim(board, heater, command, "S")
+
+
+def tool_target(board: Board, command: Command) -> None:
+    """G10 P S of RepRapFirmware, and M568: the temperature of a tool; there is one for all tools here."""
+    _aim(board, board.hotend, command, "S")
+
+
+def wait_for_all(board: Board, _: Command) -> Steps:
+    """M116 of RepRapFirmware: until every heater is where it should be."""
+    for heater in board.heaters.all():
+        if heater.target > 0:
+            yield from _waited(board, heater)
 
 
 def _bed_target(board: Board, command: Command) -> None:

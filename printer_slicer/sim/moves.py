@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.words import Command
 
-__all__ = ["STOP_SECONDS", "TABLE", "goal_of", "probe", "straight"]
+__all__ = ["STOP_SECONDS", "TABLE", "firmware_retraction", "goal_of", "probe", "straight"]
 
 LARGEST_RADIUS: Final = 10_000.0
 """mm; an arc of a larger circle has more chords than a firmware can count."""
@@ -177,7 +177,7 @@ def _chords(board: Board, points: Iterator[Axes]) -> Steps:
             return
 
 
-def _firmware_retraction(board: Board, command: Command) -> Steps | None:
+def firmware_retraction(board: Board, command: Command) -> Steps | None:
     """G10 and G11: turn the extruder, unless it is turned so already; E stays what it was."""
     back = command.code == "G10"
     if command.words or back == board.retracted:
@@ -327,8 +327,8 @@ TABLE: Final = {
     "G2": _arc,
     "G3": _arc,
     "G4": _dwell,
-    "G10": _firmware_retraction,
-    "G11": _firmware_retraction,
+    "G10": firmware_retraction,
+    "G11": firmware_retraction,
     "G20": _units,
     "G21": _units,
     "G28": _home,

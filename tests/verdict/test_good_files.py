@@ -12,7 +12,7 @@ from benchmarks.peers import Part, find_peers
 from printer_slicer.jobs import job_from, job_of
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
-from printer_slicer.profile import load_profile
+from printer_slicer.profile import Profile, load_profile
 from printer_slicer.verdict import Verdict, dry_run
 from tests.parts import box, cone, sphere, step_pyramid, two_boxes
 
@@ -62,7 +62,9 @@ def test_our_files_pass(part: Mesh, changes: dict[str, object]) -> None:
 # PrusaSlicer's and Slic3r's
 
 
-def sliced_by(program: str, folder: Path, parts: list[Mesh], *flags: str) -> Verdict:
+def sliced_by(
+    program: str, folder: Path, parts: list[Mesh], *flags: str, profile: Profile = PROFILE
+) -> Verdict:
     """The verdict on the file that a slicer makes of some parts, with its own settings but these."""
     if not shutil.which(program):
         pytest.skip(f"{program} is not installed")
@@ -72,7 +74,7 @@ def sliced_by(program: str, folder: Path, parts: list[Mesh], *flags: str) -> Ver
     file = folder / "file.gcode"
     command = [program, *models, "--output", str(file), *flags]
     subprocess.run(command, check=True, capture_output=True, timeout=300)
-    return dry_run(job_from(file, PROFILE), PROFILE)
+    return dry_run(job_from(file, profile), profile)
 
 
 PRUSA: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
@@ -86,7 +88,6 @@ PRUSA: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
     ),
     "relative": ([cone(8, 6)], ("--use-relative-e-distances", "--layer-gcode", "G92 E0")),
     "firmware retraction": ([cone(8, 6)], ("--use-firmware-retraction",)),
-    "reprapfirmware": ([cone(8, 6)], ("--gcode-flavor", "reprapfirmware")),
     "marlin 2": ([cone(8, 6)], ("--gcode-flavor", "marlin2")),
     "raft": ([box((20, 20, 4))], ("--raft-layers", "3")),
     "several parts": ([cone(8, 6), box((10, 10, 4))], ("--merge",)),
@@ -99,6 +100,22 @@ PRUSA: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
 def test_files_of_prusaslicer_pass(name: str, tmp_path: Path) -> None:
     parts, flags = PRUSA[name]
     sound(sliced_by("prusa-slicer", tmp_path, parts, "--export-gcode", "--center", "110,110", *flags))
+
+
+@pytest.mark.parametrize("flavour", ["reprapfirmware", "smoothie", "repetier"])
+def test_files_for_other_firmwares_pass_on_printers_with_these(flavour: str, tmp_path: Path) -> None:
+    profile = load_profile("marlin_220", "pla", "standard", {"flavour": flavour})
+    flags = ("--export-gcode", "--center", "110,110", "--gcode-flavor", flavour)
+
+    sound(sliced_by("prusa-slicer", tmp_path, [cone(8, 6)], *flags, profile=profile))
+
+
+def test_a_file_for_another_firmware_is_found_out(tmp_path: Path) -> None:
+    """RepRapFirmware heats with G10, which Marlin takes for a retraction."""
+    flags = ("--export-gcode", "--center", "110,110", "--gcode-flavor", "reprapfirmware")
+    verdict = sliced_by("prusa-slicer", tmp_path, [cone(8, 6)], *flags)
+
+    assert {fault.kind for fault in verdict.faults if not fault.harmless} == {"cold"}
 
 
 SLIC3R: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
