@@ -68,8 +68,10 @@ def _fact_lines(verdict: Verdict, profile: Profile) -> Iterator[str]:
     facts["link"] = [_link(verdict)]
     if report.laid_min and report.laid_max:
         span = (
-            f"{name} {low:.1f} to {high:.1f}"
-            for name, low, high in zip("xyz", report.laid_min, report.laid_max, strict=True)
+            f"{name} {low:.{digits}f} to {high:.{digits}f}"
+            for name, digits, low, high in zip(
+                "xyz", (1, 1, 2), report.laid_min, report.laid_max, strict=True
+            )
         )
         facts["plastic"] = [f"{' '.join(span)} mm"]
     sent = "as sent" if verdict.identical else "NOT as sent"
@@ -152,15 +154,17 @@ def _flow(account: Account, profile: Profile) -> str:
 
 def _link(verdict: Verdict) -> str:
     report = verdict.report
+    again = f"{report.resends} resends"
     if not verdict.baud:
-        return f"{report.resends} resends"
+        return again
+    again = f"; {again}" if report.resends else ""
     lost = verdict.simulated_seconds + report.starved_seconds - verdict.modelled_seconds
     if not report.starvations:
         slower = f"; short of moves it is {lost:.1f} s slower" if lost >= 1 else ""
-        return f"at {verdict.baud} Bd the machine never runs out of moves{slower}"
+        return f"at {verdict.baud} Bd the machine never runs out of moves{slower}{again}"
     return (
         f"at {verdict.baud} Bd the machine runs out of moves {report.starvations} times and stands still for "
-        f"{report.starved_seconds:.2f} s; {max(lost, 0):.1f} s are lost"
+        f"{report.starved_seconds:.2f} s; {max(lost, 0):.1f} s are lost{again}"
     )
 
 

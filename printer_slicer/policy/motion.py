@@ -18,7 +18,10 @@ from printer_slicer.motion.machine import limits_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.profile import Profile
 
-__all__ = ["judge_moves"]
+__all__ = ["MELTS", "judge_moves"]
+
+MELTS: Final = 1.5
+"""Times `max_flow` that a hotend gives for a short while."""
 
 _BESIDE: Final = 5.0  # mm beside the bed that machines reach, to prime and to wipe
 _AWAY: Final = 25.0  # mm beside it that slicers send an empty nozzle at the end, for the firmware stops it
@@ -26,7 +29,6 @@ _OVER: Final = 10.0  # mm over the highest part, to present it
 _ROUNDED: Final = 0.011  # mm
 _FAST: Final = 2.0  # times the profile's speed from which on a feed is refused
 _RAISED: Final = 3.0  # the same of z and extruder, for slicers know little about them
-_MELTS: Final = 1.5  # times max_flow for a short while
 _SEEN: Final = 0.2  # mm³; the rounding of shorter moves says more than their flow
 
 
@@ -161,7 +163,7 @@ def _flow(
     flow[volume < _SEEN] = 0.0
     most = profile.material.max_flow
     what = f"{{:.3g}} mm3/s of plastic, {profile.material.name} melts {most:g}"
-    far = laid & (flow > most * _MELTS)
+    far = laid & (flow > most * MELTS)
     yield from tell("flow", far, flow, what, "too little comes out, and the extruder slips", refused=True)
     more = ~far & (flow > most * 1.01)
     yield from tell("flow", more, flow, what, "it is a little, or nothing is laid with it", refused=False)

@@ -279,7 +279,7 @@ def _told(fault: Fault) -> str:
     lasting = f" for {fault.seconds:g} s" if fault.seconds < inf else ""
     return {
         "burst": f"{fault.bytes} bytes of noise {fault.way}",
-        "lose_reply": f"replies lost, {fault.rate:.0%} of them"
+        "lose_reply": f"replies lost, {100 * fault.rate:g} % of them"
         + (f", at most {fault.count}" if fault.count else ""),
         "disconnect": "the cable was pulled",
         "hang": "the firmware hangs",
@@ -287,6 +287,6 @@ def _told(fault: Fault) -> str:
         "heater": f"heater {fault.heater} is stuck {fault.state}",
         "sensor": f"sensor of {fault.heater} reads {fault.reads:g} °C",
         "endstop": f"the {fault.axis} endstop does not close",
-        "clog": f"the nozzle is clogged, {fault.share:.0%}",
+        "clog": f"the nozzle is clogged, {100 * fault.share:g} %",
         "runout": "the filament has run out",
     }.get(fault.kind, f"{fault.kind} {fault.way}, {fault.rate:g} of the bytes") + lasting

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from printer_slicer.motion.rules import Limits
 
-__all__ = ["Script"]
+__all__ = ["SAME_PLACE", "Script"]
 
-_SAME_PLACE: Final = 0.05
+SAME_PLACE: Final = 0.05
 """mm; the printer says two decimals of single-precision numbers."""
 
 _CLOSING: Final = (b"M400", ASK)
@@ -145,7 +145,7 @@ class Script:
             return None
         pairs = zip(self.position, self._tracker.position, strict=True)
         misses = [abs(is_at - to_be) for is_at, to_be in pairs if is_at is not None and to_be is not None]
-        return max(misses) <= _SAME_PLACE if misses else None
+        return max(misses) <= SAME_PLACE if misses else None
 
 
 def _next_of(commands: deque[bytes], room: int) -> bytes | None:

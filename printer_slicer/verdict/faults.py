@@ -10,13 +10,13 @@ from typing import Final, NamedTuple
 
 from printer_slicer.jobs import Job, lines_of
 from printer_slicer.ledger.executed import FAT, Account, Mishap
+from printer_slicer.policy.motion import MELTS
 from printer_slicer.profile import Profile
 from printer_slicer.sim.tally import Report, kind_of
 from printer_slicer.verdict.comparison import Comparison
 
 __all__ = ["Fault", "Places", "left_on", "of_machine", "of_material", "sentence", "starved"]
 
-_MELTS: Final = 1.5  # times max_flow for a short while
 _LOST: Final = 0.5  # of the filament pushed while moving that at least comes out
 _SLOW: Final = 2.0  # mm/s; nobody prints like that
 _ENOUGH: Final = 50.0  # mm of beads before a whole file is judged
@@ -203,7 +203,7 @@ def _of_flow(profile: Profile, account: Account) -> Iterator[tuple[int, Fault]]:
     if not own:
         return
     most = profile.material.max_flow
-    far = [one for one in own if one.amount > most * _MELTS]
+    far = [one for one in own if one.amount > most * MELTS]
     first, worst = (far or own)[0], max(own, key=lambda one: one.amount)
     what = f"{first.amount:.1f} mm3/s of plastic; {profile.material.name} melts {most:g}"
     what += f"; {worst.amount:.1f} in layer {worst.layer}" if worst.amount > first.amount * 1.05 else ""

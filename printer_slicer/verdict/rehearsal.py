@@ -17,6 +17,7 @@ from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.flight import QUESTION_ROOM
 from printer_slicer.stream.protocol import Streamer
+from printer_slicer.stream.script import SAME_PLACE
 from printer_slicer.stream.session import run
 from printer_slicer.verdict.comparison import Comparison
 from printer_slicer.verdict.express import Express
@@ -28,7 +29,6 @@ from printer_slicer.verdict.pace import Link
 __all__ = ["dry_run"]
 
 _PLACE = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
-_SAME_PLACE = 0.05  # mm
 _LATENCY = 0.001  # s that an answer takes over USB
 _LONGEST = 30 * 86400.0  # s; no print takes that long, but a slip in a file may
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
@@ -164,5 +164,5 @@ def _finished(said: str, job: Job) -> Finished:
         cancelled=False,
         position=position,
         expected=job.end,
-        verified=max(misses) <= _SAME_PLACE if misses else None,
+        verified=max(misses) <= SAME_PLACE if misses else None,
     )
