@@ -89,5 +89,7 @@ class Card:
 
 def shortened(name: str) -> str:
     """A name as a card keeps it: capitals, eight letters and three."""
-    stem, dot, kind = name.rpartition("/")[2].upper().replace(" ", "").rpartition(".")
+    # Only ASCII letters have a capital that is one byte as well.
+    plain = "".join(letter.upper() if letter.isascii() else "_" for letter in name.rpartition("/")[2])
+    stem, dot, kind = plain.replace(" ", "").rpartition(".")
     return f"{stem[:8]}.{kind[:3]}" if dot else kind[:8]

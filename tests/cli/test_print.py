@@ -88,8 +88,8 @@ def test_printing_on_the_simulated_port_ends_with_a_verdict(tmp_path: Path) -> N
     outcome = typed("print", BOX, "--port", "sim:", *QUICK, cwd=tmp_path)
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert "executed = sent" in outcome.out
-    assert "plastic at 34 heights and 1 of the start G-code, as planned" in outcome.out
+    assert "as sent" in outcome.out
+    assert "layers      34, the first of" in outcome.out
     assert list(tmp_path.iterdir()) == []
 
 

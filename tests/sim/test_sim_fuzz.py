@@ -83,3 +83,9 @@ def test_a_line_that_never_ends_is_not_kept() -> None:
     line = reader.next()
     assert line is not None
     assert len(line[1]) < 5000
+
+
+@pytest.mark.parametrize(("name", "seed"), [("reprapfirmware", 218), ("smoothie", 5151)])
+def test_names_of_files_that_have_no_capitals_are_said_all_the_same(name: str, seed: int) -> None:
+    """A file called \xff: its capital is no single byte."""
+    assert stream(name, seed) >= 0
