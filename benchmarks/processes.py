@@ -62,7 +62,7 @@ def run(command: Sequence[str], *, folder: Path | None = None) -> Cost:
         begun = perf_counter()
         try:
             process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=folder
+                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=folder, env=_surroundings()
             )
         except OSError as error:
             raise RunError(f"{command[0]}: {error.strerror}") from error
@@ -75,6 +75,14 @@ def run(command: Sequence[str], *, folder: Path | None = None) -> Cost:
             tail = said.read()[-500:].decode("utf-8", "replace").strip()
             raise RunError(f"{Path(command[0]).name} ended with code {process.returncode}: {tail}")
     return Cost(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / _PER_MIB)
+
+
+def _surroundings() -> dict[str, str]:
+    """The variables of this process, but for the one that keeps Python from storing compiled modules.
+
+    What is installed has them compiled; with it, a checkout is compiled anew by every process that is measured.
+    """
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def ours(*arguments: str) -> list[str]:
