@@ -456,6 +456,9 @@ M104 S0
 ; printer.bed_y = 80.0
 ; printer.bed_z = 50.0
 ; printer.origin = corner
+; printer.bed_left = 0
+; printer.bed_front = 0
+; printer.reach = 0
 ; printer.nozzle_diameter = 0.4
 ; printer.z_step = 0.01
 ; printer.z_full_step = 0
