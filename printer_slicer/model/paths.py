@@ -338,7 +338,6 @@ class Program(Drawn):
     height: Float
     events: tuple[Event, ...] = ()
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
-    rule: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)
