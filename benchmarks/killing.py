@@ -27,6 +27,7 @@ from printer_slicer.printing.journal import read_story
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
+from printer_slicer.sim.switches import FrontEnd
 from printer_slicer.verdict import front_end_of, machine_of
 
 PRINTER = load_profile("marlin_220").printer
@@ -52,14 +53,14 @@ class Outcome:
 
 
 @contextmanager
-def served(link: Path, speed: float) -> Iterator[list[str]]:
+def served(link: Path, speed: float, front_end: FrontEnd | None = None) -> Iterator[list[str]]:
     """A simulated printer; the list holds what it executes."""
     ready, stop = Flag(), Flag()
     executed: list[str] = []
 
     def make() -> SimulatedPrinter:
         return SimulatedPrinter(
-            machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append, boots=False
+            machine_of(PRINTER), front_end or front_end_of(PRINTER), on_executed=executed.append, boots=False
         )
 
     thread = Thread(

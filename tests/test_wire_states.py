@@ -146,6 +146,17 @@ def spoilt(data: bytes, what: str, at: int) -> bytes:
     return bytes((at * 7 + i) % 256 for i in range(50)).replace(b"\n", b"?") + b"\n" + data
 
 
+def test_an_ok_too_many_before_the_count_is_told_does_no_harm() -> None:
+    """The first answer is damaged; the oks of commands that a person types meanwhile come in its place."""
+    for at in range(0, 40, 3):
+        wire = Wire()
+        wire.begin(name="marlin 2.1.3", baud=115_200)
+        wire.answer_is_hit(what="flip", at=at)
+        for command in (b"M105", b"M105", b"M106 S9", b"M105"):
+            wire.inject(command)
+        wire.teardown()
+
+
 TestWire = Wire.TestCase
 TestWire.settings = settings(
     max_examples=60, stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)

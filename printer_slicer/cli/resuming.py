@@ -13,6 +13,7 @@ from printer_slicer.errors import UsageError
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Done
+    from printer_slicer.printing.setup import Setup
     from printer_slicer.printing.shelf import Print
 
 __all__ = ["control_command", "resume_command"]
@@ -57,9 +58,17 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
 
     def go_on(**common: Any) -> Done:
         """Print the rest."""
-        return resume_print(found, job, port=arguments.port, recover=recover, **common)
+        return resume_print(found, job, port=arguments.port, recover=recover, **_judged(setup), **common)
 
     return print_with(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), go_on)
+
+
+def _judged(setup: Setup) -> dict[str, Any]:
+    """What a person types meanwhile is judged as when the print began."""
+    from printer_slicer.cli.policy import reason_against
+    from printer_slicer.profile import profile_from
+
+    return {"allow": reason_against(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
 
 
 def _list(arguments: argparse.Namespace, shelf: Path) -> int:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from printer_slicer.gcode.reading import Action
 from printer_slicer.macros import number
+from printer_slicer.motion.counting import Rule
 from printer_slicer.profile import Printer
 
 __all__ = [
@@ -34,6 +35,7 @@ class Dialect:
         progress: percent done and minutes left; None where nothing would show it.
         labels: how things on the plate are marked where the profile says `auto`, a key of `LABEL_WORDS`.
         m486: how where it says `m486`, likewise.
+        counting: by which rule G90, G91, M82 and M83 are read.
         reads: what commands mean that mean something else in Marlin 2, for who reads files.
     """
 
@@ -45,6 +47,7 @@ class Dialect:
     progress: Callable[[int, int], str] | None = None
     labels: str = "octoprint"
     m486: str = "m486"
+    counting: Rule = "together"
     reads: Mapping[str, Action] = field(default_factory=dict)
 
 

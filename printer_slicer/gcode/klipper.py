@@ -12,6 +12,7 @@ from typing import Final
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.reading import State, set_accelerations
 from printer_slicer.macros import number
+from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
 
 __all__ = ["KLIPPER"]
@@ -59,4 +60,5 @@ KLIPPER: Final = Dialect(
     progress=lambda percent, _minutes: f"M73 P{percent}",
     labels="exclude_object",
     reads={"SET_RETRACTION": _set_retraction, "SET_VELOCITY_LIMIT": _set_velocity_limit},
+    counting=COUNTING["klipper"],
 )

@@ -9,6 +9,7 @@ from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect, jerk_line, marlin_limits, retraction_lines
 from printer_slicer.macros import number
+from printer_slicer.motion.counting import COUNTING
 
 __all__ = ["MARLIN_LEGACY"]
 
@@ -20,4 +21,5 @@ MARLIN_LEGACY: Final = Dialect(
     pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
     retraction=retraction_lines,
     progress=lambda percent, _minutes: f"M73 P{percent}",
+    counting=COUNTING["marlin_legacy"],
 )

@@ -10,6 +10,7 @@ from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect, jerk_line, marlin_limits, retraction_lines
 from printer_slicer.macros import number
+from printer_slicer.motion.counting import COUNTING
 
 __all__ = ["PRUSA"]
 
@@ -22,4 +23,5 @@ PRUSA: Final = Dialect(
     retraction=retraction_lines,
     progress=lambda percent, minutes: f"M73 Q{percent} S{minutes} P{percent} R{minutes}",
     labels="m486",
+    counting=COUNTING["prusa"],
 )

@@ -20,6 +20,7 @@ from printer_slicer.gcode.plain import plain_moves
 from printer_slicer.gcode.reading import MARLIN_ACTIONS, Action, State
 from printer_slicer.gcode.runs import follow_plain
 from printer_slicer.model import Bool, Float, Int
+from printer_slicer.motion.counting import Counting
 from printer_slicer.motion.rules import Axes, Limits
 from printer_slicer.motion.whole import durations
 
@@ -134,7 +135,7 @@ class Reader:
 
     def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN) -> None:
         self._actions = {**MARLIN_ACTIONS, **dialect.reads}
-        self._state = State(home=(*home, 0.0))
+        self._state = State(home=(*home, 0.0), counting=Counting(dialect.counting))
         self._state.position[:3] = self._state.home
         self._count = 0
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from printer_slicer.model import Float
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
+from printer_slicer.motion.counting import Counting
 
 __all__ = [
     "MARLIN_ACTIONS",
@@ -74,8 +75,7 @@ class State:
     home: tuple[float, float, float]
     position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
-    relative: bool = False
-    relative_e: bool = False
+    counting: Counting = field(default_factory=Counting)
     unit: float = 1.0
     diameter: float = 1.75
     volumetric: bool = False
@@ -91,6 +91,16 @@ class State:
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
     rows: Rows = field(default_factory=Rows)
     stops: list[int] = field(default_factory=list)
+
+    @property
+    def relative(self) -> bool:
+        """Whether x, y, z count from where they are."""
+        return self.counting.axes
+
+    @property
+    def relative_e(self) -> bool:
+        """Whether e counts from where it is."""
+        return self.counting.e
 
     @property
     def unit_e(self) -> float:
@@ -263,14 +273,22 @@ def _tool(state: State, words: Mapping[str, float], _index: int) -> None:
     state.tool = int(words["T"])
 
 
-def _mode(name: str, value: float) -> Action:
-    """How numbers are read from now on: in mm or inches, from the origin or from where the machine is."""
+def _units(mm: float) -> Action:
+    """Numbers are in units of so many mm from now on."""
 
     def run(state: State, _words: Mapping[str, float], _index: int) -> None:
-        """Set this mode."""
-        setattr(state, name, value)
-        if name == "relative":  # G90 and G91 speak of all axes; M82 and M83 may differ afterwards
-            state.relative_e = bool(value)
+        """Set this unit."""
+        state.unit = mm
+
+    return run
+
+
+def _counts(word: str) -> Action:
+    """Numbers count from the origin, or from where the machine is."""
+
+    def run(state: State, _words: Mapping[str, float], _index: int) -> None:
+        """As the firmware reads that."""
+        state.counting = state.counting.after(word)
 
     return run
 
@@ -283,14 +301,14 @@ MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
     "G4": _dwell,
     "G10": _firmware_retraction(back=True),
     "G11": _firmware_retraction(back=False),
-    "G20": _mode("unit", 25.4),
-    "G21": _mode("unit", 1.0),
+    "G20": _units(25.4),
+    "G21": _units(1.0),
     "G28": _home,
-    "G90": _mode("relative", False),
-    "G91": _mode("relative", True),
+    "G90": _counts("G90"),
+    "G91": _counts("G91"),
     "G92": _set_position,
-    "M82": _mode("relative_e", False),
-    "M83": _mode("relative_e", True),
+    "M82": _counts("M82"),
+    "M83": _counts("M83"),
     "M200": _volumetric,
     "M201": limit("M201"),
     "M203": limit("M203"),

@@ -12,6 +12,7 @@ from typing import Final
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.reading import State, limit, passed_over, set_accelerations
 from printer_slicer.macros import number
+from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
 
 __all__ = ["REPETIER"]
@@ -46,4 +47,5 @@ REPETIER: Final = Dialect(
         "M207": _jerks,
         "M208": passed_over,
     },
+    counting=COUNTING["repetier"],
 )

@@ -10,6 +10,7 @@ from typing import Final
 from printer_slicer.gcode.dialect import Dialect, axes_line, jerk_line
 from printer_slicer.gcode.reading import limit
 from printer_slicer.macros import number
+from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
 
 __all__ = ["REPRAPFIRMWARE"]
@@ -46,4 +47,5 @@ REPRAPFIRMWARE: Final = Dialect(
     labels="m486_quoted",
     m486="m486_quoted",
     reads={"M203": limit("M203", scale=1 / _MINUTE), "M566": limit("M205", scale=1 / _MINUTE)},
+    counting=COUNTING["reprapfirmware"],
 )

@@ -222,7 +222,7 @@ class Conductor:
         if self._journal:
             self._journal.state({"phase": "cancelling", "parked": None})
         self._scripted.clear()
-        self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes.box)))
+        self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes)))
         self.phase = Phase.RUNNING
         self._listen(told.Stopping())
         return "cancelled"
@@ -292,6 +292,11 @@ class Conductor:
     def _on_resume(self, _: wishes.Resume) -> str:
         if self._waits_for_person and self.phase is Phase.RUNNING:
             self._streamer.urge(b"M108")
+            return "told the printer to go on"
+        if self.phase is Phase.RUNNING and self._streamer.state is State.PAUSED:
+            # The printer paused by itself: it goes on as it is told, and the job with it.
+            self._streamer.inject(self._setup.going_on)
+            self._streamer.resume()
             return "told the printer to go on"
         if self.phase in {Phase.RUNNING, Phase.RETURNING, Phase.STOPPING}:
             raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")

@@ -20,7 +20,7 @@ from typing import Final
 
 from printer_slicer.errors import PortError
 from printer_slicer.jobs import commands_of
-from printer_slicer.printing.journal import HEATERS_OFF, Journal, read_story
+from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_story
 from printer_slicer.printing.shelf import Print, print_in
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.watchdog import Watchdog
@@ -62,14 +62,8 @@ def main(folder: Path, seconds: float) -> int:
     while said := os.read(0, 1):
         if said == _DONE:
             return 0
-    end, never = monotonic() + seconds, Flag()
-    while (left := end - monotonic()) > 0:
-        never.wait(min(_LOOK, left))
-        print_ = print_in(folder)
-        if print_ is None or print_.running:
-            return 0
-    print_ = print_in(folder)
-    if print_ is None or not print_.hold():
+    print_ = _left_alone(folder, seconds)
+    if print_ is None:
         return 0
     try:
         _switch_off(print_)
@@ -80,6 +74,30 @@ def main(folder: Path, seconds: float) -> int:
     return 0
 
 
+def _left_alone(folder: Path, seconds: float) -> Print | None:
+    """The print, held by this process, when nobody has taken it up for so long; None when somebody has, or ended it.
+
+    Somebody who holds it has not taken it up yet: the printer may turn out to be lost, or a person is asked.
+    """
+    end, never = monotonic() + seconds, Flag()
+    host = _host_of(folder)
+    while True:
+        never.wait(min(_LOOK, max(end - monotonic(), 0.01)))
+        print_ = print_in(folder)
+        if print_ is None or _host_of(folder) != host:
+            return None
+        if monotonic() >= end and print_.hold():
+            return print_
+
+
+def _host_of(folder: Path) -> str:
+    """Which host had the print last."""
+    try:
+        return str(read_story(folder).states.get(HOST, ""))
+    except OSError:
+        return ""
+
+
 def _switch_off(print_: Print) -> None:
     """Say the last words to the printer, and note it.
 
@@ -88,7 +106,7 @@ def _switch_off(print_: Print) -> None:
     """
     story = read_story(print_.folder)
     sent = commands_of(print_.text)[0][: story.entries + _ON_ITS_WAY]
-    words = Watchdog().farewell([*sent, *(record.command for record in story.lines)])
+    words = Watchdog().farewell([*sent, *(record.command for record in story.lines)], anyway=True)
     port = open_port(print_.port, print_.baud)
     try:
         port.write(words)

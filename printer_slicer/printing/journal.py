@@ -26,13 +26,14 @@ from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
-__all__ = ["HEATERS_OFF", "LOST", "Journal", "Numbered", "Story", "read_story"]
+__all__ = ["HEATERS_OFF", "HOST", "LOST", "Journal", "Numbered", "Story", "read_story"]
 
 _NAME: Final = "journal"
 LOST: Final = "lost: "
 """A reason begins so if the time of the loss is known: the cable was gone at that moment."""
 
 HEATERS_OFF: Final = "heaters_off"
+HOST: Final = "host"
 """State: why the heaters were switched off, so that the printer cannot just go on; empty where they were not."""
 
 

@@ -6,9 +6,10 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from os import getpid
 from pathlib import Path
 from threading import current_thread, main_thread
-from time import monotonic
+from time import monotonic, time_ns
 from typing import Any, Unpack
 
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
@@ -20,7 +21,7 @@ from printer_slicer.printing.beside import answering, guarded_by, synced
 from printer_slicer.printing.checkpoint import forget_checkpoint, write_checkpoint
 from printer_slicer.printing.conductor import Conductor
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.journal import HEATERS_OFF, LOST, Journal, read_story
+from printer_slicer.printing.journal import HEATERS_OFF, HOST, LOST, Journal, read_story
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.options import Done, Options
 from printer_slicer.printing.phases import Ticket
@@ -70,7 +71,7 @@ def print_job(
         Cancelled: Ctrl-C, SIGTERM, SIGHUP or the printer's own wish; heaters are off. A second one halts the printer.
     """
     insist(job.findings, job.allowed, name=job.name)
-    setup = setup_of(profile.printer)
+    setup = setup_of(profile, job.allowed)
     speed = baud or setup.baud
     shelf = options.get("shelf")
     if shelf is not None:
@@ -243,7 +244,7 @@ class Keeper:
         """Stream over one connection until the end; if a listener fails, end the print in good order first."""
         self._transport = transport
         self._board = identity(self._port) or self._board
-        live = found.job if found else LiveJob(self._job.commands, self._spans)
+        live = found.job if found else LiveJob(self._job.commands, self._spans, rule=self._setup.rule)
         streamer = Streamer(
             live,
             limits=self._setup.limits,
@@ -257,6 +258,7 @@ class Keeper:
         )
         self._conductor, self._streamer = conductor, streamer
         if self._journal:
+            self._journal.state({HOST: f"{getpid()} {time_ns()}"})
             self._journal.epoch(streamer.acknowledged)
         if found and found.phase == "recovering" and self._journal:
             self._journal.state({"phase": "recovering", "recovering_at": found.point, HEATERS_OFF: ""})

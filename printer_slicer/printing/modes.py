@@ -11,8 +11,9 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
+from printer_slicer.motion.counting import Counting, Rule
 from printer_slicer.stream.framing import strip
-from printer_slicer.stream.tracker import parse
+from printer_slicer.stream.tracker import MOVES_UNSEEN, parse
 
 __all__ = ["SCRIPT", "Modes", "Stand", "Step", "number"]
 
@@ -46,9 +47,10 @@ _STICKY: Final = frozenset(
 """Settings that stay and say themselves what they set: the last of each with the same letters is enough."""
 
 _WORDS: Final = re.compile(rb"([A-Z][A-Z_]{2,})\b")
-_STICKY_WORDS: Final = frozenset(
-    {b"SET_PRESSURE_ADVANCE", b"SET_VELOCITY_LIMIT", b"SET_RETRACTION", b"SET_GCODE_OFFSET"}
-)
+_STICKY_WORDS: Final = frozenset({b"SET_PRESSURE_ADVANCE", b"SET_VELOCITY_LIMIT", b"SET_RETRACTION"})
+"""Not SET_GCODE_OFFSET: a baby-step is in the height at which the nozzle stands, and that is what is told anew."""
+
+_MESHES: Final = frozenset({b"BED_MESH_PROFILE", b"BED_MESH_CALIBRATE"})
 
 
 def number(value: float) -> bytes:
@@ -63,7 +65,8 @@ class Stand:
     Attributes:
         x, y, z: place as the program counts it; None where it is not known.
         e: filament as the program counts it.
-        relative, relative_e: modes of x, y, z, and of e.
+        relative, relative_e: whether x, y, z, and e, count from where they are.
+        extruder: what M82 or M83 must say so that it is as it was.
         speed: mm/s asked for last, 0 for never.
         retracted: whether the firmware has pulled back (G10).
         pulled: mm of filament that are pulled back by E.
@@ -75,6 +78,7 @@ class Stand:
     e: float = 0.0
     relative: bool = False
     relative_e: bool = False
+    extruder: bool = False
     speed: float = 0.0
     retracted: bool = False
     pulled: float = 0.0
@@ -106,10 +110,16 @@ class Step(NamedTuple):
 class Modes:
     """Follows commands.
 
+    Args:
+        rule: by which the firmware reads G90, G91, M82 and M83.
+
     Attributes:
         stand: where and how the printer stands after them.
         hotend, bed, chamber: wanted °C.
         fan: 0 to 255, of the part fan.
+        fans: number -> command, of others.
+        mesh: the command that has the bed's unevenness followed, empty for none.
+        offset: mm by which the program counts x and y higher than the machine (G92); None where that is not known.
         sticky: settings to be said again to a printer that has lost them, by what they set.
         tool: the command that selected the tool, empty for none.
         highest: greatest z at which plastic was laid.
@@ -118,10 +128,14 @@ class Modes:
         recent: the last moves that may not have been made yet, and what belongs between them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rule: Rule = "together") -> None:
+        self.rule = rule
         self.stand = Stand()
         self.hotend = self.bed = self.chamber = 0.0
         self.fan = 0.0
+        self.fans: dict[float, bytes] = {}
+        self.mesh = b""
+        self.offset: tuple[float | None, float | None] = (0.0, 0.0)
         self.sticky: dict[bytes, bytes] = {}
         self.tool = b""
         self.highest = 0.0
@@ -141,6 +155,9 @@ class Modes:
                 self.recent.clear()
         elif (found := _WORDS.match(command)) and found[1] in _STICKY_WORDS:
             self.sticky[found[1]] = command
+        elif found and found[1] in _MESHES:
+            # What was measured is kept by name at best.
+            self.mesh = command if b"LOAD" in command else b"BED_MESH_PROFILE LOAD=default"
         elif command[:1] == b"T" and command[1:2].isdigit():
             self.tool = command
         if word not in _MOVES and entry != -1:
@@ -178,11 +195,11 @@ class Modes:
 
     def _set(self, word: bytes, values: dict[bytes, float], command: bytes) -> None:
         stand = self.stand
-        if word in {b"G90", b"G91"}:
-            self.stand = replace(stand, relative=word == b"G91", relative_e=word == b"G91")
-        elif word in {b"M82", b"M83"}:
-            self.stand = replace(stand, relative_e=word == b"M83")
+        if word in {b"G90", b"G91", b"M82", b"M83"}:
+            new = Counting(self.rule, stand.relative, stand.extruder).after(word.decode())
+            self.stand = replace(stand, relative=new.axes, relative_e=new.e, extruder=new.extruder)
         elif word == b"G92":
+            self._shift(values)
             self.stand = replace(
                 stand,
                 x=values.get(b"X", stand.x),
@@ -190,23 +207,39 @@ class Modes:
                 z=values.get(b"Z", stand.z),
                 e=values.get(b"E", stand.e),
             )
-        elif word in {b"G28", b"G29", b"G80"}:
+        elif word in MOVES_UNSEEN:
             # After homing all, firmware and file agree only when the file says where it goes.
             axes = [letter for letter in _AXES if letter in values or letter in command[3:].split()] or list(
                 _AXES
             )
             gone = {letter.decode().lower(): None for letter in (axes if word == b"G28" else _AXES)}
             self.stand = replace(stand, **gone)  # type: ignore[arg-type]
+            if word == b"G28":
+                x, y = self.offset
+                self.offset = (0.0 if b"X" in axes else x, 0.0 if b"Y" in axes else y)
+            elif word == b"G29":
+                self.mesh = b"M420 S1"
         elif word in {b"G10", b"G11"} and not values:
             self.stand = replace(stand, retracted=word == b"G10")
         elif word in {b"G20", b"G21"}:
             self.metric = word == b"G21"
         else:
-            self._heat(word, values)
+            self._heat(word, values, command)
+        if word == b"M420" and (b"S" in values or b"Z" in values):
+            self.mesh = command if values.get(b"S", 1.0) else b""
         if word in _STICKY:
             self.sticky[word + b"".join(sorted(values))] = command
 
-    def _heat(self, word: bytes, values: dict[bytes, float]) -> None:
+    def _shift(self, values: dict[bytes, float]) -> None:
+        """G92: what the program calls x and y from now on."""
+        here, new = (self.stand.x, self.stand.y), list(self.offset)
+        for axis, letter in enumerate(_AXES[:2]):
+            old, at = new[axis], here[axis]
+            if letter in values:
+                new[axis] = None if old is None or at is None else old + values[letter] - at
+        self.offset = (new[0], new[1])
+
+    def _heat(self, word: bytes, values: dict[bytes, float], command: bytes) -> None:
         wanted = values.get(b"S", values.get(b"R"))
         if word in {b"M104", b"M109"} and wanted is not None:
             self.hotend = wanted
@@ -216,3 +249,5 @@ class Modes:
             self.chamber = wanted
         elif word in {b"M106", b"M107"} and values.get(b"P", 0.0) == 0.0:
             self.fan = values.get(b"S", 255.0) if word == b"M106" else 0.0
+        elif word in {b"M106", b"M107"}:
+            self.fans[values[b"P"]] = command

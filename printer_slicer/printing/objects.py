@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
+from printer_slicer.motion.counting import Rule
 from printer_slicer.printing.modes import Modes, Stand, number
 from printer_slicer.stream.framing import strip
 from printer_slicer.stream.tracker import parse
@@ -81,6 +82,12 @@ def _mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
 class LiveJob(Sequence[bytes]):
     """The entries of a job as they are sent: without the things that were given up.
 
+    Args:
+        commands: the entries.
+        spans: which of them belong to which thing.
+        first: entries before this one were sent.
+        rule: by which the firmware reads G90, G91, M82 and M83.
+
     Attributes:
         modes: of the printer behind the entries that were followed so far, and behind what else was sent.
         followed: so many entries.
@@ -89,8 +96,15 @@ class LiveJob(Sequence[bytes]):
         marked_for_klipper: whether the firmware knows the things, too.
     """
 
-    def __init__(self, commands: Sequence[bytes], spans: Sequence[Span] = (), first: int = 0) -> None:
-        self.modes = Modes()
+    def __init__(
+        self,
+        commands: Sequence[bytes],
+        spans: Sequence[Span] = (),
+        first: int = 0,
+        *,
+        rule: Rule = "together",
+    ) -> None:
+        self.modes = Modes(rule)
         self.followed = 0
         self.cancelled: set[str] = set()
         self.cancelled_at: dict[str, int] = {}
@@ -171,7 +185,7 @@ class LiveJob(Sequence[bytes]):
         """Send no moves from `first` to before `end`, and make up for what else they did."""
         self._looked = end  # what follows asks for entries, too
         before = self.follow(first)
-        after = Modes()
+        after = Modes(before.rule)
         after.stand = before.stand
         moves = []
         for index in range(first, end):
@@ -218,7 +232,7 @@ def _amends(before: Modes, after: Modes, comes_anyway: bool) -> list[bytes]:
     if b"G90" in script:
         script.append(b"G91")
     if b"M83" in script or b"G91" in script:
-        script.append(b"M83" if new.relative_e else b"M82")
+        script.append(b"M83" if new.extruder else b"M82")
     if new.speed and (new.speed != old.speed or moves or b"M83" in script):
         script.append(b"G1 F%s" % number(new.speed * 60))
     return script

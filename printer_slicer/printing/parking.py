@@ -86,7 +86,7 @@ def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: i
         entries=entries,
         stand=stand,
         park=pause.park and stand.known and modes.metric,
-        spot=parking_place(setup, modes.box),
+        spot=parking_place(setup, modes),
         safe=max(z, min(max(modes.highest, z) + setup.lift, setup.top)),
         hotend=modes.hotend,
         bed=modes.bed,
@@ -94,14 +94,20 @@ def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: i
     )
 
 
-def parking_place(setup: Setup, box: tuple[float, float, float, float] | None) -> tuple[float, float]:
-    """The corner of the bed that is farthest from the part.
+def parking_place(setup: Setup, modes: Modes) -> tuple[float, float]:
+    """The corner of the bed that is farthest from the part, as the program counts x and y.
+
+    Where the program has moved its origin and nobody knows how far, that is where the nozzle is.
 
     Args:
         setup: the printer.
-        box: x from, y from, x to, y to of everything that the job lays; None if that is not known.
+        modes: of the printer.
     """
-    (left, front), (right, back) = setup.low, setup.high
+    box, (by_x, by_y) = modes.box, modes.offset
+    if by_x is None or by_y is None:
+        return modes.stand.place[:2]
+    left, right = setup.low[0] + by_x, setup.high[0] + by_x
+    front, back = setup.low[1] + by_y, setup.high[1] + by_y
     inset = min(5.0, (right - left) / 4, (back - front) / 4)
     corners = [(x, y) for y in (back - inset, front + inset) for x in (left + inset, right - inset)]
     if box is None:
@@ -169,7 +175,7 @@ def as_it_was(stand: Stand) -> list[bytes]:
     script = [
         b"G92 E%s" % number(stand.e),
         b"G91" if stand.relative else b"G90",
-        b"M83" if stand.relative_e else b"M82",
+        b"M83" if stand.extruder else b"M82",
     ]
     return script + ([b"G1 F%s" % number(stand.speed * 60)] if stand.speed else [])
 
@@ -190,7 +196,7 @@ def end_script(modes: Modes, setup: Setup, spot: tuple[float, float]) -> list[by
     if modes.chamber:
         script.append(b"M141 S0")
     stand = modes.stand
-    script += [b"G91", b"G1 Z5 F300", b"G90"]
+    script += [*([] if modes.metric else [b"G21"]), b"G91", b"G1 Z5 F300", b"G90"]
     if stand.known and modes.metric and modes.box:
         x, y = spot
         if modes.highest + 5 > stand.place[2] + 5:

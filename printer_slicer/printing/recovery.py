@@ -72,9 +72,11 @@ def recovery(print_: Print, job: Job) -> Recovery:
     """
     story = read_story(print_.folder)
     lost = _lost(story, same_boot=print_.same_boot)
-    live = rebuild(story, story.line, job.commands, spans_of(job.text))
+    live = rebuild(story, story.line, job.commands, spans_of(job.text), print_.setup.rule)
     point = point_of_loss(story, live, lost, print_.setup)
     modes = live.modes
+    if None in modes.offset:
+        raise PrintError(f"{job.name}: where its G92 moved the origin to is not known", remedy=_REMEDY)
     if not point.stand.known or not modes.metric or modes.box is None:
         raise PrintError(f"{job.name}: nothing was printed yet", remedy=_REMEDY)
     script = recovery_script(job, point, modes, print_.setup)
@@ -82,7 +84,8 @@ def recovery(print_: Print, job: Job) -> Recovery:
     x, y, _ = point.stand.place
     told = (
         f"Recovery: warm the nozzle to {_SOFT:g} °C, take z for {z:g} mm, lift, home x and y only, heat to"
-        f" {modes.hotend:g} and {modes.bed:g} °C, prime beside the part, and go on at x {x:.1f} y {y:.1f}"
+        f" {modes.hotend:g} and {modes.bed:g} °C{_besides(modes)}, prime beside the part,"
+        f" and go on at x {x:.1f} y {y:.1f}"
         + (f" in layer {layer}" if layer else "")
         + f", behind {point.entries} of {len(job.commands)} commands."
     )
@@ -100,6 +103,15 @@ def recovery(print_: Print, job: Job) -> Recovery:
         point.as_json(),
         told,
     )
+
+
+def _besides(modes: Modes) -> str:
+    """What else is switched on again, and what cannot be promised of it."""
+    told = f", the chamber to {modes.chamber:g} °C" if modes.chamber else ""
+    mesh = (
+        f"follow the bed as the firmware has kept it ({modes.mesh.decode('latin-1')})" if modes.mesh else ""
+    )
+    return told + (f", {mesh}" if mesh else "")
 
 
 def _lost(story: Story, *, same_boot: bool) -> float | None:
@@ -152,13 +164,23 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
     """The commands before the rest of the job."""
     x, y, z = point.stand.place
     safe = max(min(max(modes.highest, z) + setup.lift, setup.top), z)
-    spot = parking_place(setup, modes.box)
+    spot = parking_place(setup, modes)
+    origin = modes.offset
     lift = b" F%d" % (setup.lift_speed * 60)
     travel = b" F%d" % (setup.travel_speed * 60)
     script = [b"G21", *_settings(modes), b"M140 S%s" % number(modes.bed)]
+    script += [b"M141 S%s" % number(modes.chamber)] if modes.chamber else []
     script += [b"M109 S%s" % number(min(_SOFT, modes.hotend))] if modes.hotend else []
     script += [b"SET_KINEMATIC_POSITION Z=%s" % number(z)] if setup.flavour == "klipper" else []
     script += [b"G90", b"G92 Z%s" % number(z), b"G1 Z%s" % number(safe) + lift, b"G28 X Y"]
+    if origin != (0.0, 0.0):
+        # Homing has put the origin back to the machine's; the job counts from its own.
+        corner = [number(one - by) for one, by in zip(spot, origin, strict=True) if by is not None]
+        script += [
+            b"G1 X%s Y%s" % tuple(corner) + travel,
+            b"G92 X%s Y%s" % (number(spot[0]), number(spot[1])),
+        ]
+    script += [modes.mesh] if modes.mesh else []
     script += [b"G1 X%s Y%s" % (number(spot[0]), number(spot[1])) + travel]
     script += [b"M190 S%s" % number(modes.bed)] if modes.bed else []
     if modes.hotend:
@@ -167,7 +189,7 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
     if warm:
         prime = [b"M83", b"G1 E%s F300" % number(setup.purge + setup.retract)]
         script += [*prime, b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
-    script.append(b"M106 S%d" % modes.fan if modes.fan else b"M107")
+    script += [b"M106 S%d" % modes.fan if modes.fan else b"M107", *modes.fans.values()]
     beside = approach_from(laid_points(job, point.entries, setup), (x, y, z), setup)
     if beside is not None:
         script.append(b"G1 X%s Y%s" % (number(round(beside[0], 3)), number(round(beside[1], 3))) + travel)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Final
 
+from printer_slicer.motion.counting import COUNTING, Rule
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
-from printer_slicer.profile import Printer
+from printer_slicer.profile import Profile, settings_of
 
 __all__ = ["Setup", "setup_from", "setup_of"]
 
+_GOES_ON: Final = {"prusa": b"M602", "klipper": b"RESUME", "reprapfirmware": b"M24"}
 _STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})
 
 
@@ -31,6 +33,8 @@ class Setup:
         lift: of the nozzle over the part.
         purge: mm of filament pushed out and lost after the nozzle was cold.
         coldest: °C below which the extruder must not turn.
+        settings: all of the profile, by which commands are judged that a person types; empty: they are not.
+        allowed: names of what was allowed all the same.
     """
 
     flavour: str
@@ -48,19 +52,32 @@ class Setup:
     lift: float = 5.0
     purge: float = 10.0
     coldest: float = 170.0
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    allowed: tuple[str, ...] = ()
+
+    @property
+    def rule(self) -> Rule:
+        """By which the firmware reads G90, G91, M82 and M83."""
+        return COUNTING[self.flavour]
 
     @property
     def stoppable(self) -> bool:
         """Whether the firmware has M410, which throws away what is planned."""
         return self.flavour in _STOPPABLE
 
+    @property
+    def going_on(self) -> bytes:
+        """What ends a pause that the printer has begun by itself; M108 where it waits in the middle of a command."""
+        return _GOES_ON.get(self.flavour, b"M108")
+
     def as_json(self) -> dict[str, Any]:
         """As JSON holds it."""
         return asdict(self)
 
 
-def setup_of(printer: Printer) -> Setup:
-    """What the profile of a printer says."""
+def setup_of(profile: Profile, allowed: Iterable[str] = ()) -> Setup:
+    """What a profile says, and what was allowed against it."""
+    printer = profile.printer
     low, high = printer.corners
     return Setup(
         flavour=printer.flavour,
@@ -75,6 +92,8 @@ def setup_of(printer: Printer) -> Setup:
         deretract_speed=printer.deretract_speed,
         travel_speed=min(100.0, printer.max_speed_x, printer.max_speed_y),
         lift_speed=min(10.0, printer.max_speed_z),
+        settings=settings_of(profile),
+        allowed=tuple(sorted(allowed)),
     )
 
 
@@ -90,4 +109,5 @@ def setup_from(values: Mapping[str, Any]) -> Setup:
         key: tuple(value) if isinstance(value, list) else value for key, value in kept["limits"].items()
     }
     kept |= {"limits": Limits(**limits), "low": tuple(kept["low"]), "high": tuple(kept["high"])}
+    kept["allowed"] = tuple(kept.get("allowed", ()))
     return Setup(**kept)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from printer_slicer.motion.counting import Rule
 from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
 from printer_slicer.printing.modes import SCRIPT, Modes
 from printer_slicer.printing.objects import LiveJob, Span
@@ -101,7 +102,7 @@ def take_up(
     if attach.reason or line is None:
         raise Lost(attach.reason or "it does not say which line it took")
     entries = _entries(story, line)
-    job = rebuild(story, line, commands, spans)
+    job = rebuild(story, line, commands, spans, setup.rule)
     job.follow(entries)
     parked, pushed, replay = _parked(story, line, setup)
     _insist_on_place(job.modes, attach.position)
@@ -120,9 +121,11 @@ def _entries(story: Story, line: int) -> int:
     return story.entries_at(line)
 
 
-def rebuild(story: Story, line: int, commands: tuple[bytes, ...], spans: tuple[Span, ...]) -> LiveJob:
+def rebuild(
+    story: Story, line: int, commands: tuple[bytes, ...], spans: tuple[Span, ...], rule: Rule
+) -> LiveJob:
     """The job as it was sent so far: what was said between, what was given up; not followed beyond the last of that."""
-    job = LiveJob(commands, spans)
+    job = LiveJob(commands, spans, rule=rule)
     given_up = sorted((at, name) for name, at in dict(story.states.get("cancelled_at", {})).items())
     happened = [(at, 0, name) for at, name in given_up]
     happened += [(entries, 1, command.decode("latin-1")) for entries, command in story.others_until(line)]

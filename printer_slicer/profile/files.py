@@ -22,7 +22,7 @@ from printer_slicer.profile.own_settings import override_faults
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS, Source, flatten, merged, read_chain
 
-__all__ = ["load_profile", "profile_with", "read_sources", "settings_text"]
+__all__ = ["load_profile", "profile_from", "profile_with", "read_sources", "settings_of", "settings_text"]
 
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 _LISTS = ("layer_heights", "overrides", "pause_at", "planner.ranges", "thumbnails")
@@ -94,6 +94,21 @@ def _with(profile: Profile, changes: Mapping[str, object], *, slices: bool = Tru
         for kind in KINDS
     }
     return _built(_changed(sources, changes), slices=slices)
+
+
+def settings_of(profile: Profile) -> dict[str, dict[str, Any]]:
+    """All settings of the three parts as JSON can hold them; `profile_from` makes a profile of them again."""
+    return {kind: msgspec.to_builtins(getattr(profile, kind)) for kind in KINDS}
+
+
+def profile_from(values: Mapping[str, Mapping[str, Any]]) -> Profile:
+    """The profile whose `settings_of` these are; whether its parts suit each other is not asked again.
+
+    Raises:
+        ProfileError: they are of another version of this program.
+    """
+    sources = {kind: Source(dict(values.get(kind, {})), {}, f"the kept {kind}") for kind in KINDS}
+    return _built(sources, slices=False)
 
 
 def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.motion.counting import COUNTING, Counting
 from printer_slicer.sim.card import Card
 from printer_slicer.sim.heaters import Heaters
 from printer_slicer.sim.machine import AXES, Machine, Position
@@ -68,12 +69,11 @@ class Board:
         self.tally = tally
         self.now = now
         self.out: list[str] = []
-        self.ok_tail = ""
         self.last_line = 0
         self.renumber: int | None = None
         self.inject: Callable[[str], None] = lambda _: None
         self.reset: Callable[[], None] = lambda: None
-        self.killed = self.shut_down = ""
+        self.killed = self.shut_down = self.ok_tail = ""
         self.due = inf
         self._alarms: dict[str, tuple[float, Callable[[], None]]] = {}
         self.limits: Limits = machine.limits
@@ -90,6 +90,7 @@ class Board:
         self.position: Axes = (0.0, 0.0, 0.0, 0.0)
         self.offset: Position = (0.0, 0.0, 0.0)
         self.filament = 0.0
+        self.counting = Counting(COUNTING[front_end.flavour])
         self.relative = self.relative_e = self.retracted = False
         self.unit = 1.0
         self.feed = 25.0

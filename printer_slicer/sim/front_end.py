@@ -97,6 +97,7 @@ MARLIN_1_1: Final = replace(
     MARLIN_2_0_AVR,
     name="1.1.9 (Github)",
     banner=("start", "echo:Marlin 1.1.9", "", "echo: Free Memory: 3619  PlannerBufferBytes: 1264"),
+    flavour="marlin_legacy",
 )
 """Marlin 1.1 of 2018 on an 8-bit board at 115200 Bd; no ok after a request is a fork's, see `ok_after_resend`."""
 

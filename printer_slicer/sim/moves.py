@@ -295,6 +295,9 @@ def _set_position(board: Board, command: Command) -> None:
 
 def _babystep(board: Board, command: Command) -> Steps | None:
     """M290: the nozzle goes up or down, and what the program calls its place stays."""
+    if not board.front_end.babysteps:
+        board.unknown(command.text)
+        return None
     step = command.value("Z") or command.value("S")
     if not step or not abs(step) <= LARGEST_BABYSTEP:
         return None
@@ -308,13 +311,10 @@ def _babystep(board: Board, command: Command) -> Steps | None:
     return steps
 
 
-def _absolute(board: Board, command: Command) -> None:
-    """G90 and G91; both set the extruder too, undoing M82 and M83, as Marlin does."""
-    board.relative = board.relative_e = command.code == "G91"
-
-
-def _extruder_mode(board: Board, command: Command) -> None:
-    board.relative_e = command.code == "M83"
+def _counts(board: Board, command: Command) -> None:
+    """G90, G91, M82 and M83."""
+    board.counting = board.counting.after(command.code)
+    board.relative, board.relative_e = board.counting.axes, board.counting.e
 
 
 def _units(board: Board, command: Command) -> None:
@@ -333,12 +333,12 @@ TABLE: Final = {
     "G21": _units,
     "G28": _home,
     "G29": probe,
-    "G90": _absolute,
-    "G91": _absolute,
+    "G90": _counts,
+    "G91": _counts,
     "G92": _set_position,
     "M18": _motors_off,
-    "M82": _extruder_mode,
-    "M83": _extruder_mode,
+    "M82": _counts,
+    "M83": _counts,
     "M84": _motors_off,
     "M290": _babystep,
     "M400": _finish,

@@ -63,6 +63,7 @@ class FrontEnd:
         reports_position: knows M154.
         reports_area: M115 ends with the size of the machine.
         flavour: whose meanings commands have that differ from firmware to firmware.
+        babysteps: M290 is known.
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
         wait_seconds: an idle printer says `wait` so often; 0 = never.
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
@@ -110,6 +111,7 @@ class FrontEnd:
     reports_area: bool = False
     flavour: str = "marlin"
     ignores_extended: bool = False
+    babysteps: bool = True
     wait_seconds: float = 0.0
     busy_seconds: float = 2.0
     queue_places: int = 4
@@ -123,6 +125,7 @@ class FrontEnd:
         known = {
             "AUTOLEVEL": machine.probe_points > 0,
             "AUTOREPORT_POS": self.reports_position,
+            "BABYSTEPPING": self.babysteps,
             "EMERGENCY_PARSER": self.emergency_parser,
             "HOST_ACTION_COMMANDS": self.host_actions,
             "PROMPT_SUPPORT": self.prompts,
@@ -150,7 +153,5 @@ _CAPABILITIES: Final = (
     *("BABYSTEPPING", "CHAMBER_TEMPERATURE", "COOLER_TEMPERATURE", "MEATPACK", "CONFIG_EXPORT"),
 )
 
-_PRESENT: Final = frozenset(
-    {"ARCS", "AUTOREPORT_TEMP", "BABYSTEPPING", "BUILD_PERCENT", "PRINT_JOB", "THERMAL_PROTECTION"}
-)
+_PRESENT: Final = frozenset({"ARCS", "AUTOREPORT_TEMP", "BUILD_PERCENT", "PRINT_JOB", "THERMAL_PROTECTION"})
 """What the simulated firmware can always do."""

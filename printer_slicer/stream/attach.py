@@ -153,6 +153,8 @@ class Attach:
         if self.line is None:
             # Some may answer questions from before; a firmware that answers again and again does not count lines.
             self._answers += ok.heat
+            if ok.heat:  # it answers: no need to wait long before the next question
+                self._due = min(self._due, now + _QUIET)
             if self._answers >= _NO_REFUSAL and self._named is None:
                 self._fail("its firmware does not count lines")
             return

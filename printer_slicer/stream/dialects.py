@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from printer_slicer.errors import UsageError
+from printer_slicer.motion.counting import Rule
 
 __all__ = ["DIALECTS", "UNKNOWN", "Dialect", "dialect_named", "dialect_of"]
 
@@ -41,6 +42,7 @@ class Dialect:
         longest: bytes of a line, without its line break.
         places: commands it reads ahead.
         most: lines in flight at most, where it is safe.
+        counting: by which rule it reads G90, G91, M82 and M83.
         advice: what its owner should know before streaming; empty if nothing.
     """
 
@@ -55,6 +57,7 @@ class Dialect:
     longest: int = 95
     places: int = 4
     most: int = 6
+    counting: Rule = "together"
     advice: str = ""
 
 
@@ -77,6 +80,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         places=20,
         most=1,
         longest=200,
+        counting="either",
         advice=_KLIPPER_ADVICE,
     ),
     "reprapfirmware": Dialect(
@@ -88,6 +92,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         places=1,
         most=1,
         longest=160,
+        counting="apart",
         advice=_REPRAP_ADVICE,
     ),
     "repetier": Dialect(
@@ -97,6 +102,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         strays="refused",
         ok_when_read=True,
         places=2,
+        counting="either",
     ),
     "smoothie": Dialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1),
     "prusa": Dialect(
@@ -104,8 +110,9 @@ DIALECTS: Final[dict[str, Dialect]] = {
         r"Prusa-Firmware(?!-Buddy)",
         (_MARLIN_ERROR, "Resend: 7", "ok"),
         strays="refused",
+        counting="apart",
     ),
-    "marlin_1": Dialect("Marlin 1.1", r"Marlin V?1\.", (_MARLIN_ERROR, "Resend: 7", "ok")),
+    "marlin_1": Dialect("Marlin 1.1", r"Marlin V?1\.", (_MARLIN_ERROR, "Resend: 7", "ok"), counting="either"),
     "marlin_2_1_3": Dialect(
         "Marlin 2.1.3 and later",
         r"Marlin (?:bugfix-)?2\.(?:1\.(?:[3-9]|[12]\d)|[2-9])",

@@ -178,7 +178,8 @@ class Flight:
         if counted is None:
             return None
         self.burst.swallow = True
-        self._unnumbered.pop()
+        if self._unnumbered:  # else an ok of something else was taken for the one to this question
+            self._unnumbered.pop()
         if not ledger.accepted <= last < ledger.cursor:
             # Damaged, or of a printer that begins anew: the next line brings it out.
             self.watch.suspect(now)

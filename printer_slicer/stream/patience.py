@@ -48,13 +48,20 @@ _HEAT: Final = 1800.0
 _HOME: Final = 600.0
 
 _OWN_TIME: Final[Mapping[bytes, float]] = {
+    b"": _HEAT,
+    b"G12": _HOME,
+    b"G27": _HOME,
     b"G28": _HOME,
     b"G29": 2 * _HOME,
     b"G30": _HOME,
+    b"G32": 2 * _HOME,
     b"G33": 2 * _HOME,
     b"G34": 2 * _HOME,
+    b"G35": 2 * _HOME,
+    b"G76": 2 * _HOME,
     b"G80": 2 * _HOME,
     b"M48": _HOME,
+    b"M98": _HEAT,
     b"M109": _HEAT,
     b"M116": _HEAT,
     b"M190": _HEAT,
@@ -67,7 +74,8 @@ _OWN_TIME: Final[Mapping[bytes, float]] = {
     b"M226": inf,
     b"M600": inf,
 }
-"""s that a command may take by itself. Longer is safe: it only delays the question, never the job."""
+"""s that a command may take by itself; one without a name here is a macro, which may heat. Longer is safe: it only
+delays the question, never the job."""
 
 _EMPTIES_PLANNER: Final = frozenset({b"G4", b"G28", b"M400"})
 
@@ -88,14 +96,15 @@ class Patience:
         """Longest wait for the ok of a parsed command, s.
 
         Args:
-            word: such as `G1`.
+            word: such as `G1`; empty: a macro, which may do anything.
             values: its values.
             move: what it moves, None if nothing.
         """
         if move is not None:
-            self._planned.append(self._duration(move) * self._slowdown)
+            if duration := self._duration(move) * self._slowdown:  # a move of no length is not planned
+                self._planned.append(duration)
             # Twice: firmware that cuts a move into pieces waits for the one before and for its own pieces.
-            return 2 * max(self._planned) + self._margin
+            return 2 * max(self._planned, default=0.0) + self._margin
         if word in _AT_ONCE:
             return _SOON
         if word == b"M220" and values.get(b"S", 0.0) > 0.0:
@@ -105,7 +114,8 @@ class Patience:
             self._planned.clear()
         if word == b"G4":
             return longest + values.get(b"S", 0.0) + values.get(b"P", 0.0) / 1000.0
-        return longest + _OWN_TIME.get(word, 0.0)
+        # Another tool may be picked up, and heated.
+        return longest + (_HOME if word[:1] == b"T" else _OWN_TIME.get(word, 0.0))
 
     def _duration(self, move: Move) -> float:
         """Upper bound of the time of a move, s."""

@@ -285,6 +285,7 @@ class Streamer(Standing):
             self._dialect = self._greeting.dialect
             parser = self._greeting.can("EMERGENCY_PARSER")
             self._flight.speak(self._dialect, emergency_parser=parser)
+            self._script.speak(self._dialect)
             self._events.append(self._greeting.identified())
 
     def _on_ok_in_doubt(self, ok: replies.Ok, now: float) -> None:

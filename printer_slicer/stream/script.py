@@ -10,12 +10,13 @@ from printer_slicer.stream.events import Finished, Spot
 from printer_slicer.stream.framing import LONGEST, check_commands, strip
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.patience import Patience
-from printer_slicer.stream.tracker import Tracker, parse
+from printer_slicer.stream.tracker import Tracker, is_macro, parse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from printer_slicer.motion.rules import Limits
+    from printer_slicer.stream.dialects import Dialect
 
 __all__ = ["SAME_PLACE", "Script"]
 
@@ -50,6 +51,10 @@ class Script:
         self._patience = Patience(limits)
         self._tracker = Tracker()
         self._command, self._before = b"", self._tracker.place
+
+    def speak(self, dialect: Dialect) -> None:
+        """The firmware is known now."""
+        self._tracker.speak(dialect.counting)
 
     def inject(self, command: bytes) -> None:
         """Give this out next.
@@ -117,7 +122,10 @@ class Script:
         self._before = self._tracker.place
         self._command = command
         move = self._tracker.follow(word, values)
-        return self._patience.allow(word, values, move)
+        macro = is_macro(command)
+        if macro:
+            self._tracker.lose_place()
+        return self._patience.allow(b"" if macro else word or b"SET", values, move)
 
     def doubt(self) -> Doubt:
         """Questions about the last command that got its number."""

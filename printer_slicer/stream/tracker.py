@@ -10,10 +10,13 @@ import re
 from math import hypot, pi
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
+from printer_slicer.motion.counting import Counting
+
 if TYPE_CHECKING:
+    from printer_slicer.motion.counting import Rule
     from printer_slicer.stream.events import Spot
 
-__all__ = ["Move", "Place", "Tracker", "parse"]
+__all__ = ["MOVES_UNSEEN", "Move", "Place", "Tracker", "is_macro", "parse"]
 
 Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
 """x, y, z, e in mm; None where it is not known."""
@@ -24,6 +27,32 @@ _WORD: Final = re.compile(rb"([GMT])\s*(\d+)")
 _VALUE: Final = re.compile(rb"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
 _AXES: Final = (b"X", b"Y", b"Z", b"E")
 _MOVES: Final = frozenset({b"G0", b"G1", b"G2", b"G3"})
+_COUNTING: Final = frozenset({b"G90", b"G91", b"M82", b"M83"})
+MOVES_UNSEEN: Final = frozenset(
+    {
+        b"G5",
+        b"G12",
+        b"G26",
+        b"G27",
+        b"G28",
+        b"G29",
+        b"G30",
+        b"G32",
+        b"G33",
+        b"G34",
+        b"G35",
+        b"G38",
+        b"G42",
+        b"G61",
+    }
+    | {b"G76", b"G80", b"G425", b"M48", b"M98", b"M125", b"M701", b"M702"}
+)
+"""They move the machine to a place that they do not name."""
+
+_SETS_ONLY: Final = re.compile(
+    rb"(SET_|EXCLUDE_OBJECT|RESPOND\b|SAVE_GCODE_STATE|TURN_OFF_HEATERS|M\d|T\d|@|;|$)"
+)
+
 _OTHER_COORDINATES: Final = frozenset(
     {b"G20", b"G53", b"G54", b"G55", b"G56", b"G57", b"G58", b"G59", b"M206", b"M428"}
 )
@@ -48,13 +77,18 @@ def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
     return b"%s%d" % (found[1], int(found[2])), values
 
 
+def is_macro(command: bytes) -> bool:
+    """Whether a command is a name that the printer's owner, or its maker, gave to several: it may do anything."""
+    return not _WORD.match(command) and _SETS_ONLY.match(command) is None
+
+
 class Tracker:
     """Follows commands in the order in which the printer gets them."""
 
-    def __init__(self) -> None:
+    def __init__(self, rule: Rule = "together") -> None:
         self._position: list[float | None] = [None, None, None, 0.0]
         self._e_told = False  # 0 is a guess that is good enough for lengths, but no place
-        self._relative = [False, False, False, False]
+        self._counting = Counting(rule)
         self._speed = 0.0
         self._comparable = True
 
@@ -66,7 +100,18 @@ class Tracker:
 
     def relative(self, values: dict[bytes, float]) -> bool:
         """Whether one of the axes in `values` is counted from where it is, so that a move twice is not a move once."""
-        return any(self._relative[axis] for axis, letter in enumerate(_AXES) if letter in values)
+        return any(self._from_here(axis) for axis, letter in enumerate(_AXES) if letter in values)
+
+    def speak(self, rule: Rule) -> None:
+        """The firmware is known now, and with it how it reads G90, G91, M82 and M83."""
+        self._counting = self._counting._replace(rule=rule)
+
+    def lose_place(self) -> None:
+        """Something moved the machine, and did not say where to."""
+        self._position[:3] = [None, None, None]
+
+    def _from_here(self, axis: int) -> bool:
+        return self._counting.e if axis == 3 else self._counting.axes
 
     @property
     def position(self) -> Spot:
@@ -80,17 +125,15 @@ class Tracker:
         """The move that a parsed command makes, None for any other command."""
         if word in _MOVES:
             return self._move(word, values)
-        if word in {b"G90", b"G91"}:
-            self._relative = [word == b"G91"] * 4
-        elif word in {b"M82", b"M83"}:
-            self._relative[3] = word == b"M83"
+        if word in _COUNTING:
+            self._counting = self._counting.after(word.decode())
         elif word == b"G92":
             for axis, letter in enumerate(_AXES):
                 if letter in values:
                     self._position[axis] = values[letter]
             self._e_told = self._e_told or b"E" in values
-        elif word in {b"G28", b"G29"}:
-            self._position[:3] = [None, None, None]
+        elif word in MOVES_UNSEEN:
+            self.lose_place()
         elif word in _OTHER_COORDINATES:
             self._comparable = False
         return None
@@ -105,7 +148,7 @@ class Tracker:
             if value is None:
                 continue
             here = self._position[axis]
-            if self._relative[axis]:
+            if self._from_here(axis):
                 delta[axis] = value
                 self._position[axis] = None if here is None else here + value
             else:

@@ -131,13 +131,14 @@ class Watchdog:
         self._raised = True
         return Alarm(now - self._heard, tuple(sorted(self.targets.items())))
 
-    def farewell(self, commands: Iterable[bytes] = ()) -> bytes:
+    def farewell(self, commands: Iterable[bytes] = (), *, anyway: bool = False) -> bytes:
         """What to write when the host ends before the print, empty if nothing was ever switched on.
 
         What was switched off again is named too: that line may be one of those that got lost.
 
         Args:
             commands: that were sent besides those told by `sent`.
+            anyway: nozzle and bed are named whatever was sent: a macro of the printer may have switched them on.
 
         Returns:
             Lines without numbers, which most firmware takes at any time, and the same once more behind a new count, for
@@ -147,6 +148,7 @@ class Watchdog:
         for command in commands:
             if command.startswith(_MAY_HEAT):
                 self.sent(command, self._heard)
+        self._used |= {"T", "B"} if anyway else set()
         if not self._used:
             return b""
         lines = [b"M108"]

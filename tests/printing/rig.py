@@ -30,7 +30,7 @@ from printer_slicer.stream.session import run
 from printer_slicer.verdict import machine_of
 
 PROFILE = load_profile("marlin_220", "pla", "standard")
-SETUP = setup_of(PROFILE.printer)
+SETUP = setup_of(PROFILE)
 OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
 Piece = tuple[Axes, Axes]
 Point = tuple[float, float, float]
@@ -149,7 +149,9 @@ class Rig:
 
     def connect(self, found: TakenUp | None = None) -> Conductor:
         """A host at the port, from the beginning or from where another one was."""
-        job = found.job if found else LiveJob(self.commands, spans_of(self.text.encode()))
+        job = (
+            found.job if found else LiveJob(self.commands, spans_of(self.text.encode()), rule=self.setup.rule)
+        )
         self.streamer = Streamer(
             job,
             limits=self.setup.limits,

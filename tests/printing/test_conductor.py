@@ -67,11 +67,19 @@ def test_a_wish_becomes_a_command_in_the_middle_of_the_job(wish: wishes.Wish, co
 
 
 def test_baby_steps_are_refused_by_a_firmware_that_says_it_has_none_and_are_words_of_klipper() -> None:
-    refused = run_with(Rig(LINES), {50: wishes.BabyStep(0.02)})
+    refused = run_with(Rig(LINES, replace(MARLIN_2_1, babysteps=False)), {50: wishes.BabyStep(0.02)})
     klipper = run_with(Rig(LINES, setup=replace(SETUP, flavour="klipper")), {50: wishes.BabyStep(-0.02)})
 
     assert isinstance(refused.answers[0], UsageError)
     assert "SET_GCODE_OFFSET Z_ADJUST=-0.020 MOVE=1" in klipper.of_job()
+
+
+def test_cancelling_a_file_in_inches_lifts_five_millimetres() -> None:
+    text = tower(6).replace("G90\n", "G90\nG20\n", 1)
+    rig = run_with(Rig(text), {20: wishes.Cancel()})
+    script = rig.of_job()[rig.of_job().index("M107") :]
+
+    assert script.index("G21") < script.index("G1 Z5 F300")
 
 
 def test_cancelling_runs_the_end_script_off_the_part() -> None:

@@ -22,6 +22,7 @@ from printer_slicer.jobs import job_from
 from printer_slicer.printing import print_job
 from printer_slicer.printing.journal import HEATERS_OFF, read_story
 from printer_slicer.profile import load_profile
+from printer_slicer.sim.front_end import KLIPPER
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.verdict import front_end_of, machine_of
@@ -86,6 +87,37 @@ def test_a_host_that_comes_back_in_time_finds_the_printer_hot(tmp_path: Path) ->
         assert ran(resumed(tmp_path)) == 0
 
     assert of_job(executed) == JOB
+
+
+def test_a_resume_that_comes_to_nothing_leaves_the_guard_where_it_is(tmp_path: Path) -> None:
+    """This firmware does not say which line it took, so the print cannot just go on; nobody consents to more."""
+    heated = ["M190 S60", "M109 S200", "G28", "G90", "M83", "G1 Z0.3 F600", *MOVES]
+    (tmp_path / "job.gcode").write_text("\n".join(heated), encoding="utf-8")
+    with served(tmp_path / "port", 50.0, KLIPPER) as executed:
+        host = start(tmp_path, *("print", "job.gcode", "--port", "port", "--reconnect", "0", "--guard", "10"))
+        until(lambda: printing(executed))
+        host.kill()
+        host.wait()
+        assert ran(resumed(tmp_path)) == 5
+        assert b"does not count lines" in (tmp_path / "said").read_bytes()
+        assert "M104 S0" not in executed
+        until(lambda: "M104 S0" in executed)
+        until(lambda: "M140 S0" in executed)
+
+
+def test_heat_that_a_macro_asked_for_goes_off_too(tmp_path: Path) -> None:
+    """Nothing in the file tells of heaters, so nothing but switching them off anyway will do."""
+    (tmp_path / "job.gcode").write_text("\n".join(["G28", "G90", "M83", "M302 S0", *MOVES]), encoding="utf-8")
+    with served(tmp_path / "port", 20.0) as executed:
+        host = start(
+            tmp_path,
+            *("print", "job.gcode", "--port", "port", "--reconnect", "0", "--guard", "1"),
+            *("--allow", "cold"),
+        )
+        until(lambda: printing(executed))
+        host.kill()
+        host.wait()
+        until(lambda: set(OFF) <= set(executed))
 
 
 def test_a_print_that_ends_well_needs_no_guard(tmp_path: Path) -> None:

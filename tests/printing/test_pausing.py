@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from random import Random  # noqa: TID251 - seeded
+from typing import Any
 
 import pytest
-from printed import scribble, tower
-from rig import Rig, assert_same_beads, off_path, way
+from printed import HEAT, scribble, tower
+from rig import SETUP, Rig, assert_same_beads, off_path, way
 
 from printer_slicer.printing import wishes
 from printer_slicer.printing.phases import Phase
+from printer_slicer.sim.front_end import (
+    KLIPPER,
+    MARLIN_1_1,
+    MARLIN_2_1,
+    PRUSA_MK3,
+    REPETIER,
+    REPRAPFIRMWARE,
+    SMOOTHIE,
+    FrontEnd,
+)
 from printer_slicer.stream.events import Finished, Paused, Resumed
+from printer_slicer.stream.states import State
 
 
 def printed(text: str) -> Rig:
@@ -21,9 +34,9 @@ def printed(text: str) -> Rig:
     return rig
 
 
-def paused_at(text: str, entries: list[int], pause: wishes.Pause) -> Rig:
+def paused_at(text: str, entries: list[int], pause: wishes.Pause, **given: Any) -> Rig:
     """A print that is paused when so many commands were accepted, and goes on 3 s after it is parked."""
-    rig = Rig(text)
+    rig = Rig(text, **given)
     rig.connect()
     left, since = list(entries), [0.0]
 
@@ -129,3 +142,78 @@ def test_a_cold_machine_does_not_pull_filament() -> None:
 
     assert not any("E" in line for line in rig.of_job() if line.startswith("G1"))
     assert rig.printer.report().n_violations == 0
+
+
+MODES = """G28
+G90
+M83
+G91
+G1 Z5 F600
+G90
+G1 X100 Y100 Z0.2 F3000
+"""
+
+
+@pytest.mark.parametrize(
+    ("front_end", "flavour", "counts"),
+    [
+        (MARLIN_2_1, "marlin", False),
+        (MARLIN_1_1, "marlin_legacy", True),
+        (PRUSA_MK3, "prusa", True),
+        (KLIPPER, "klipper", True),
+        (REPRAPFIRMWARE, "reprapfirmware", True),
+        (REPETIER, "repetier", True),
+        (SMOOTHIE, "smoothie", False),
+    ],
+    ids=lambda one: one if isinstance(one, str) else "",
+)
+def test_what_g90_does_to_relative_extrusion_is_the_firmwares_business(
+    front_end: FrontEnd, flavour: str, counts: bool
+) -> None:
+    """A lift under G91 is in many macros; whether E counts from where it is afterwards, firmwares see differently."""
+    moves = [f"G1 X{100 + i % 7} Y{100 + i % 5} E0.05" for i in range(1, 121)]
+    text = HEAT + MODES + "\n".join(moves) + "\n"
+    setup = replace(SETUP, flavour=flavour)
+    whole = Rig(text, front_end, setup)
+    whole.connect()
+    whole.run()
+    rig = paused_at(text, [60], wishes.Pause(), front_end=front_end, setup=setup)
+
+    laid = 120 * 0.05 if counts else 0.05
+    assert whole.printer._board.filament == pytest.approx(laid, abs=1e-6)
+    assert isinstance(rig.events[-1], Finished)
+    assert rig.printer._board.filament == pytest.approx(laid, abs=1e-3)
+    assert_same_beads(rig.beads, whole.beads)
+
+
+def test_the_way_to_the_parking_place_is_within_the_bed_wherever_the_program_counts_from() -> None:
+    text = HEAT + "G28\nG90\nM83\nG1 X110 Y110 Z0.2 F3000\nG92 X0 Y0\n"
+    text += "".join(f"G1 X{i % 9} Y{i % 7} E0.05\n" for i in range(120))
+    rig = paused_at(text, [60], wishes.Pause())
+    reached = [end for _, end in rig.made]
+
+    assert isinstance(rig.events[-1], Finished)
+    assert all(0 <= x <= 220 and 0 <= y <= 220 for x, y, *_ in reached)
+    assert any(min(x, 220 - x) == min(y, 220 - y) == pytest.approx(5) for x, y, *_ in reached)  # a corner
+
+
+def test_a_pause_of_the_printer_s_own_ends_when_a_person_resumes() -> None:
+    rig = Rig(tower(4))
+    rig.connect()
+    begun: list[int] = []
+
+    def meddle(_: object) -> None:
+        if rig.streamer.acknowledged >= 30 and not begun:
+            begun.append(rig.streamer.acknowledged)
+            rig.printer._board.say("//action:paused")
+        elif begun and rig.streamer.state is State.PAUSED and len(begun) == 1:
+            begun.append(0)
+            rig.wish(wishes.Resume())
+
+    rig.on_event = meddle
+    rig.run()
+
+    assert len(begun) == 2
+    assert rig.answers == ["told the printer to go on"]
+    assert "M108" in rig.executed
+    assert isinstance(rig.events[-1], Finished)

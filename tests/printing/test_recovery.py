@@ -141,6 +141,32 @@ def test_heat_fan_and_settings_are_said_again(tmp_path: Path) -> None:
     assert script.index("M109 S150") < script.index("G28 X Y") < script.index("M109 S200")
 
 
+def test_chamber_bed_and_other_fans_are_as_they_were(tmp_path: Path) -> None:
+    text = tower(6).replace("G92 E0\n", "G92 E0\nM141 S40\nM420 S1 Z10\nM106 P1 S200\n", 1)
+    _, _, found = recovered(text, tmp_path, 80)
+    script = list(found.replay)
+
+    assert script.index("M141 S40") < script.index("G28 X Y") < script.index("M420 S1 Z10")
+    assert "M106 P1 S200" in script
+    assert "the chamber to 40 °C" in found.told
+    assert "M420 S1 Z10" in found.told
+
+
+def test_the_origin_of_the_program_is_where_it_was(tmp_path: Path) -> None:
+    """Homing forgets it."""
+    text = tower(6).replace("G92 E0\n", "G92 E0\nG1 X50 Y50 F6000\nG92 X40 Y60\n", 1)
+    whole = Rig(text)
+    whole.connect()
+    whole.run()
+    before, after, found = recovered(text, tmp_path, 80)
+
+    assert isinstance(after.events[-1], Finished)
+    assert abs(way(before.beads) + way(after.beads) - way(whole.beads)) <= 1.0
+    assert after.beads[-1][1][:2] == pytest.approx(whole.beads[-1][1][:2], abs=0.01)
+    script = list(found.replay)
+    assert script.index("G28 X Y") < next(i for i, line in enumerate(script) if line.startswith("G92 X"))
+
+
 def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path) -> None:
     text = tower(3)
     job = job_of_text(

@@ -1,0 +1,42 @@
+"""What is kept of a profile with a print."""
+
+from __future__ import annotations
+
+import json
+
+from printer_slicer.cli.resuming import _judged
+from printer_slicer.motion.counting import COUNTING
+from printer_slicer.printing.setup import setup_from, setup_of
+from printer_slicer.profile import FIRMWARES, load_profile, profile_from, settings_of
+
+
+def test_it_is_the_same_after_it_was_a_file() -> None:
+    setup = setup_of(load_profile("voron_trident_300", "abs"), ["cold"])
+
+    kept = setup_from(json.loads(json.dumps(setup.as_json())))
+    assert kept.limits == setup.limits
+    assert (kept.rule, kept.allowed, kept.low, kept.high) == ("either", ("cold",), setup.low, setup.high)
+    assert profile_from(kept.settings) == load_profile("voron_trident_300", "abs")
+
+
+def test_one_that_an_earlier_version_kept_judges_nothing() -> None:
+    old = setup_of(load_profile()).as_json()
+    del old["settings"], old["allowed"]
+
+    assert _judged(setup_from(old)) == {}
+
+
+def test_what_is_typed_after_a_resume_is_judged_as_before() -> None:
+    profile = load_profile("marlin_220", "pla")
+    allow = _judged(setup_from(json.loads(json.dumps(setup_of(profile).as_json()))))["allow"]
+    lenient = _judged(setup_of(profile, ["cold"]))["allow"]
+
+    assert "260" in allow(b"M104 S400")
+    assert allow(b"M302 P1")
+    assert not lenient(b"M302 P1")
+    assert not allow(b"M104 S210")
+
+
+def test_every_flavour_has_a_rule_for_relative_extrusion() -> None:
+    assert set(COUNTING) == set(FIRMWARES)
+    assert profile_from(settings_of(load_profile("creality_k1"))).printer.name
