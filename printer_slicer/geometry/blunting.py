@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer.geometry.areas import Areas, Float, Int
-from printer_slicer.geometry.inside import crossed
+from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.polylines import Polylines
 
 __all__ = ["blunted", "reach_of_corner"]
@@ -36,8 +36,11 @@ def blunted(lines: Polylines, corners: Int, areas: Areas, apart: float) -> Polyl
     """
     cuts = _cuts(lines, corners, apart)
     first, last = cuts.ends(cuts.begin), cuts.ends(cuts.end)
-    inset = _INSIDE * (last - first)
-    free = np.flatnonzero(~crossed(areas, first + inset, last - inset, lines.layer[cuts.line]))
+    inset, layer = _INSIDE * (last - first), lines.layer[cuts.line]
+    # Around a corner that points into the areas the way past crosses no outline, and lies outside all along.
+    ring = rings_around(areas, (first + last) / 2, layer)
+    inside = np.append(areas.ring_area() > 0, False)[ring]
+    free = np.flatnonzero(inside & ~crossed(areas, first + inset, last - inset, layer))
     return cuts.take(free).applied() if len(free) else lines
 
 

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, Float, Polylines, anchor, hatch
@@ -123,6 +123,17 @@ def test_hooks_turn_to_the_side_with_more_room_and_leave_half_of_it() -> None:
     assert added == pytest.approx(175 / 360 * areas.ring_length()[0], rel=1e-3)
 
 
+SPUR = [
+    [4.69612, -2.47451], [5.82667, -1.00496], [6.59691, 1.06055], [9.76361, 7.49421], [10.70513, 7.85823],
+    [9.92657, 7.82529], [11.53658, 11.09626], [8.03801, 7.74539], [-1.14396, 7.35693], [-3.0932, 7.99855],
+    [-4.99883, 7.23712], [-5.96918, 5.42891], [-5.55022, 3.42001], [-3.93798, 2.15041], [-1.88685, 2.21416],
+    [-0.35658, 3.58144], [6.43014, 6.20539], [3.08229, 2.99887], [1.30388, 2.47451], [0.17333, 1.00496],
+    [0.12248, -0.84844], [1.17073, -2.37777], [2.91771, -2.99887],
+]  # fmt: skip
+"""An area with a thin spur, at the root of which the outline turns into the area."""
+
+
+@example(areas=Areas(np.array(SPUR), np.array([0, len(SPUR)]), np.array([1]), 2), longest=0.5, apart=1.2)
 @few
 @given(areas=clean_areas(2), longest=st.sampled_from([0.5, 8.0]), apart=st.sampled_from([0.3, 1.2]))
 def test_cut_corners_stay_inside_and_make_nothing_longer(areas: Areas, longest: float, apart: float) -> None:
