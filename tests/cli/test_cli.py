@@ -492,7 +492,9 @@ def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as reader:
         shown_later = reader.submit(read_all, master)
         with started(
-            "print", PARTS / "vase.stl", "--port", "sim:", *QUICK, cwd=tmp_path, stderr=slave
+            *("print", PARTS / "vase.stl", "--port", "sim:", *QUICK, "--set", "layer_height=0.08"),
+            cwd=tmp_path,
+            stderr=slave,
         ) as running:
             os.close(slave)
             out, _ = running.communicate(timeout=120)
@@ -501,7 +503,7 @@ def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
     assert running.returncode == 0
     assert b"as sent" in out
     assert b"\r" not in out
-    assert "━".encode() in shown
+    assert b"%" in shown
     assert shown.endswith((b"\x1b[2K", b"\x1b[?25h")), shown[-80:]
 
 
