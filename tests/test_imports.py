@@ -56,7 +56,8 @@ def after_command(*arguments: str) -> set[str]:
 
 @pytest.mark.parametrize("arguments", [["--help"], ["slice", "--help"], ["print", "--help"]], ids=" ".join)
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
-    assert after_command(*arguments) == set()
+    # What flags mean is read from where the settings are declared.
+    assert after_command(*arguments) <= ({"msgspec"} if len(arguments) > 1 else set())
 
 
 def test_the_version_imports_nothing_heavy() -> None:

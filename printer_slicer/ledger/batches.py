@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.ledger.executed import Marks, Mishap
+from printer_slicer.motion.flow import flow_of
 
 __all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "runs_of"]
 
@@ -19,7 +20,6 @@ NOTHING: Final = 1e-9
 """mm³ or mm: less is rounding."""
 
 _LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
-_SEEN: Final = 0.2  # mm³; the rounding of shorter moves says more than their flow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,8 @@ class Batch:
         start, end = rows[:, START], rows[:, END]
         flat = np.hypot(*(end - start)[:, :2].T)
         lays = (fresh > NOTHING) & (flat > NOTHING)
-        flow = np.where(lays & (fresh > _SEEN), fresh / np.maximum(seconds, 1e-9), 0.0)
+        flow = np.zeros(len(rows))
+        flow[lays] = flow_of(fresh[lays], seconds[lays])
         return cls(command, start, end, seconds, fresh, flat, lays, marks.role(command), flow)
 
     def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Mishap:

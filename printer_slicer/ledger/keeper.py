@@ -72,7 +72,7 @@ class Keeper:
         self._pushed += float(rows[over, FED].clip(0).sum())
         for name, which in (
             ("laid", lays),
-            ("backward", over & (rows[:, FED] < 0)),
+            ("backward", over & (rows[:, FED] < -NOTHING)),
             ("fat", lays & (fresh > FAT * flat)),
         ):
             if name not in self._firsts and which.any():

@@ -14,6 +14,7 @@ import numpy as np
 
 from printer_slicer.gcode import Moves
 from printer_slicer.geometry import Bool, Float
+from printer_slicer.motion.flow import ENOUGH, flow_of
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.profile import Profile
@@ -29,7 +30,6 @@ _OVER: Final = 10.0  # mm over the highest part, to present it
 _ROUNDED: Final = 0.011  # mm
 _FAST: Final = 2.0  # times the profile's speed from which on a feed is refused
 _RAISED: Final = 3.0  # the same of z and extruder, for slicers know little about them
-_SEEN: Final = 0.2  # mm³; the rounding of shorter moves says more than their flow
 
 
 def judge_moves(
@@ -158,9 +158,11 @@ def _flow(
     seconds = _least_seconds(moves, profile)
     area = np.pi * profile.material.filament_diameter**2 / 4
     volume = fresh * area
-    flow = np.divide(volume, seconds, out=np.zeros(len(fed)), where=seconds > 0)
-    laid = (delta[:, :2] != 0).any(axis=1)
-    flow[volume < _SEEN] = 0.0
+    laid = (delta[:, :2] != 0).any(axis=1) & (volume > 0)
+    standing = ~laid & (volume >= ENOUGH) & (seconds > 0)
+    flow = np.zeros(len(fed))
+    flow[laid] = flow_of(volume[laid], seconds[laid])
+    flow[standing] = volume[standing] / seconds[standing]
     most = profile.material.max_flow
     what = f"{{:.3g}} mm3/s of plastic, {profile.material.name} melts {most:g}"
     far = laid & (flow > most * MELTS)

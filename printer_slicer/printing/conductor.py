@@ -293,14 +293,12 @@ class Conductor:
         if self._waits_for_person and self.phase is Phase.RUNNING:
             self._streamer.urge(b"M108")
             return "told the printer to go on"
-        if self.phase is Phase.RUNNING and self._streamer.state is State.PAUSED:
-            # The printer paused by itself: it goes on as it is told, and the job with it.
+        if self.phase is Phase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
             self._streamer.inject(self._setup.going_on)
             self._streamer.resume()
             return "told the printer to go on"
         if self.phase in {Phase.RUNNING, Phase.RETURNING, Phase.STOPPING}:
             raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
-        assert self.parked is not None
         self.come_back(self._pushed)
         return "resuming"
 
@@ -425,13 +423,12 @@ class Conductor:
             # It has parked by itself, and comes back by itself.
             self._streamer.pause()
             self._listen(told.Paused(rest or "the printer waits for a person"))
-        elif word == "resumed" and self.phase is Phase.RUNNING:
+        elif word in {"resume", "resumed"} and self.phase is Phase.RUNNING:
             self._streamer.resume()
-            self._listen(told.Resumed())
+            if word == "resumed":
+                self._listen(told.Resumed())
         elif word == "resume" and self.phase in {Phase.LEAVING, Phase.WAITING}:
             self.come_back(self._pushed)
-        elif word == "resume" and self.phase is Phase.RUNNING:
-            self._streamer.resume()
         elif word == "cancel":
             self.cancel()
         elif word.startswith("prompt_") and (prompt := self.prompts.hear(word, rest)) is not None:
@@ -447,8 +444,7 @@ class Conductor:
     def _on_unknown(self, word: bytes) -> None:
         """The firmware does not know a command: one that waits for a person is the host's to do."""
         if word in {b"M600", b"M601"} and self._prints:
-            what = f"this firmware does not know {word.decode()}: change the filament, then resume"
-            self._listen(told.Note(what))
+            self._listen(told.Note(f"{word.decode()} is not known here: change the filament, then resume"))
             self._on_pause(wishes.Pause())
 
     # Temperatures.

@@ -440,7 +440,7 @@ def test_no_more_than_the_certified_volume_is_wrong(kind: Callable[[Rng], Float]
     mesh = body(kind, rng)
     plan = random_plan(mesh.height, rng)
     certificate = certify(read_surface(mesh), plan)
-    low, high = mesh.bounds
+    low, high = mesh.bounds.copy()
     high[2] = max(high[2], plan.top[-1])
     n = 8000
     points = rng.uniform(low, high, (n, 3))

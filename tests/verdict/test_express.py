@@ -71,8 +71,10 @@ def alike(name: str, value: Any, other: Any, seconds: float) -> bool:
     """Whether two facts of the same name are the same."""
     if name.endswith(".peak_hotend"):  # how hot it became is looked at now and then, and less often here
         return bool(value == pytest.approx(other, abs=0.05))
-    if name == ".total_seconds":  # and so long may take what a host asks in silences
-        seconds = max(seconds, 0.1)
+    if (
+        name == ".total_seconds"
+    ):  # so long may take what a host asks in silences, and of a place that is another one
+        seconds = max(seconds, 0.25)
     return bool(value == (pytest.approx(other, rel=1e-6, abs=seconds) if isinstance(value, float) else other))
 
 
