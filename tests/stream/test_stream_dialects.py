@@ -221,6 +221,17 @@ def test_a_count_that_cannot_be_is_asked_about_by_the_next_line() -> None:
     assert len(talk.happened(Asked)) == 2
 
 
+def test_an_ok_too_many_before_the_count_is_told_does_no_harm() -> None:
+    talk, _ = meet(moves(9), MARLIN_2_1_3, "ok")
+    talk.waits(31.5)
+    talk.says("ok", "ok")  # of both lines, late
+
+    assert talk.says("ok") == []  # taken for the one to the question
+    assert talk.says("echo: M110 N4", "ok") == []
+    assert talk.streamer.acknowledged == 2
+    assert talk.says("ok") == [first(7, "G1 X5")]
+
+
 def test_a_count_before_the_greeting_means_nothing() -> None:
     streamer = Streamer([])
     streamer.receive(b"echo: M110 N4\n", 0.0)
