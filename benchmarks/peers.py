@@ -35,9 +35,9 @@ from benchmarks.processes import RunError, run
 from benchmarks.prusa_rule import HeightLimits, adaptive_profile, model_xml, stack_profile, write_3mf
 from benchmarks.prusa_settings import prusa_settings
 from printer_slicer import bead
+from printer_slicer.commands import told_by
 from printer_slicer.gcode import read_moves
 from printer_slicer.geometry import Float
-from printer_slicer.jobs import commands_of
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.motion.machine import limits_of
@@ -254,7 +254,7 @@ def _read(part: Part, peer: str, setting: str, gcode: Path, *, cut_ratio: float)
         RunError: there are none.
     """
     printer = part.profile.printer
-    moves = read_moves(commands_of(gcode.read_bytes())[0], printer.corners[0])
+    moves = read_moves(told_by(gcode.read_bytes()).commands, printer.corners[0])
     top = np.sort(np.array(moves.heights()))
     if len(top) == 0:
         raise RunError(f"{peer} laid no plastic: {gcode.name}")

@@ -28,11 +28,11 @@ from benchmarks.parts import options_of, parser_of, parts_of, profile_of
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer.checking import placed_sections, read_deposit
+from printer_slicer.commands import told_by
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode import read_moves
 from printer_slicer.geometry import Areas, Float, Int, crossings
 from printer_slicer.healing import repair
-from printer_slicer.jobs import commands_of
 from printer_slicer.ledger.beads import beads_of_moves
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
@@ -96,7 +96,7 @@ def figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     """
     deposit, stack = read_deposit(text, profile.material.filament_diameter, slicer)
     stack, sections, _ = placed_sections(part, deposit, stack)
-    moves = read_moves(commands_of(text)[0], profile.printer.corners[0])
+    moves = read_moves(told_by(text).commands, profile.printer.corners[0])
     beads, laying, _ = beads_of_moves(moves, profile.material.filament_diameter)
     lays = np.zeros(len(moves.speed), np.bool_)
     lays[laying] = True

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from printer_slicer.commands import Told, lines_of, read_text, refuse_unsendable, told_by
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, Dialect, Moves, read_moves
+from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
@@ -22,28 +21,17 @@ from printer_slicer.policy import Finding, check_names, scan
 from printer_slicer.profile import Profile
 from printer_slicer.saving import save
 from printer_slicer.strategies import OURS, Strategies
-from printer_slicer.stream.framing import check_commands, strip
 
 __all__ = [
     "GCODE_SUFFIXES",
     "Job",
-    "commands_of",
     "is_gcode",
-    "job_and_moves",
     "job_from",
     "job_of",
+    "job_of_file",
     "job_of_text",
-    "lines_of",
-    "read_text",
 ]
 
-_MOST_BYTES = 1 << 29  # of G-code; in memory it is ten times as much
-_ALWAYS_FITS = 60  # bytes: shorter commands need no closer look
-_CONTROL = re.compile(rb"[\x00-\x1f]")
-_MOVES = frozenset({b"G1 ", b"G0 "})
-_BLANK = ord(" ")
-_ROLES = (b"TYPE:", b" FEATURE:")
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _ASKED_FOR = frozenset({"wait"})  # of a job that is sliced here: its pauses are the settings'
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
@@ -69,7 +57,7 @@ class Job:
 
     name: str
     text: bytes
-    commands: tuple[bytes, ...]
+    commands: Sequence[bytes]
     seconds: float
     heights: tuple[float, ...]
     end: tuple[float, float, float]
@@ -137,13 +125,13 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     """
     if is_gcode(path):
         report("reading")
-        return job_and_moves(path, profile)[0]
+        return job_of_file(path, profile)
     report("loading")
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
 
-def job_and_moves(path: Path, profile: Profile, *, streamed: bool = True) -> tuple[Job, Moves]:
-    """The job that a G-code file is, and its moves.
+def job_of_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
+    """The job that a G-code file is.
 
     Args:
         path: of the file.
@@ -189,7 +177,7 @@ def job_of(  # noqa: PLR0913 - every choice has a usual value
     )
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
-    job, _ = _judged(name or stages.part.name, text, profile, flavour=strategies.flavour)
+    job = _judged(name or stages.part.name, text, profile, flavour=strategies.flavour)
     return replace(job, program=stages.program, allowed=_ASKED_FOR, repairs=stages.repairs)
 
 
@@ -206,141 +194,63 @@ def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, 
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.
     """
-    return _read(name, text, limits, corner, FLAVOURS[flavour])[0]
-
-
-def _read(
-    name: str,
-    text: bytes,
-    limits: Limits,
-    corner: tuple[float, float],
-    flavour: Dialect,
-    *,
-    streamed: bool = True,
-) -> tuple[Job, Moves]:
-    """The job that a text is, and its moves."""
-    commands, marks, roles = _told(text)
-    if not commands:
-        raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
-    if streamed:
-        _refuse_unsendable(name, text, commands)
-    moves = read_moves(commands, corner, flavour)
-    end = moves.end[-1] if len(moves.end) else np.zeros(3)
-    job = Job(
-        name,
-        text,
-        tuple(commands),
-        moves.seconds(limits),
-        tuple(moves.heights()),
-        (float(end[0]), float(end[1]), float(end[2])),
-        marks=marks,
-        roles=roles,
-    )
-    return job, moves
+    told = _told(name, text)
+    tally = _Tally(limits)
+    for piece in pieces_of(told.commands, corner, FLAVOURS[flavour]):
+        tally.add(piece)
+    return tally.job(name, text, told)
 
 
 def _judged(
     name: str, text: bytes, profile: Profile, *, streamed: bool = True, flavour: Dialect | None = None
-) -> tuple[Job, Moves]:
-    """The job that a text is, with what is found in it, and its moves."""
+) -> Job:
+    """The job that a text is, with what is found in it."""
     printer = profile.printer
-    limits, corner = limits_of(printer), printer.corners[0]
-    dialect = flavour or FLAVOURS[printer.flavour]
-    job, moves = _read(name, text, limits, corner, dialect, streamed=streamed)
-    findings = scan(job.commands, profile, moves=moves, marks=job.marks)
+    told = _told(name, text, streamed=streamed)
+    pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
+    tally = _Tally(limits_of(printer))
+    findings = scan(told.commands, profile, moves=map(tally.add, pieces), marks=told.marks)
     lines = lines_of(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
-    return replace(job, findings=placed), moves
+    return replace(tally.job(name, text, told), findings=placed)
 
 
-def _refuse_unsendable(name: str, text: bytes, commands: list[bytes]) -> None:
-    """Raise for a command that no printer can get, naming its line of the file."""
-    everything = b"".join(commands)
-    if everything.isascii() and not _CONTROL.search(everything) and max(map(len, commands)) <= _ALWAYS_FITS:
-        return
-    for index, command in enumerate(commands):
-        if len(command) <= _ALWAYS_FITS and command.isascii() and not _CONTROL.search(command):
-            continue
-        try:
-            check_commands([command])
-        except UsageError as error:
-            what = str(error).splitlines()[0].removeprefix("line 1 ")
-            raise UsageError(
-                f"{name}: line {lines_of(text, [index])[0]} {what}", remedy=error.remedy
-            ) from None
+def _told(name: str, text: bytes, *, streamed: bool = True) -> Told:
+    """What a text holds that can be sent."""
+    told = told_by(text)
+    if not told.commands:
+        raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
+    if streamed:
+        refuse_unsendable(name, text, told)
+    return told
 
 
-def lines_of(text: bytes, commands: Sequence[int]) -> list[int]:
-    """The lines of a text, counted from 1, that hold its commands with these indices; 0 where there is none."""
-    if not commands:
-        return []
-    wanted, last, index, found = set(commands), max(commands), 0, dict.fromkeys(commands, 0)
-    for number, line in enumerate(text.split(b"\n"), 1):
-        if strip(line):
-            if index in wanted:
-                found[index] = number
-            index += 1
-            if index > last:
-                break
-    return [found[one] for one in commands]
+class _Tally:
+    """Time, heights and end of moves that come piece by piece."""
 
+    def __init__(self, limits: Limits) -> None:
+        self._timer = Timer(limits)
+        self._heights: dict[float, None] = {}
+        self._end = (0.0, 0.0, 0.0)
 
-def read_text(path: Path) -> bytes:
-    """The bytes of a G-code file.
+    def add(self, moves: Moves) -> Moves:
+        """The next piece; it is handed on."""
+        self._timer.add(moves)
+        self._heights |= dict.fromkeys(moves.heights())
+        if len(moves.end):
+            x, y, z = moves.end[-1].tolist()
+            self._end = x, y, z
+        return moves
 
-    Raises:
-        UsageError: it is not there, or cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            endless = os.fstat(file.fileno()).st_size > _MOST_BYTES
-            text = b"" if endless else file.read(_MOST_BYTES + 1)
-    except FileNotFoundError:
-        raise UsageError(f"{path}: no such file", remedy="check the path") from None
-    except IsADirectoryError:
-        raise UsageError(f"{path}: is a folder", remedy="name a file in it") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(f"{path}: cannot be read: {reason}", remedy="check name and permissions") from None
-    if endless or len(text) > _MOST_BYTES:
-        raise UsageError(
-            f"{path}: longer than {_MOST_BYTES >> 20} MiB, the most that is read of G-code",
-            remedy="print the part in pieces, or with thicker layers",
+    def job(self, name: str, text: bytes, told: Told) -> Job:
+        """The job that moves this way."""
+        return Job(
+            name,
+            text,
+            told.commands,
+            self._timer.seconds(),
+            tuple(self._heights),
+            self._end,
+            marks=told.marks,
+            roles=told.roles,
         )
-    return text
-
-
-def commands_of(text: bytes) -> tuple[list[bytes], dict[int, int]]:
-    """The commands of a G-code text without comments, blanks, line numbers and checksums, and where layers begin.
-
-    Returns:
-        The commands, and command index -> layer counted from 1, from `;LAYER_CHANGE` or `;LAYER:` comments.
-    """
-    commands, marks, _ = _told(text)
-    return commands, marks
-
-
-def _told(text: bytes) -> tuple[list[bytes], dict[int, int], dict[int, str]]:
-    """What `commands_of` gives; and command index -> what beads are called, from `;TYPE:` or `; FEATURE:` comments."""
-    commands: list[bytes] = []
-    marks: dict[int, int] = {}
-    roles: dict[int, str] = {}
-    layer = 0
-    kinds: tuple[bytes, ...] = (b"LAYER_CHANGE", b"LAYER:")
-    for line in text.removeprefix(_BYTE_ORDER_MARK).split(b"\n"):
-        # Nine lines of ten are moves with nothing to take off.
-        if line[:3] in _MOVES and b";" not in line and line[-1] > _BLANK:
-            commands.append(line)
-            continue
-        command = strip(line)
-        if command:
-            commands.append(command)
-            continue
-        _, _, comment = line.partition(b";")
-        if comment.startswith(_ROLES):
-            roles[len(commands)] = comment.partition(b":")[2].decode("utf-8", "replace").strip()
-        elif comment.startswith(kinds):
-            kinds = tuple(kind for kind in kinds if comment.startswith(kind))  # some files hold both
-            layer += 1
-            marks[len(commands)] = layer
-    return commands, marks, roles

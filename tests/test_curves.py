@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.commands import told_by
 from printer_slicer.curves import curved
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import FLAVOURS, read_moves
-from printer_slicer.jobs import commands_of
 from printer_slicer.model import Float, LayerPlan, Role, Toolpaths
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import gcode_of, slice_stages
@@ -119,7 +119,7 @@ def test_files_with_arcs_say_the_same_in_fewer_lines(mesh) -> None:  # type: ign
     assert (round_about > 20) == (mesh.name != "box")
     assert len(text.splitlines()) <= len(longer.splitlines()) + 1
     assert program.filament_used == pytest.approx(lines.filament_used, rel=2e-3)
-    moves = read_moves(commands_of(text)[0], wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    moves = read_moves(told_by(text).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
     # What the machine makes of the arcs is what was planned.
     done = shapely.linestrings(moves.end[:, :2])
     shapely.prepare(done)
@@ -127,7 +127,7 @@ def test_files_with_arcs_say_the_same_in_fewer_lines(mesh) -> None:  # type: ign
     assert shapely.distance(done, shapely.points(chords[:, :2])).max(initial=0.0) < 0.02
     assert moves.delta[:, 3].sum() == pytest.approx(program.filament.sum(), abs=1e-3)
     # The way to the first bead is not part of the estimate.
-    late = read_moves(commands_of(longer)[0], wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    late = read_moves(told_by(longer).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
     extra = late.seconds(limits_of(wanted.printer)) - float(move_seconds(lines, usual).sum())
     told = moves.seconds(limits_of(wanted.printer)) - extra
     assert told == pytest.approx(float(move_seconds(program, wanted).sum()), rel=1e-3)

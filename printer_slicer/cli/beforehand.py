@@ -9,9 +9,10 @@ from typing import Any, Final
 
 from printer_slicer.cli.common import profile_from
 from printer_slicer.cli.policy import finding_facts, finding_lines, refused
+from printer_slicer.commands import lines_of
 from printer_slicer.feasibility import Feasibility, Link, Stretch, feasibility
-from printer_slicer.gcode import spoken
-from printer_slicer.jobs import Job, job_and_moves, lines_of
+from printer_slicer.gcode import FLAVOURS, read_moves, spoken
+from printer_slicer.jobs import Job, job_of_file
 from printer_slicer.motion.machine import limits_of
 
 __all__ = ["Looked", "look"]
@@ -36,8 +37,7 @@ def look(arguments: argparse.Namespace) -> Looked:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     profile = profile_from(arguments, slices=False)
-    job, moves = job_and_moves(arguments.gcode, profile)
-    job = job.allowing(arguments.allow)
+    job = job_of_file(arguments.gcode, profile).allowing(arguments.allow)
     wrong = refused(job)
     facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
     lines = [
@@ -52,7 +52,9 @@ def look(arguments: argparse.Namespace) -> Looked:
             window_lines=arguments.window,
             window_bytes=profile.printer.receive_buffer - 1,
         )
-        told = _located(job, feasibility(job.commands, moves, limits_of(profile.printer), link, job.marks))
+        printer = profile.printer
+        moves = read_moves(job.commands, printer.corners[0], FLAVOURS[printer.flavour])
+        told = _located(job, feasibility(job.commands, moves, limits_of(printer), link, job.marks))
         facts["link"] = _facts(told)
         lines += _lines(arguments, told)
         wrong += _wrong(told)

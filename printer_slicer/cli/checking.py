@@ -16,9 +16,9 @@ from printer_slicer.checking import Asked, Check, check_gcode
 from printer_slicer.cli.beforehand import Looked, look
 from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write_file
 from printer_slicer.cli.models import plate_name, repaired_plate
+from printer_slicer.commands import read_text
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.geometry import Float
-from printer_slicer.jobs import read_text
 from printer_slicer.ledger import Finding, Ledger, Limits, Purpose, Rules
 from printer_slicer.profile import load_profile
 

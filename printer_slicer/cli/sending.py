@@ -55,9 +55,9 @@ def _look(arguments: argparse.Namespace) -> None:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     from printer_slicer.cli.policy import insist_on_policy
-    from printer_slicer.jobs import job_and_moves
+    from printer_slicer.jobs import job_of_file
 
-    job, _ = job_and_moves(arguments.gcode, profile_from(arguments, slices=False), streamed=False)
+    job = job_of_file(arguments.gcode, profile_from(arguments, slices=False), streamed=False)
     insist_on_policy(arguments, job)
 
 

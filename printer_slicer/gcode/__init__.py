@@ -10,8 +10,9 @@ from printer_slicer.gcode.klipper import KLIPPER
 from printer_slicer.gcode.labels import LABEL_WORDS
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.marlin_legacy import MARLIN_LEGACY
+from printer_slicer.gcode.moves import Moves, Timer, changed_limits
 from printer_slicer.gcode.prusa import PRUSA
-from printer_slicer.gcode.reader import Moves, changed_limits, read_moves
+from printer_slicer.gcode.reader import pieces_of, read_moves
 from printer_slicer.gcode.repetier import REPETIER
 from printer_slicer.gcode.reprapfirmware import REPRAPFIRMWARE
 from printer_slicer.gcode.smoothie import SMOOTHIE
@@ -25,7 +26,9 @@ __all__ = [
     "LABEL_WORDS",
     "Dialect",
     "Moves",
+    "Timer",
     "changed_limits",
+    "pieces_of",
     "read_moves",
     "spoken",
     "write_gcode",

@@ -70,6 +70,7 @@ class State:
         changes: of limits, as `Moves` has them.
         rows: position at the end (3), way (4), speed, acceleration, command, tool of each move.
         stops: moves after which the machine stands still.
+        rested: whether it stands still before the first of them.
     """
 
     home: tuple[float, float, float]
@@ -91,6 +92,7 @@ class State:
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
     rows: Rows = field(default_factory=Rows)
     stops: list[int] = field(default_factory=list)
+    rested: bool = False
 
     @property
     def relative(self) -> bool:

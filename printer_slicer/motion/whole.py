@@ -18,7 +18,18 @@ if TYPE_CHECKING:
     from printer_slicer.geometry import Bool, Float, Int
     from printer_slicer.motion.blocks import Limits
 
-__all__ = ["Blocks", "corner_squares", "durations", "make_blocks", "moving_of", "ramp_times", "running_least"]
+__all__ = [
+    "Blocks",
+    "Course",
+    "Smoothed",
+    "corner_squares",
+    "course_of",
+    "durations",
+    "make_blocks",
+    "moving_of",
+    "ramp_times",
+    "running_least",
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,25 +77,112 @@ def durations(
         (K,) s.
     """
     seconds = np.zeros(len(delta))
+    course = course_of(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
+    seconds[course.moving] = course.times(slice(None))
+    return seconds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """How fast the machine is at every corner of B moves.
+
+    Attributes:
+        moving: (B,) which of the moves go anywhere.
+        blocks: they.
+        corners: (B,) highest squared speed at the beginning of each, what comes before and behind left aside.
+        squares: (B + 1,) squared speed at the beginning of each, and at the end of the last.
+        smoothed: how much of it is left to cruise; None where the firmware does not ask for that.
+    """
+
+    moving: Int
+    blocks: Blocks
+    corners: Float
+    squares: Float
+    smoothed: Smoothed | None
+
+    def times(self, which: slice) -> Float:
+        """Seconds that some of the blocks take, one after the other."""
+        first, last, _ = which.indices(len(self.moving))
+        tops = self.smoothed.tops[which] if self.smoothed else np.full(last - first, np.inf)
+        return ramp_times(self.blocks.part(which), self.squares[first : last + 1], tops)
+
+    def certain(self) -> int:
+        """The last block before which all is as it is, whatever moves come behind; 0 if there is none.
+
+        From there the machine can stop before the end, however slowly it brakes; and where it smooths speeds, a climb
+        ends there, and no fall goes on.
+        """
+        smoothed = self.smoothed
+        gains = _gains(self.blocks) if smoothed is None else smoothed.gains
+        room = np.cumsum(gains[::-1])[::-1]
+        sure = self.corners <= room
+        if smoothed is not None:
+            last = int(np.flatnonzero(sure)[-1]) if sure.any() else 0
+            sure[:last], sure[last:] = True, False  # a block is known where both its ends are
+            sure[1:] &= ~smoothed.climbs[:-1]
+            sure &= ~smoothed.falls
+        found = np.flatnonzero(sure)
+        return int(found[-1]) if len(found) else 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Smoothed:
+    """What `rules._smoothed_tops` reckons, for all blocks.
+
+    Attributes:
+        gains: (B,) growth of the squared speed over each block, as much as is left of it.
+        squares: (B + 1,) squared speeds that follow.
+        climbs, falls: (B,) whether the machine only speeds up, or only brakes.
+        tops: (B,) highest squared speed.
+    """
+
+    gains: Float
+    squares: Float
+    climbs: Bool
+    falls: Bool
+    tops: Float
+
+
+def course_of(
+    delta: Float,
+    speed: Float,
+    limits: Limits,
+    *,
+    stop_after: Bool | None = None,
+    acceleration: Float | None = None,
+    entry: tuple[float, float] = (0.0, 0.0),
+) -> Course:
+    """How fast the machine is at the corners of moves.
+
+    Args:
+        delta: (K, 4) as `durations` has it, like what follows.
+        speed: (K,).
+        limits: of the machine.
+        stop_after: (K,) or None.
+        acceleration: (K,) or None.
+        entry: squared speed before the first move that goes anywhere, and the smoothed one.
+    """
     columns = np.ascontiguousarray(delta.T, dtype=np.float64)
     moving, length = moving_of(columns)
-    if len(moving) == 0:
-        return seconds
     wanted = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
     speed = np.asarray(speed, dtype=np.float64)[moving]
     blocks = make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, wanted, limits)
     corners = np.zeros(len(moving))
-    corners[1:] = corner_squares(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
+    corners[:1] = entry[0]
+    if len(moving) > 1:
+        corners[1:] = corner_squares(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
     if stop_after is not None:
         stops = np.concatenate([[0], np.cumsum(stop_after)])[moving]
         corners[1:][np.diff(stops) > 0] = 0.0
-    gains = 2.0 * blocks.acceleration * blocks.length
-    squares = _squares(corners, gains)
-    tops = np.full(len(moving), np.inf)
-    if limits.minimum_cruise_ratio > 0.0:
-        tops = _smoothed_tops(corners, gains * (1.0 - limits.minimum_cruise_ratio))
-    seconds[moving] = ramp_times(blocks, squares, tops)
-    return seconds
+    gains = _gains(blocks)
+    ratio = limits.minimum_cruise_ratio
+    smoothed = _smoothed(corners, gains * (1.0 - ratio), entry[1]) if ratio > 0.0 and len(moving) else None
+    return Course(moving, blocks, corners, _squares(corners, gains, entry[0]), smoothed)
+
+
+def _gains(blocks: Blocks) -> Float:
+    """(B,) how much the squared speed can grow over each block."""
+    return 2.0 * blocks.acceleration * blocks.length
 
 
 def moving_of(delta: Float) -> tuple[Int, Float]:
@@ -196,14 +294,16 @@ def _square_corner_squares(limits: Limits, before: Blocks, after: Blocks, slower
     return squares
 
 
-def _squares(corners: Float, gains: Float) -> Float:
+def _squares(corners: Float, gains: Float, entry: float) -> Float:
     """(B + 1,) highest squared speeds at the start of each block, and 0 at the end of the last."""
+    if not len(gains):
+        return np.array([entry])
     braking = running_least(corners[::-1], gains[::-1])[::-1]
-    return np.concatenate([[0.0], running_least(np.append(braking[1:], 0.0), gains)])
+    return np.concatenate([[entry], running_least(np.append(braking[1:], 0.0), gains, entry)])
 
 
-def running_least(limit: Float, gain: Float) -> Float:
-    """All y[i] = min(limit[i], y[i - 1] + gain[i]), from y[-1] = 0.
+def running_least(limit: Float, gain: Float, first: float = 0.0) -> Float:
+    """All y[i] = min(limit[i], y[i - 1] + gain[i]), from y[-1] = `first`.
 
     With sums P of the gains this is a running minimum of limit - P, plus P; but after a million moves P has
     lost the digits of a slow corner. So the recurrence itself is run over about √B rows of √B moves abreast:
@@ -218,7 +318,7 @@ def running_least(limit: Float, gain: Float) -> Float:
     bound = np.full(n_rows, np.inf)
     for top, step in zip(limits, gains, strict=True):
         bound = np.minimum(top, bound + step)
-    starts, y = [], 0.0
+    starts, y = [], first
     for low, way in zip(bound.tolist(), gains.sum(axis=0).tolist(), strict=True):
         starts.append(y)
         y = min(low, y + way)
@@ -229,20 +329,20 @@ def running_least(limit: Float, gain: Float) -> Float:
     return values.T.reshape(-1)[: len(limit)]
 
 
-def _smoothed_tops(corners: Float, gains: Float) -> Float:
-    """(B,) squared cruise limit that leaves the minimum share of cruise, see `rules._smoothed_tops`."""
-    squares = _squares(corners, gains)
-    entry, exit_ = squares[:-1], squares[1:]
+def _smoothed(corners: Float, gains: Float, entry: float) -> Smoothed:
+    """Squared cruise limits that leave the minimum share of cruise, see `rules._smoothed_tops`."""
+    squares = _squares(corners, gains, entry)
+    before, behind = squares[:-1], squares[1:]
     n_blocks, index = len(gains), np.arange(len(gains))
-    climbs = exit_ >= (entry + gains) * SAME
-    falls = ~climbs & (entry >= (exit_ + gains) * SAME)
-    tops: Float = np.where(climbs | falls, np.inf, 0.5 * (entry + exit_ + gains))
+    climbs = behind >= (before + gains) * SAME
+    falls = ~climbs & (before >= (behind + gains) * SAME)
+    tops: Float = np.where(climbs | falls, np.inf, 0.5 * (before + behind + gains))
     # A climb ends at a block that also brakes, or at the corner from which the next block only brakes.
-    summits = np.append(np.where(falls, entry, tops), 0.0)
+    summits = np.append(np.where(falls, before, tops), 0.0)
     end = np.minimum.accumulate(np.where(climbs, n_blocks, index)[::-1])[::-1]
     tops[climbs] = summits[end[climbs]]
     top_of = np.maximum.accumulate(np.where(falls, 0, index))
-    return tops[top_of]
+    return Smoothed(gains, squares, climbs, falls, tops[top_of])
 
 
 def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:

@@ -1,4 +1,4 @@
-"""Where the moves of a job lead, how fast, and how much plastic they lay: over all moves at once.
+"""Where the moves of a job lead, how fast, and how much plastic they lay: over many moves at once.
 
 Firmware holds moves back to its own limits, so a feed rate over the profile's is only told, unless the file raises the
 firmware's limits too or it is far over. Ends of moves are what the reader of moves makes of them: inches, relative
@@ -8,7 +8,9 @@ modes, offsets (G92), homing, tools, M200, M220.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from dataclasses import dataclass
+from itertools import chain
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from printer_slicer.motion.machine import limits_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.profile import Profile
 
-__all__ = ["MELTS", "judge_moves"]
+__all__ = ["MELTS", "MoveJudge"]
 
 MELTS: Final = 1.5
 """Times `max_flow` that a hotend gives for a short while."""
@@ -32,48 +34,103 @@ _FAST: Final = 2.0  # times the profile's speed from which on a feed is refused
 _RAISED: Final = 3.0  # the same of z and extruder, for slicers know little about them
 
 
-def judge_moves(
-    moves: Moves, commands: Sequence[bytes], profile: Profile, factors: Sequence[tuple[int, float]] = ()
-) -> Iterator[Finding]:
-    """What is wrong with the moves of a job.
+class MoveJudge:
+    """Says what is wrong with the moves of a job, which it sees piece by piece.
 
     Args:
-        moves: of the commands.
-        commands: of the job.
         profile: of the machine and its material.
-        factors: of flow (M221): from which command on, ratio.
+        factors: of flow (M221): from which command on, ratio; ascending.
     """
-    if not len(moves.speed):
-        return
-    tell = _Teller(moves, commands)
-    yield from _box(moves, profile, tell)
-    speed, part = _speeds(moves)
-    yield from _feed(moves, profile, tell, speed, part)
-    yield from _flow(moves, profile, tell, factors)
 
+    def __init__(self, profile: Profile, factors: Sequence[tuple[int, float]] = ()) -> None:
+        self._profile = profile
+        self._factor_from = np.array([index for index, _ in factors], np.int64)
+        self._factor = np.array([1.0, *(ratio for _, ratio in factors)])
+        self._raised = np.array(limits_of(profile.printer).max_speed)
+        self._fed: dict[int, tuple[float, float]] = {}
+        self._found: dict[tuple[str, str, bool], _Found] = {}
 
-class _Teller:
-    """Makes a finding of the moves of which something is true."""
+    def see(self, moves: Moves) -> None:
+        """Some more moves."""
+        raised = self._raised_over(moves)
+        if not len(moves.speed):
+            return
+        speed, part = _speeds(moves)
+        ratio = self._factor[np.searchsorted(self._factor_from, moves.line, side="right")]
+        fresh = self._fresh(moves, moves.delta[:, 3] * ratio)
+        cases = (
+            _box(moves, self._profile),
+            _feed(self._profile, speed, part, raised),
+            _flow(moves, fresh, _least_seconds(moves, speed / raised), self._profile),
+        )
+        for case in chain(*cases):
+            self._keep(moves, case)
 
-    def __init__(self, moves: Moves, commands: Sequence[bytes]) -> None:
-        self._line = moves.line
-        self._commands = commands
+    def findings(self, commands: Sequence[bytes]) -> Iterator[Finding]:
+        """What was wrong, each thing once; `commands` of the job are shown in it."""
+        for (name, what, refused), one in self._found.items():
+            command = commands[one.index].decode("latin-1")
+            yield Finding(name, refused, one.index, command, what.format(one.worst), one.why, one.times)
 
-    def __call__(
-        self, name: str, which: Bool, size: Float, what: str, why: str, *, refused: bool
-    ) -> list[Finding]:
-        """The first of the moves, the number of commands, and the value of the worst in place of the braces."""
-        at = np.flatnonzero(which)
+    def _keep(self, moves: Moves, case: _Case) -> None:
+        """Keep the first of the moves, the number of commands, and the worst size."""
+        at = np.flatnonzero(case.which)
         if not len(at):
-            return []
-        index = int(self._line[at[0]])
-        worst = at[np.argmax(np.abs(size[at]))]
-        times = len(np.unique(self._line[at]))
-        command = self._commands[index].decode("latin-1")
-        return [Finding(name, refused, index, command, what.format(float(size[worst])), why, times)]
+            return
+        worst = float(case.size[at[np.argmax(np.abs(case.size[at]))]])
+        times = len(np.unique(moves.line[at]))
+        key = case.name, case.what, case.refused
+        old = self._found.get(key)
+        if old is None:
+            self._found[key] = _Found(int(moves.line[at[0]]), times, worst, case.why)
+        else:
+            old.times += times
+            old.worst = max(old.worst, worst, key=abs)
+
+    def _raised_over(self, moves: Moves) -> Float:
+        """(4, K) the firmware's limits of speed: the profile's, until the file sets others."""
+        raised = np.repeat(self._raised[:, None], len(moves.speed), axis=1)
+        for first, kind, values in moves.changes:
+            for axis, letter in enumerate("XYZE" if kind == "M203" else ""):
+                if letter in values:
+                    raised[axis, first:] = self._raised[axis] = values[letter]
+        return raised
+
+    def _fresh(self, moves: Moves, fed: Float) -> Float:
+        """(K,) mm of filament that were never in the nozzle before: what only comes back does not count."""
+        fresh = np.zeros(len(fed))
+        for tool in np.unique(moves.tool).tolist():
+            before, highest = self._fed.get(tool, (0.0, 0.0))
+            own = moves.tool == tool
+            total = before + np.cumsum(fed[own])
+            peak = np.maximum.accumulate(np.maximum(total, highest))
+            fresh[own] = np.diff(peak, prepend=highest)
+            self._fed[tool] = float(total[-1]), float(peak[-1])
+        return fresh
 
 
-def _box(moves: Moves, profile: Profile, tell: _Teller) -> Iterator[Finding]:
+@dataclass(slots=True)
+class _Found:
+    """Something wrong: the first command that does it, how many do, the worst size."""
+
+    index: int
+    times: int
+    worst: float
+    why: str
+
+
+class _Case(NamedTuple):
+    """What is true of which moves (K,), how much it is of each (K,) for the braces in `what`, and why that matters."""
+
+    name: str
+    which: Bool
+    size: Float
+    what: str
+    why: str
+    refused: bool
+
+
+def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
     """Ends of moves out of the machine."""
     (left, front), (right, back) = profile.printer.corners
     reach = profile.printer.reach
@@ -94,9 +151,9 @@ def _box(moves: Moves, profile: Profile, tell: _Teller) -> Iterator[Finding]:
         ):
             what = f"{letter} at up to {{:.2f}} mm beyond {bound:g} mm"
             far = goes & (off > room + _ROUNDED)
-            yield from tell("box", far, off, what, reason, refused=True)
+            yield _Case("box", far, off, what, reason, refused=True)
             beside = goes & (off > _ROUNDED) & ~far
-            yield from tell(
+            yield _Case(
                 "box", beside, off, what, "most machines reach so far, some stop there", refused=False
             )
 
@@ -110,9 +167,8 @@ def _speeds(moves: Moves) -> tuple[Float, Float]:
     return part * moves.speed, part
 
 
-def _feed(moves: Moves, profile: Profile, tell: _Teller, speed: Float, part: Float) -> Iterator[Finding]:
+def _feed(profile: Profile, speed: Float, part: Float, raised: Float) -> Iterator[_Case]:
     """Speeds over the profile's."""
-    raised = _raised(moves, profile)
     held = "the firmware holds it back"
     for axis, letter in enumerate("xyze"):
         most = limits_of(profile.printer).max_speed[axis]
@@ -124,58 +180,30 @@ def _feed(moves: Moves, profile: Profile, tell: _Teller, speed: Float, part: Flo
             far = reached > most * _RAISED
         name = "the extruder" if letter == "e" else letter
         what = f"{name} at {{:.3g}} mm/s, the profile has {most:g}"
-        yield from tell("feed", far, wanted, what, "the machine may lose steps", refused=True)
+        yield _Case("feed", far, wanted, what, "the machine may lose steps", refused=True)
         slower = (wanted > most * 1.001) & ~far & (part[axis] > 0)
-        yield from tell("feed", slower, wanted, what, held, refused=False)
+        yield _Case("feed", slower, wanted, what, held, refused=False)
 
 
-def _raised(moves: Moves, profile: Profile) -> Float:
-    """(4, K) the firmware's limits of speed: the profile's, until the file sets others."""
-    usual = np.array(limits_of(profile.printer).max_speed)
-    raised = np.repeat(usual[:, None], len(moves.speed), axis=1)
-    for first, kind, values in moves.changes:
-        if kind == "M203":
-            for axis, letter in enumerate("XYZE"):
-                if letter in values:
-                    raised[axis, first:] = values[letter]
-    return raised
-
-
-def _flow(
-    moves: Moves, profile: Profile, tell: _Teller, factors: Sequence[tuple[int, float]]
-) -> Iterator[Finding]:
-    """Plastic per second: of beads, and of what is pushed out standing. What only comes back does not count."""
-    delta, ratio = moves.delta, np.ones(len(moves.speed))
-    for index, factor in factors:
-        ratio[np.searchsorted(moves.line, index) :] = factor
-    fed = delta[:, 3] * ratio
-    fresh = np.zeros(len(fed))
-    for tool in np.unique(moves.tool):
-        own = moves.tool == tool
-        total = np.cumsum(fed[own])
-        peak = np.maximum.accumulate(np.maximum(total, 0.0))
-        fresh[own] = np.diff(peak, prepend=0.0)
-    seconds = _least_seconds(moves, profile)
-    area = np.pi * profile.material.filament_diameter**2 / 4
-    volume = fresh * area
-    laid = (delta[:, :2] != 0).any(axis=1) & (volume > 0)
+def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Iterator[_Case]:
+    """Plastic per second: of beads, and of what is pushed out standing."""
+    volume = fresh * np.pi * profile.material.filament_diameter**2 / 4
+    laid = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
     standing = ~laid & (volume >= ENOUGH) & (seconds > 0)
-    flow = np.zeros(len(fed))
+    flow = np.zeros(len(volume))
     flow[laid] = flow_of(volume[laid], seconds[laid])
     flow[standing] = volume[standing] / seconds[standing]
     most = profile.material.max_flow
     what = f"{{:.3g}} mm3/s of plastic, {profile.material.name} melts {most:g}"
     far = laid & (flow > most * MELTS)
-    yield from tell("flow", far, flow, what, "too little comes out, and the extruder slips", refused=True)
+    yield _Case("flow", far, flow, what, "too little comes out, and the extruder slips", refused=True)
     more = ~far & (flow > most * 1.01)
-    yield from tell("flow", more, flow, what, "it is a little, or nothing is laid with it", refused=False)
+    yield _Case("flow", more, flow, what, "it is a little, or nothing is laid with it", refused=False)
 
 
-def _least_seconds(moves: Moves, profile: Profile) -> Float:
-    """(K,) s that each move takes at least: at its speed, no axis over its limit."""
-    raised = _raised(moves, profile)
-    wanted, _ = _speeds(moves)
-    slow = np.maximum(1.0, (wanted / raised).max(axis=0))
+def _least_seconds(moves: Moves, over: Float) -> Float:
+    """(K,) s that each move takes at least: at its speed, no axis over its limit; (4, K) by how much it would be."""
+    slow = np.maximum(1.0, over.max(axis=0))
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length > 1e-6, length, e)

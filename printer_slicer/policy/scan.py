@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from printer_slicer.gcode import FLAVOURS, Moves, read_moves
+from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.heat import Heat
-from printer_slicer.policy.motion import judge_moves
+from printer_slicer.policy.motion import MoveJudge
 from printer_slicer.policy.table import RULES, Rule
 from printer_slicer.policy.words import Command, read_commands, unusual
 from printer_slicer.profile import Profile
@@ -29,7 +29,7 @@ def scan(
     commands: Sequence[bytes],
     profile: Profile,
     *,
-    moves: Moves | None = None,
+    moves: Iterable[Moves] | None = None,
     marks: Mapping[int, int] | None = None,
 ) -> tuple[Finding, ...]:
     """Everything in a job that a person should know, or must allow, before a printer gets it.
@@ -37,7 +37,7 @@ def scan(
     Args:
         commands: one per entry, without comments, as they are sent.
         profile: the machine and its material, with their ceilings.
-        moves: of the commands, if they are read already.
+        moves: of the commands, piece by piece, if somebody else wants to see them too.
         marks: command index -> layer, ascending.
 
     Returns:
@@ -45,11 +45,11 @@ def scan(
     """
     if moves is None:
         dialect = FLAVOURS[profile.printer.flavour]
-        moves = read_moves(commands, profile.printer.corners[0], dialect)
+        moves = pieces_of(commands, profile.printer.corners[0], dialect)
     found: dict[_Key, Finding] = {}
     factors: list[tuple[int, float]] = []
     heat = Heat(profile)
-    for index, line in unusual(tuple(commands)):
+    for index, line in unusual(commands):
         for command in read_commands(line):
             if command.code == "M221" and (ratio := command.most("S")):
                 factors.append((index, ratio / 100))
@@ -62,7 +62,10 @@ def scan(
                     if old
                     else Finding(name, refused, index, shown, what, why)
                 )
-    everything = [*found.values(), *judge_moves(moves, commands, profile, factors)]
+    judge = MoveJudge(profile, factors)
+    for piece in moves:
+        judge.see(piece)
+    everything = [*found.values(), *judge.findings(commands)]
     begins, layers = list(marks or ()), list((marks or {}).values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)

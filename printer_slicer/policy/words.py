@@ -7,7 +7,7 @@ letter may come twice: then all its values count, for firmwares differ in which 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -32,6 +32,8 @@ _TEXTS: Final = frozenset(
 
 _ORDINARY: Final = re.compile(rb"(?m)^(?!G[0-3] [-+.0-9XYZEFIJR ]*$).+$")
 """A line that is no plain move."""
+
+_AT_ONCE: Final = 1 << 15
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +65,15 @@ class Command:
         return "{" in self.text or _EXPONENT.search(self.text) is not None
 
 
-def unusual(commands: list[bytes] | tuple[bytes, ...]) -> Iterator[tuple[int, bytes]]:
-    """The commands that are no plain moves, and their places: looked for in all of them at once."""
-    text = b"\n".join(commands)
-    index = at = 0
-    for found in _ORDINARY.finditer(text):
-        index += text.count(b"\n", at, found.start())
-        at = found.start()
-        yield index, found.group()
+def unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
+    """The commands that are no plain moves, and their places: looked for in many of them at once."""
+    for begin in range(0, len(commands), _AT_ONCE):
+        text = b"\n".join(commands[begin : begin + _AT_ONCE])
+        index, at = begin, 0
+        for found in _ORDINARY.finditer(text):
+            index += text.count(b"\n", at, found.start())
+            at = found.start()
+            yield index, found.group()
 
 
 def read_commands(line: bytes) -> Iterator[Command]:

@@ -18,8 +18,8 @@ from threading import Event as Flag
 from time import monotonic
 from typing import Final
 
+from printer_slicer.commands import told_by
 from printer_slicer.errors import PortError
-from printer_slicer.jobs import commands_of
 from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_story
 from printer_slicer.printing.shelf import Print, print_in
 from printer_slicer.stream.serial_port import open_port
@@ -105,7 +105,7 @@ def _switch_off(print_: Print) -> None:
         PortError: it is not there.
     """
     story = read_story(print_.folder)
-    sent = commands_of(print_.text)[0][: story.entries + _ON_ITS_WAY]
+    sent = told_by(print_.text).commands[: story.entries + _ON_ITS_WAY]
     words = Watchdog().farewell([*sent, *(record.command for record in story.lines)], anyway=True)
     port = open_port(print_.port, print_.baud)
     try:

@@ -6,7 +6,7 @@ agrees, the printer has kept its state: nothing is sent again, and nothing is le
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -87,7 +87,7 @@ def ask_printer(
 
 
 def take_up(
-    story: Story, attach: Attach, commands: tuple[bytes, ...], spans: tuple[Span, ...], setup: Setup
+    story: Story, attach: Attach, commands: Sequence[bytes], spans: tuple[Span, ...], setup: Setup
 ) -> TakenUp:
     """Where to go on, after the printer has answered.
 
@@ -122,7 +122,7 @@ def _entries(story: Story, line: int) -> int:
 
 
 def rebuild(
-    story: Story, line: int, commands: tuple[bytes, ...], spans: tuple[Span, ...], rule: Rule
+    story: Story, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], rule: Rule
 ) -> LiveJob:
     """The job as it was sent so far: what was said between, what was given up; not followed beyond the last of that."""
     job = LiveJob(commands, spans, rule=rule)

@@ -29,7 +29,7 @@ class Comparison:
         digest: SHA-256 over the executed commands of the job, each followed by a newline.
     """
 
-    def __init__(self, commands: tuple[bytes, ...] = ()) -> None:
+    def __init__(self, commands: Sequence[bytes] = ()) -> None:
         self._commands = commands
         self._hash = sha256()
         self._begun = 0

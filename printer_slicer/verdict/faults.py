@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
-from printer_slicer.jobs import Job, lines_of
+from printer_slicer.commands import lines_of
+from printer_slicer.jobs import Job
 from printer_slicer.ledger.executed import FAT, Account, Mishap
 from printer_slicer.policy.motion import MELTS
 from printer_slicer.profile import Profile

@@ -19,7 +19,7 @@ import pytest
 import serial
 from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message, process, started, typed
 
-from printer_slicer.jobs import commands_of
+from printer_slicer.commands import told_by
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -128,7 +128,7 @@ def test_printing_a_part_on_a_served_printer_executes_it_once_and_in_order(tmp_p
     told = events(outcome.out)
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert wishes(executed) == [command.decode() for command in commands_of(text.encode())[0]]
+    assert wishes(executed) == [command.decode() for command in told_by(text.encode()).commands]
     assert (told[-1]["event"], told[-1]["verified"]) == ("finished", True)
     assert list(tmp_path.iterdir()) == []
 
@@ -136,7 +136,7 @@ def test_printing_a_part_on_a_served_printer_executes_it_once_and_in_order(tmp_p
 def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: Path) -> None:
     """Two processes, as people use them; the report of the one is compared with the file of the other."""
     typed("slice", BOX, "-o", "box.gcode", *QUICK, cwd=tmp_path)
-    commands, _ = commands_of((tmp_path / "box.gcode").read_bytes())
+    commands = told_by((tmp_path / "box.gcode").read_bytes()).commands
     flags = ("--pty", "port", "--speed", "0", "--report", "report.json", "--printer", "marlin_220")
     with started("sim", *flags, cwd=tmp_path) as serving:
         heard(serving, b"ends it")
@@ -264,7 +264,7 @@ def test_ctrl_c_ends_the_print_with_6_and_turns_the_heaters_off(env: dict[str, s
         said = heard(printing, b'"layer": 2')
         printing.send_signal(signal.SIGINT)
         out, err = printing.communicate(timeout=20)
-    commands = [command.decode() for command in commands_of(LONG.encode())[0]]
+    commands = [command.decode() for command in told_by(LONG.encode()).commands]
     checkpoint = checkpoint_in(tmp_path)
     done, lines = checkpoint["acknowledged"], wishes(executed)
 
@@ -313,7 +313,7 @@ def test_no_usual_signal_leaves_the_heaters_on(number: signal.Signals, tmp_path:
 def test_a_reader_of_events_that_goes_away_does_not_leave_the_heaters_on(tmp_path: Path) -> None:
     """`print --json | head -5` must either go on to the end or stop in good order, and never look like success."""
     (tmp_path / "job.gcode").write_text("M104 S200\nM140 S60\nG28\n" + DANCE[:20_000], encoding="utf-8")
-    commands = [command.decode() for command in commands_of((tmp_path / "job.gcode").read_bytes())[0]]
+    commands = [command.decode() for command in told_by((tmp_path / "job.gcode").read_bytes()).commands]
     with (
         printer(tmp_path / "port") as executed,
         started("print", "job.gcode", "--port", "port", "--json", *QUICK, cwd=tmp_path) as printing,

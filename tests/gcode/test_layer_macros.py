@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from printer_slicer.commands import told_by
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
 from printer_slicer.gcode.facts import layer_facts, print_facts
-from printer_slicer.jobs import commands_of, job_of
+from printer_slicer.jobs import job_of
 from printer_slicer.macros import Value, read_template
 from printer_slicer.macros.functions import FUNCTIONS
 from printer_slicer.model import Float, Program
@@ -105,7 +106,7 @@ def test_a_macro_that_does_not_move_is_all_there_is(macro: str) -> None:
 
 
 def test_a_file_whose_macro_announces_layers_too_has_as_many_layers() -> None:
-    _, marks = commands_of(gcode_of(sliced(), plain(layer_gcode=";LAYER:{layer_num}")))
+    marks = told_by(gcode_of(sliced(), plain(layer_gcode=";LAYER:{layer_num}"))).marks
 
     assert list(marks.values()) == list(range(1, 11))
 
@@ -199,7 +200,7 @@ def test_the_time_in_the_file_counts_what_macros_between_the_moves_take(macro: s
     text = gcode_of(sliced(), wanted)
 
     told = _time_told(text)
-    moves = read_moves(commands_of(text)[0], wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
+    moves = read_moves(told_by(text).commands, wanted.printer.corners[0], FLAVOURS[wanted.printer.flavour])
     seconds = moves.seconds(limits_of(wanted.printer))
     without = gcode_of(sliced(), plain())
     plainly = _time_told(without)

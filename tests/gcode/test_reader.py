@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.gcode import Moves, read_moves, write_gcode
+from printer_slicer.gcode import Moves, Timer, read_moves, write_gcode
+from printer_slicer.gcode.reader import Reader
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_part
@@ -287,3 +288,38 @@ def test_every_move_knows_its_tool() -> None:
     moves = read("G1 X1", "T1", "G1 X2", "G1 X3", "T0", "G1 X4")
 
     assert moves.tool.tolist() == [0, 1, 1, 0]
+
+
+# Piece by piece
+
+
+def read_in_pieces(lines: list[str], size: int) -> tuple[float, np.ndarray]:
+    """Time and ends of the moves of commands that come some at a time."""
+    reader, timer, ends = Reader(), Timer(LIMITS), [np.zeros((0, 3))]
+    for at in range(0, len(lines), size):
+        reader.feed([line.encode() for line in lines[at : at + size]])
+        piece = reader.moves()
+        timer.add(piece)
+        ends.append(piece.end)
+    return timer.seconds(), np.concatenate(ends)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7])
+def test_stops_and_limits_between_pieces_hold(size: int) -> None:
+    lines = [
+        "G1 X50 F6000",
+        "M400",
+        "G1 X100",
+        "M203 X20",
+        "G1 X150",
+        "G4 P500",
+        "G1 X200",
+        "G92 X0",
+        "G1 X10",
+    ]
+    lines += [f"G1 X{10 + 0.1 * at:.1f} E{0.01 * at:.2f}" for at in range(30)]
+
+    seconds, places = read_in_pieces(lines, size)
+
+    assert seconds == pytest.approx(read(*lines).seconds(LIMITS), rel=1e-12)
+    np.testing.assert_array_equal(places, read(*lines).end)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from math import sqrt
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.motion.rules import Limits, make_block, plan, ramp_time
+from printer_slicer.motion.stopwatch import Stopwatch, Wanted
 from printer_slicer.motion.whole import durations
 
 MARLIN = Limits(
@@ -169,3 +171,73 @@ def test_faster_is_never_slower() -> None:
     slow, fast = durations(delta, speed, MARLIN), durations(delta, 2 * speed, MARLIN)
 
     assert fast.sum() < slow.sum()
+
+
+# In pieces
+
+
+def in_pieces(wanted: Wanted, limits: Limits, cuts: list[int]) -> float:
+    watch = Stopwatch(limits)
+    for first, last in pairwise([0, *cuts, len(wanted.speed)]):
+        watch.add(wanted.part(slice(first, last)))
+    return watch.rest()
+
+
+def at_once(wanted: Wanted, limits: Limits) -> float:
+    return float(
+        durations(
+            wanted.delta, wanted.speed, limits, stop_after=wanted.stop, acceleration=wanted.acceleration
+        ).sum()
+    )
+
+
+@pytest.mark.parametrize(
+    "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
+)
+@pytest.mark.parametrize("stops", [0.0, 0.01])
+def test_a_print_takes_as_long_in_pieces(limits: Limits, stops: float) -> None:
+    delta, speed = print_like(5000, seed=11)
+    rng = np.random.default_rng(3)
+    wanted = Wanted(delta, speed, rng.choice([400.0, 2500.0], 5000), rng.random(5000) < stops)
+    cuts = sorted(rng.integers(0, 5000, 300).tolist())
+
+    assert in_pieces(wanted, limits, cuts) == pytest.approx(at_once(wanted, limits), rel=1e-12)
+
+
+@given(moves, st.sampled_from(MACHINES), st.lists(st.integers(0, 40)), st.data())
+@settings(deadline=None)
+def test_any_moves_take_as_long_in_any_pieces(
+    rows: list[tuple[float, float, float, float, float]], limits: Limits, cuts: list[int], data: st.DataObject
+) -> None:
+    columns = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    stop = np.array(data.draw(st.lists(st.booleans(), min_size=len(rows), max_size=len(rows))), np.bool_)
+    wanted = Wanted(columns[:, :4], columns[:, 4], np.full(len(rows), 900.0), stop)
+    inside = sorted(min(cut, len(rows)) for cut in cuts)
+
+    assert in_pieces(wanted, limits, inside) == pytest.approx(at_once(wanted, limits), rel=1e-9)
+
+
+def test_a_machine_that_rests_between_begins_anew() -> None:
+    limits = MACHINES[0]
+    delta, speed = print_like(200, seed=5)
+    half = Wanted(delta, speed, np.full(200, 900.0), np.zeros(200, np.bool_))
+    watch = Stopwatch(limits)
+    watch.add(half)
+    once = watch.rest()
+    watch.add(half)
+
+    assert once == pytest.approx(at_once(half, limits), rel=1e-12)
+    assert watch.rest() == pytest.approx(2 * once, rel=1e-12)
+
+
+def test_what_is_certain_is_forgotten() -> None:
+    """A vase without one stop: what waits stays small."""
+    turn = np.linspace(0, 400 * np.pi, 100_000)
+    points = np.column_stack([40 * np.cos(turn), 40 * np.sin(turn), turn / 100, turn * 2])
+    delta = np.diff(points, axis=0)
+    watch = Stopwatch(MACHINES[0])
+    for at in range(0, len(delta), 1000):
+        some = delta[at : at + 1000]
+        n = len(some)
+        watch.add(Wanted(some, np.full(n, 60.0), np.full(n, 1000.0), np.zeros(n, np.bool_)))
+        assert watch.waiting < 500

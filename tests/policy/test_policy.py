@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from benchmarks.peers import Part, find_peers
 from printer_slicer.cli import main
 from printer_slicer.errors import PolicyError, PortError, UsageError
+from printer_slicer.gcode.reader import Reader
 from printer_slicer.jobs import job_from
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.policy import NAMES, Finding, check_names, insist, scan
@@ -435,3 +436,19 @@ def test_the_help_names_everything_that_can_be_allowed(capsys: pytest.CaptureFix
     said = capsys.readouterr().out
 
     assert [name for name in NAMES if name not in said] == []
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_moves_that_come_piece_by_piece_are_judged_like_all_at_once(size: int) -> None:
+    lines = ["G28", "M83", "G1 X400 F6000", "G1 X10", "M203 X900", "G1 X200 F50000", "G1 E-5", "M221 S200"]
+    lines += ["G1 E5 F3000", "G1 X20 E9 F6000", "G1 X500 Y-9", "T1", "G1 X30 E9", "M203 X30", "G1 X90 F50000"]
+    commands = [line.encode() for line in lines]
+    reader, pieces = Reader(PROFILE.printer.corners[0]), []
+    for at in range(0, len(commands), size):
+        reader.feed(commands[at : at + size])
+        pieces.append(reader.moves())
+
+    found = scan(commands, PROFILE, moves=pieces)
+
+    assert {"box", "feed", "flow"} <= {one.name for one in found}
+    assert set(found) == set(scan(commands, PROFILE))
