@@ -117,7 +117,7 @@ class Conversion:
             self.values,
             tuple(self.taken),
             tuple(left),
-            tuple(self.notes),
+            (*preset.notes, *self.notes),
             settings,
         )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from printer_slicer.importing.foreign import Unreadable
 from printer_slicer.importing.ini import Entry, Section, read_sections
 from printer_slicer.importing.orca import read_json
 from printer_slicer.importing.presets import Preset, number_in
+from printer_slicer.importing.unpacking import unpacked
 
 __all__ = ["Definition", "cura_presets", "cura_profile", "is_definition"]
 
@@ -224,7 +224,7 @@ def cura_profile(path: Path, text: str) -> tuple[str, dict[str, Entry]]:
     Raises:
         ProfileError: it is none.
     """
-    texts = [text] if text else list(_packed(path))
+    texts = [text] if text else list(unpacked(path).values())
     machine = ""
     changes: dict[str, Entry] = {}
     for one in texts:
@@ -237,13 +237,3 @@ def cura_profile(path: Path, text: str) -> tuple[str, dict[str, Entry]]:
     if not machine:
         raise ProfileError(f"{path}: no profile of Cura's", remedy="export it in Cura under Manage Profiles")
     return machine, changes
-
-
-def _packed(path: Path) -> Iterator[str]:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for name in archive.namelist()[:50]:
-                if archive.getinfo(name).file_size <= _LARGEST:
-                    yield archive.read(name).decode("utf-8", "replace")
-    except (zipfile.BadZipFile, OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
-        raise ProfileError(f"{path}: cannot be unpacked: {error}", remedy="export it again") from None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.importing.unpacking import unpacked
 
 __all__ = ["CONFIGS_IN_3MF", "config_in_3mf", "config_in_gcode"]
 
@@ -20,7 +20,6 @@ CONFIGS_IN_3MF: Final = (
 )
 _TAIL: Final = 4_000_000  # bytes at the end of G-code that may hold settings
 _HEAD: Final = 1_000_000
-_LARGEST: Final = 20_000_000
 _BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
 _END: Final = re.compile(r";\s*(?:\w+_config = end|CONFIG_BLOCK_END)\s*")
 _SETTING: Final = re.compile(r";\s*([a-z][a-z0-9_]*) = ?(.*)")
@@ -90,19 +89,10 @@ def config_in_3mf(path: Path) -> tuple[str, str]:
     Raises:
         ProfileError: there is none, it is damaged, or far too large.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for name in CONFIGS_IN_3MF:
-                if name in archive.namelist():
-                    with archive.open(name) as member:
-                        data = member.read(_LARGEST + 1)
-                    if len(data) > _LARGEST:
-                        raise ProfileError(
-                            f"{path}: {name}: over {_LARGEST} bytes", remedy="this is no file of settings"
-                        )
-                    return name, data.decode("utf-8", "replace")
-    except (zipfile.BadZipFile, OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
-        raise ProfileError(f"{path}: cannot be unpacked: {error}", remedy="save the file again") from None
+    texts = unpacked(path, set(CONFIGS_IN_3MF))
+    for name in CONFIGS_IN_3MF:
+        if name in texts:
+            return name, texts[name]
     raise ProfileError(
         f"{path}: no settings in it",
         remedy="save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio",

@@ -12,7 +12,7 @@ from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
 from printer_slicer.importing.presets import Preset
 
-__all__ = ["OrcaFolder", "orca_presets", "read_json"]
+__all__ = ["OrcaFolder", "orca_entries", "orca_presets", "read_json"]
 
 _KINDS: Final = {
     "machine": "printer",
@@ -102,7 +102,7 @@ def orca_presets(values: Mapping[str, Any], place: str, folder: OrcaFolder) -> l
     kind = _kind_of(values)
     whole = kind is None
     resolved = dict(values) if whole else _resolved(values, place, folder, (name,))
-    entries = _entries(resolved, place)
+    entries = orca_entries(resolved, place)
     if not whole:
         assert kind is not None
         return [Preset(kind, name, "orca", place, entries, ORCA_DEFAULTS)]
@@ -174,7 +174,7 @@ def _first(value: Any) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _entries(values: Mapping[str, Any], place: str) -> dict[str, Entry]:
+def orca_entries(values: Mapping[str, Any], place: str) -> dict[str, Entry]:
     """The settings under PrusaSlicer's names, lists as they stand in its files."""
     entries: dict[str, Entry] = {}
     for key, value in values.items():

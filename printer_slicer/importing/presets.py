@@ -10,8 +10,9 @@ from typing import Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.ini import Entry, split_texts, unescaped
+from printer_slicer.importing.report import Note
 
-__all__ = ["Preset", "Quantity", "number_in"]
+__all__ = ["Own", "Preset", "Quantity", "number_in"]
 
 _NOTHING: Final = ("", "nil", '""')
 _REMARK: Final = re.compile(r"\s+[#;].*")
@@ -30,6 +31,29 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
+class Own:
+    """Settings that one object has of its own.
+
+    Attributes:
+        object: its name.
+        low, high: between which heights over the bed, mm; both 0: everywhere.
+        entries: as those of `Preset`.
+        alone: whether there is no other object.
+    """
+
+    object: str
+    low: float
+    high: float
+    entries: Mapping[str, Entry]
+    alone: bool
+
+    @property
+    def where(self) -> str:
+        """Object and heights, for people."""
+        return f"{self.object}, z {self.low:g} to {self.high:g}" if self.high else self.object
+
+
+@dataclass(frozen=True, slots=True)
 class Preset:
     """The settings of a printer, a material or a quality as another slicer has them.
 
@@ -42,6 +66,8 @@ class Preset:
         defaults: of settings that are not there.
         mixed: whether its entries hold settings of other kinds, too.
         together: settings of the printer (for the others) or of the quality (for the printer), where they are known.
+        own: of a quality, what objects have of their own.
+        notes: what a person should look at.
     """
 
     kind: str
@@ -52,6 +78,8 @@ class Preset:
     defaults: Mapping[str, str] = field(default_factory=dict)
     mixed: bool = False
     together: Mapping[str, str] = field(default_factory=dict)
+    own: tuple[Own, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def has(self, key: str) -> bool:
         """Whether the source says anything about a setting."""

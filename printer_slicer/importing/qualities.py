@@ -8,6 +8,7 @@ from typing import Final
 from printer_slicer.importing.conditions import known_setting
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.own import with_own
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
 from printer_slicer.importing.speeds import speeds_of
@@ -81,7 +82,8 @@ def quality_from(preset: Preset) -> Imported:
     _infill(made, height, width)
     _bed(made, height)
     speeds_of(made)
-    return made.done(_why)
+    done = made.done(_why)
+    return with_own(done, preset, quality_from) if preset.own else done
 
 
 def _nozzle(made: Conversion) -> tuple[float, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +13,7 @@ from printer_slicer.importing.bundle import Bundle, bundle_of
 from printer_slicer.importing.cura import cura_presets, cura_profile, is_definition
 from printer_slicer.importing.embedded import config_in_3mf, config_in_gcode
 from printer_slicer.importing.ini import Entry, Section, read_sections, split_texts, unescaped
+from printer_slicer.importing.objects import own_in_3mf
 from printer_slicer.importing.orca import OrcaFolder, orca_presets, read_json
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.vocabulary import DEFAULTS
@@ -92,7 +94,7 @@ def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry
         magic = file.read(4)
     if magic.startswith(b"PK"):
         name, text = config_in_3mf(path)
-        return _from_text(text, f"{path}: {name}", path, folders, {})
+        return _with_own(_from_text(text, f"{path}: {name}", path, folders, {}), path)
     if path.suffix.lower() in _GCODE:
         lines = config_in_gcode(path)
         section = Section("", f"{path}:{lines[0][0]}")
@@ -108,6 +110,14 @@ def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry
             f"{path}: no text", remedy="give config.ini, a bundle, G-code, a 3MF file or a JSON preset"
         )
     return _from_text(data.decode("utf-8", "replace"), str(path), path, folders, changes)
+
+
+def _with_own(found: Found, path: Path) -> Found:
+    """The presets of a project, the quality with what objects have of their own."""
+    if isinstance(found, Bundle):
+        return found
+    own, notes = own_in_3mf(path)
+    return [replace(one, own=own, notes=notes) if one.kind == "quality" else one for one in found]
 
 
 def _from_text(

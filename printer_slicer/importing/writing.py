@@ -61,12 +61,22 @@ def _table(values: Mapping[str, Any], prefix: str, remarks: Mapping[str, str]) -
         if not isinstance(value, dict):
             remark = remarks.get(prefix + key, "")
             behind = f" # {_one_line(remark)}" if remark and "\n" not in str(value) else ""
-            yield f"{key} = {_value(value)}{behind}"
+            yield from _lines(key, value, behind)
     for key, value in values.items():
         if isinstance(value, dict):
             yield ""
             yield f"[{prefix}{key}]"
             yield from _table(value, f"{prefix}{key}.", remarks)
+
+
+def _lines(key: str, value: Any, behind: str) -> Iterator[str]:
+    """A key and its value; a list of tables has a line for each."""
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        yield f"{key} = [{behind}"
+        yield from (f"  {toml_value(one)}," for one in value)
+        yield "]"
+    else:
+        yield f"{key} = {_value(value)}{behind}"
 
 
 def _value(value: Any) -> str:

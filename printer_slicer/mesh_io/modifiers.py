@@ -1,8 +1,8 @@
-"""Volumes in the 3MF files of slicers that are not to be printed: modifiers, blockers, enforcers, holes.
+"""What slicers say of the objects in their 3MF files: names, and volumes that are not to be printed.
 
-PrusaSlicer keeps all volumes of an object in one mesh and tells by ranges of facets what each is; Bambu Studio and
-OrcaSlicer keep each as a component. Neither is part of the 3MF standard, but to print a support blocker as plastic
-would be no answer to that.
+Those are modifiers, blockers, enforcers and holes. PrusaSlicer keeps all volumes of an object in one mesh and tells by
+ranges of facets what each is; Bambu Studio and OrcaSlicer keep each as a component. Neither is part of the 3MF
+standard, but to print a support blocker as plastic would be no answer to that.
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ class Modifiers(Reader):
         self._object = self._component = self._name = self._kind = ""
         self._range = (0, -1)
         self._n_marked = 0
+        self._inside = False  # a volume
+        self.names: dict[str, str] = {}
         self.ranges: dict[str, list[tuple[tuple[int, int], _Volume]]] = {}
         self.components: dict[tuple[str, str], _Volume] = {}
         self.on(["object"], self._begin_object)
@@ -61,31 +63,38 @@ class Modifiers(Reader):
 
     def _begin_object(self, attributes: list[str]) -> None:
         self._object = _given(attributes).get("id", "")
+        self._inside = False
 
     def _begin_volume(self, attributes: list[str]) -> None:
         given = _given(attributes)
         self._range = (int(given.get("firstid", "0")), int(given.get("lastid", "-1")))
         self._name = self._kind = ""
+        self._inside = True
 
     def _begin_part(self, attributes: list[str]) -> None:
         given = _given(attributes)
         self._component, self._kind, self._name = given.get("id", ""), given.get("subtype", ""), ""
+        self._inside = True
 
     def _metadata(self, attributes: list[str]) -> None:
         given = _given(attributes)
         key, value = given.get("key"), given.get("value", "")
-        if key == "name":
+        if key == "name" and self._inside:
             self._name = value
+        elif key == "name":
+            self.names[self._object] = value
         elif key == "volume_type" and given.get("type") == "volume":
             self._kind = value
         elif key == "modifier" and given.get("type") == "volume" and value == "1":
             self._kind = self._kind or "modifier"  # before there were kinds
 
     def _end_volume(self) -> None:
+        self._inside = False
         if volume := self._marked():
             self.ranges.setdefault(self._object, []).append((self._range, volume))
 
     def _end_part(self) -> None:
+        self._inside = False
         if volume := self._marked():
             self.components[self._object, self._component] = volume
 
@@ -97,6 +106,13 @@ class Modifiers(Reader):
         if self._n_marked > self.limits.instances:
             raise self.fault(f"over {self.limits.instances} volumes")
         return _Volume(self._name, self._kind)
+
+    def name(self, bodies: dict[Hashable, Body], part: str) -> None:
+        """Call the objects of a model file what the slicer calls them, where the model has no names."""
+        for number, name in self.names.items():
+            body = bodies.get((part, number))
+            if body is not None:
+                body.label = body.label or name
 
     def taken_from(self, bodies: dict[Hashable, Body], part: str) -> list[str]:
         """Take these volumes out of the objects of a model file.

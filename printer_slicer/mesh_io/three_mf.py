@@ -169,6 +169,7 @@ def read_three_mf(
     own_unit = unit or named_unit(first.unit, path)
     bodies, kinds = _with_more(archive, limits, start, first)
     modifiers = read_modifiers(archive, limits)
+    modifiers.name(bodies, start)
     notes = modifiers.taken_from(bodies, start)
     _without_other_kinds(bodies, kinds, notes)
     if first.n_unprintable:

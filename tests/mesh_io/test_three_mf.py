@@ -249,6 +249,17 @@ def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path
     assert model.notes[1] == "1 of them is a hole, which is not cut: 'Bore' (negative_part)"
 
 
+def test_objects_without_a_name_are_called_what_the_slicer_calls_them(tmp_path: Path) -> None:
+    text = model_xml({1: mesh_xml(), 2: mesh_xml(), 3: mesh_xml()}, item(1) + item(2) + item(3))
+    text = text.replace('<object id="2"', '<object id="2" name="own name"')
+    lid = '<metadata type="object" key="name" value="lid"/>'
+    volume = '<volume firstid="0" lastid="11"><metadata type="volume" key="name" value="no"/></volume>'
+    objects = "".join(f'<object id="{at}">{volume}{lid}</object>' for at in (1, 2))
+    model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": f"<config>{objects}</config>"})
+
+    assert [one.name for one in model.mesh.items] == ["lid", "own name", "part"]
+
+
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
 ONE = model_xml({1: mesh_xml()}, item(1))
 FAULTS = {
