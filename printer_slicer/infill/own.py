@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from printer_slicer.errors import StrategyError
+from printer_slicer.errors import StrategyError, kind_of, name_of
 from printer_slicer.geometry import Float, Polylines, clip_lines
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.profile import Profile
@@ -41,7 +41,7 @@ class Infill:
     @property
     def name(self) -> str:
         """What to call it."""
-        return str(getattr(self.lines, "__name__", type(self.lines).__name__))
+        return name_of(self.lines)
 
 
 def pattern_of(own: Infill) -> Pattern:
@@ -60,7 +60,7 @@ def _check(name: str, lines: object, n_layers: int) -> None:
     """Refuse what is no set of lines on these layers."""
     if not isinstance(lines, Polylines):
         raise StrategyError(
-            f"infill {name}: gave {_article(lines)}, not Polylines",
+            f"infill {name}: gave {kind_of(lines)}, not Polylines",
             remedy="return ps.Polylines.from_lines(lists), one list of (n, 2) arrays, mm, for each area of the task",
         )
     if lines.n_lines and not 0 <= int(lines.layer.min()) <= int(lines.layer.max()) < n_layers:
@@ -80,11 +80,6 @@ def _check(name: str, lines: object, n_layers: int) -> None:
             f"infill {name}: point {where} is at x {x:g}, y {y:g}, which is no place on a bed",
             remedy="look for divisions by zero, and for lengths that are not in mm",
         )
-
-
-def _article(value: object) -> str:
-    """What a value is, as people say it."""
-    return "nothing" if value is None else f"a value of type {type(value).__name__}"
 
 
 def _opened(lines: Polylines) -> Polylines:
