@@ -33,8 +33,6 @@ __all__ = [
     "StrategyError",
     "UsageError",
     "VerificationError",
-    "kind_of",
-    "name_of",
 ]
 
 
@@ -116,13 +114,3 @@ class VerificationError(PrinterSlicerError):
     """What was executed is not what was asked for."""
 
     exit_code = 7
-
-
-def kind_of(value: object) -> str:
-    """What a value is, as messages say it."""
-    return "nothing" if value is None else f"a value of type {type(value).__name__}"
-
-
-def name_of(function: object) -> str:
-    """What messages call a function."""
-    return str(getattr(function, "__name__", type(function).__name__))

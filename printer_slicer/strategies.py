@@ -12,11 +12,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from printer_slicer.errors import StrategyError, kind_of, name_of
+from printer_slicer.errors import StrategyError
 from printer_slicer.gcode import LABEL_WORDS, Dialect
 from printer_slicer.geometry import Polylines
 from printer_slicer.infill import Infill, InfillTask
 from printer_slicer.model import LayerPlan, Mesh, Program
+from printer_slicer.naming import kind_of, name_of
 from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
 
