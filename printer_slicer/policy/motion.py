@@ -28,7 +28,7 @@ MELTS: Final = 1.5
 
 _BESIDE: Final = 5.0  # mm beside the bed that machines reach, to prime and to wipe
 _AWAY: Final = 25.0  # mm beside it that slicers send an empty nozzle at the end, for the firmware stops it
-_OVER: Final = 10.0  # mm over the highest part, to present it
+_OVER: Final = 10.0  # mm over the highest part, to present it, where the firmware minds it less
 _ROUNDED: Final = 0.011  # mm
 _FAST: Final = 2.0  # times the profile's speed from which on a feed is refused
 _RAISED: Final = 3.0  # the same of z and extruder, for slicers know little about them
@@ -143,7 +143,9 @@ def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
         at = moves.end[:, axis]
         goes = moves.delta[:, axis] != 0
         below, above = low[axis] - at, at - high[axis]
-        spare = (0.0, _OVER) if letter == "z" else (aside, aside)
+        spare = (
+            (0.0, 0.0 if profile.printer.firmware.ends_beyond else _OVER) if letter == "z" else (aside, aside)
+        )
         why = "the nozzle is driven into the bed" if letter == "z" else over
         for off, room, bound, reason in (
             (below, spare[0], low[axis], why),

@@ -19,6 +19,7 @@ class Firmware:
         extended_commands: has commands of words, such as SET_VELOCITY_LIMIT, and passes over those it does not know.
         pressure_advance: has a command for it whose value is in seconds.
         firmware_retraction: has G10 and G11 of a length that a file can set.
+        ends_beyond: a move beyond the machine ends the print; others stop at the end of the axis and go on.
     """
 
     planner_blocks: int
@@ -26,15 +27,16 @@ class Firmware:
     extended_commands: bool = False
     pressure_advance: bool = True
     firmware_retraction: bool = True
+    ends_beyond: bool = False
 
 
 FIRMWARES: Final[Mapping[str, Firmware]] = {
     "marlin": Firmware(16),
     "marlin_legacy": Firmware(16),
     # Klipper plans about a second ahead, which is never fewer moves than this.
-    "klipper": Firmware(1000, one_acceleration=True, extended_commands=True),
+    "klipper": Firmware(1000, one_acceleration=True, extended_commands=True, ends_beyond=True),
     # A ring of 40 moves on the Duet 2; later boards have more.
-    "reprapfirmware": Firmware(40),
+    "reprapfirmware": Firmware(40, ends_beyond=True),
     # Retraction lengths are part of its EEPROM, and M233 counts in units of its own.
     "repetier": Firmware(16, pressure_advance=False, firmware_retraction=False),
     "smoothie": Firmware(32, one_acceleration=True, pressure_advance=False),

@@ -14,16 +14,20 @@ from printer_slicer.sim.machine import Machine
 __all__ = ["front_end_of", "machine_of"]
 
 _PERSON: Final = 60.0  # s until somebody answers a file that waits for a person
+_OVER: Final = (
+    10.0  # mm that machines reach over the highest part, which firmware that ends a print may not know
+)
 _PROBED: Final = 16  # points that a machine with a probe touches
 
 
 def machine_of(printer: Printer) -> Machine:
     """The machine that a printer's profile describes; what profiles do not say is that of a common printer."""
     (left, front), (right, back) = printer.corners
+    over = 0.0 if printer.firmware.ends_beyond else _OVER
     return Machine(
         limits=limits_of(printer),
         box_min=(left - printer.reach, front - printer.reach, 0.0),
-        box_max=(right + printer.reach, back + printer.reach, printer.bed_z + 10),
+        box_max=(right + printer.reach, back + printer.reach, printer.bed_z + over),
         home=(left, front, 0.0),
         person_seconds=_PERSON,
         probe_points=_PROBED if printer.probe else 0,

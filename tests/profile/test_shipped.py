@@ -8,7 +8,7 @@ from functools import cache
 from itertools import product
 
 import pytest
-from parts import step_pyramid
+from parts import box, step_pyramid
 
 from printer_slicer import dry_run, job_of, load_profile
 from printer_slicer.errors import ProfileError
@@ -26,6 +26,9 @@ ALL = sorted(
         *product(["marlin_220"], MATERIALS, QUALITIES),
     }
 )
+OWN_MACROS = [
+    name for name, path in profile_paths("printer").items() if "_gcode" in path.read_text(encoding="utf-8")
+]
 GENERIC = ("corexy_klipper", "marlin_220", "marlin_220_06", "marlin_probe_220")
 HOT = "voron_2_4_350"  # prints every material
 THICK = "marlin_220_06"  # prints the layers of every quality but draft's
@@ -72,6 +75,40 @@ def test_a_machine_has_a_bed_a_height_limits_and_a_model_of_its_own(name: str) -
     assert "{first_layer_bed_temperature}" in printer.start_gcode
     assert "M104 S0" in printer.end_gcode
     assert "M140 S0" in printer.end_gcode
+
+
+@pytest.mark.parametrize("name", OWN_MACROS)
+def test_a_part_as_high_as_the_machine_ends_within_it(name: str) -> None:
+    profile = load_profile(name, "pla", "standard", {"bed_z": 20})
+    job = job_of(box((12, 12, 20)), profile)
+    verdict = dry_run(job, profile)
+
+    assert verdict.problems == ()
+    assert not [one for one in job.findings if one.name == "box"]
+
+
+@pytest.mark.parametrize("name", OWN_MACROS)
+def test_nothing_is_laid_on_the_lines_that_prime(name: str) -> None:
+    """Lines that prime are left out where the part, or what is around it, reaches."""
+    hollow = {"skirt_loops": 0, "bottom_thickness": 0, "top_thickness": 0, "infill_density": 0}
+    plain = load_profile(name, "pla", "standard", hollow)
+    (left, front), (right, back) = plain.printer.corners
+    small, wide = box((10, 10, 0.4)), box((right - left - 1, back - front - 1, 0.4))
+
+    primes = [
+        sum(b"E9 F800" in command for command in job_of(part, plain).commands) for part in (small, wide)
+    ]
+    assert primes == [2, 0]
+
+
+@pytest.mark.parametrize("name", PRINTERS)
+def test_heaters_are_off_before_the_last_moves(name: str) -> None:
+    """A move that a firmware refuses must not leave anything hot behind."""
+    lines = [line.partition(";")[0].strip() for line in load_profile(name).printer.end_gcode.splitlines()]
+
+    assert max(lines.index("M104 S0"), lines.index("M140 S0")) < min(
+        at for at, line in enumerate(lines) if line.startswith(("G0", "G1", "G28"))
+    )
 
 
 @pytest.mark.parametrize("name", PRINTERS)
