@@ -10,16 +10,17 @@ import numpy as np
 
 from printer_slicer.commands import Told, lines_of, read_text, refuse_unsendable, told_by
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of
+from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of, spoken
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
 from printer_slicer.pipeline import Report, Stages, gcode_of, quiet, slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
-from printer_slicer.policy import Finding, check_names, scan
+from printer_slicer.policy import Finding, check_names, scan, sentence
 from printer_slicer.profile import Profile
 from printer_slicer.saving import save
+from printer_slicer.showing import Card, Drawn
 from printer_slicer.strategies import OURS, Strategies
 
 __all__ = [
@@ -37,7 +38,7 @@ GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class Job(Drawn):
     """What is to be printed.
 
     Attributes:
@@ -79,6 +80,16 @@ class Job:
         return (
             f"<Job {self.name!r}: {layers}{len(self.commands)} commands, {self.seconds / 60:.0f} min{told}>"
         )
+
+    @property
+    def looks(self) -> object:
+        """The moves, if the job was sliced here; else what is known of the file."""
+        facts = {
+            "commands": str(len(self.commands)),
+            "layers": f"plastic at {len(self.heights)} heights",
+            "motion": spoken(self.seconds),
+        }
+        return self.program or Card(self.name, facts, [sentence(one) for one in self.findings if one.refused])
 
     def save(self, path: str | Path) -> None:
         """Write the G-code.

@@ -13,7 +13,7 @@ import numpy as np
 from printer_slicer.adhesion import adhesion_paths, on_raft
 from printer_slicer.compensation import compensated
 from printer_slicer.curves import curved, merged
-from printer_slicer.errors import PartError
+from printer_slicer.errors import MeshError, PartError, UsageError
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import write_gcode
 from printer_slicer.geometry import frozen_array
@@ -35,6 +35,7 @@ from printer_slicer.model import (
     Travels,
     Walls,
 )
+from printer_slicer.naming import kind_of
 from printer_slicer.ordering import order
 from printer_slicer.overhangs import graded
 from printer_slicer.pacing import LinkReport, crowded, crowded_paths, paced
@@ -43,6 +44,7 @@ from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.regions import classify
+from printer_slicer.showing import Drawn
 from printer_slicer.slicing import cut, section_repairs
 from printer_slicer.strategies import OURS, Strategies, checked_lines, checked_plan, checked_program
 from printer_slicer.surface import Certificate, certify, read_surface
@@ -72,7 +74,7 @@ def quiet(stage: str) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stages:
+class Stages(Drawn):
     """Every value on the way from a part to its moves.
 
     Attributes:
@@ -107,6 +109,11 @@ class Stages:
         return "\n".join(["<Stages", *(f"  {name}: {getattr(self, name)!r}" for name in values), ">"])
 
     @property
+    def looks(self) -> object:
+        """The moves."""
+        return self.program
+
+    @property
     def plan(self) -> LayerPlan:
         """The layers of the part, without those of a raft."""
         return self.sections.plan
@@ -134,9 +141,11 @@ def slice_stages(  # noqa: PLR0913 - as for `slice_part`: every choice has a usu
         strategies: functions from outside in place of ours.
 
     Raises:
+        UsageError: the part is no mesh, or the profile none.
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
         StrategyError: a function from outside gives what cannot be used.
     """
+    _insist_on_part(mesh, profile)
     report("repairing")
     mended, repairs = repair(mesh)
     if strict:
@@ -152,6 +161,23 @@ def slice_stages(  # noqa: PLR0913 - as for `slice_part`: every choice has a usu
     if strict:
         refuse_repaired(part.name, repairs)
     return replace(stages, repairs=repairs, shift=shift)
+
+
+def _insist_on_part(mesh: object, profile: object) -> None:
+    """Refuse what nothing can be made of, before a stage fails over it in words of its own."""
+    if not isinstance(mesh, Mesh):
+        raise UsageError(f"a part is a Mesh, not {kind_of(mesh)}", remedy="read it: ps.load_mesh(path)")
+    if not isinstance(profile, Profile):
+        raise UsageError(
+            f"a profile is a Profile, not {kind_of(profile)}", remedy="load it: ps.load_profile(printer)"
+        )
+    if not mesh.n_facets:
+        raise MeshError(f"{mesh.name}: has no facets", remedy="give it triangles (F, 3, 3), mm")
+    if not np.isfinite(mesh.bounds).all():
+        raise MeshError(
+            f"{mesh.name}: a corner has a coordinate that is no number",
+            remedy="all of mesh.triangles must be finite, mm",
+        )
 
 
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> LayerPlan:

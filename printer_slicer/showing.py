@@ -6,9 +6,10 @@ whom, when it is imported.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
-__all__ = ["Drawn", "drawn_by"]
+__all__ = ["Card", "Drawn", "drawn_by"]
 
 _artists: list[Callable[[object], str]] = []
 
@@ -18,10 +19,24 @@ def drawn_by(artist: Callable[[object], str]) -> None:
     _artists[:] = [artist]
 
 
+@dataclass(frozen=True, slots=True)
+class Card:
+    """What is seen of a value that has no shape: a headline, what is known by name, and what is wrong."""
+
+    title: str
+    facts: Mapping[str, str]
+    problems: Sequence[str] = ()
+
+
 class Drawn:
-    """A value that draws itself as SVG."""
+    """A value that draws itself as SVG, or another value that shows what it is."""
 
     __slots__ = ()
+
+    @property
+    def looks(self) -> object:
+        """What is drawn of it."""
+        return self
 
     def _repr_svg_(self) -> str:
         """What notebooks ask for."""

@@ -1,7 +1,6 @@
 """Pictures, as SVG or PNG: a layer plan with its error, the beads of one layer, and what is wrong with them."""
 
 from printer_slicer.drawing.canvas import Picture, check_picture, picture_bytes
-from printer_slicer.drawing.card import card
 from printer_slicer.drawing.layer import draw_layer, layer_picture
 from printer_slicer.drawing.material import material_picture
 from printer_slicer.drawing.plan import draw_plan
@@ -11,7 +10,6 @@ from printer_slicer.drawing.values import draw
 __all__ = [
     "Picture",
     "View",
-    "card",
     "check_picture",
     "draw",
     "draw_layer",

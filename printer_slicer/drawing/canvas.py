@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import re
 import unicodedata
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -17,10 +18,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from printer_slicer.errors import UsageError
 from printer_slicer.model import Float
 from printer_slicer.saving import save
+from printer_slicer.thumbnails import png_bytes
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -33,6 +36,7 @@ __all__ = [
     "Fill",
     "Line",
     "Picture",
+    "Raster",
     "Shape",
     "Strokes",
     "Text",
@@ -131,7 +135,18 @@ class Strokes:
     name: str = ""
 
 
-Shape = Fill | Line | Strokes | Box | Text
+@dataclass(frozen=True, slots=True, eq=False)
+class Raster:
+    """A picture of pixels (h, w, 4), red, green, blue and opacity from 0 to 255, as large as it is told here."""
+
+    x: float
+    y: float
+    width: int
+    height: int
+    pixels: NDArray[np.uint8]
+
+
+Shape = Fill | Line | Strokes | Box | Text | Raster
 _EDGE_WIDTH: Final = 0.5
 
 
@@ -199,6 +214,8 @@ class Picture:
                     _paint_box(pen, shape)
                 case Text():
                     _paint_text(pen, shape)
+                case Raster():
+                    _paint_raster(image, shape)
         stream = io.BytesIO()
         image.reduce(_FINER).save(stream, "PNG")
         return stream.getvalue()
@@ -274,6 +291,10 @@ def _svg_part(shape: Shape) -> str:
             size = f'width="{shape.width:.2f}" height="{shape.height:.2f}"'
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" {size}'
             return f'<rect{_svg_name(shape.name)} {place} fill="{shape.colour}"{edge}/>'
+        case Raster():
+            data = b64encode(png_bytes(shape.pixels)).decode("ascii")
+            place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" width="{shape.width}" height="{shape.height}"'
+            return f'<image {place} href="data:image/png;base64,{data}"/>'
         case Text():
             place = f'x="{shape.x:.1f}" y="{shape.y:.1f}" font-size="{shape.size:g}"'
             anchor = f' text-anchor="{shape.anchor}"' if shape.anchor != "start" else ""
@@ -394,6 +415,14 @@ def _paint_box(pen: ImageDraw, box: Box) -> None:
     pen.rectangle((x0, y0, x1, y1), fill=box.colour)
     if box.edge:
         pen.rectangle((x0, y0, x1, y1), outline=box.edge, width=max(round(_EDGE_WIDTH * _FINER), 1))
+
+
+def _paint_raster(image: Image, raster: Raster) -> None:
+    from PIL import Image as Images  # noqa: PLC0415 - only PNGs need it
+
+    size = raster.width * _FINER, raster.height * _FINER
+    seen = Images.fromarray(raster.pixels).resize(size)
+    image.paste(seen, (round(raster.x * _FINER), round(raster.y * _FINER)), seen)
 
 
 def _paint_text(pen: ImageDraw, text: Text) -> None:

@@ -1,4 +1,4 @@
-"""Every value on the way from the part to its moves, drawn: a plan over z, the others layer by layer from above."""
+"""Every value on the way from the part to its moves, drawn: plans over z, the others layer by layer from above."""
 
 from __future__ import annotations
 
@@ -10,10 +10,27 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text, text_width
+from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Raster, Shape, Strokes, Text, text_width
+from printer_slicer.drawing.card import card
 from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
 from printer_slicer.drawing.frame import marks
-from printer_slicer.model import Areas, Float, Int, LayerPlan, Program, Regions, Role, Sections, Toolpaths
+from printer_slicer.errors import UsageError
+from printer_slicer.model import (
+    Areas,
+    Float,
+    Int,
+    LayerPlan,
+    Mesh,
+    Program,
+    Regions,
+    Role,
+    Sections,
+    Toolpaths,
+)
+from printer_slicer.naming import kind_of
+from printer_slicer.showing import Card, Drawn
+from printer_slicer.surface import Certificate
+from printer_slicer.thumbnails import render
 
 __all__ = ["draw"]
 
@@ -35,22 +52,47 @@ _REGIONS: Final = {
 
 
 def draw(value: object, layer: int | None = None) -> Picture:
-    """A picture of a plan, or of layers of sections, regions, toolpaths, a program or areas.
+    """A picture of a mesh, a plan, a certificate, or layers of sections, walls, regions, toolpaths, moves or areas.
 
     Args:
-        value: what to draw.
-        layer: index of the one to be drawn, from 0; None: six from the bottom to the top. A plan is drawn whole.
+        value: what to draw; of all stages, and of a job that was sliced here, the program is drawn.
+        layer: index of the one to be drawn, from 0; None: six from the bottom to the top. Meshes, plans and
+            certificates are drawn whole.
 
     Raises:
-        TypeError: there are no pictures of such values.
-        ValueError: it has no such layer.
+        UsageError: there are no pictures of such values, or it has no such layer.
     """
-    return _picture(value, layer)
+    return _picture(value.looks if isinstance(value, Drawn) else value, layer)
 
 
 @singledispatch
 def _picture(value: object, _layer: int | None) -> Picture:
-    raise TypeError(f"there is no picture of a value of type {type(value).__name__}")
+    raise UsageError(
+        f"there is no picture of {kind_of(value)}",
+        remedy="draw a mesh, or what is made of it: stages.plan, stages.sections, stages.program",
+    )
+
+
+# Meshes
+
+
+@_picture.register
+def _mesh(part: Mesh, _layer: int | None) -> Picture:
+    """As it stands, seen from above and from the front left."""
+    if not part.n_facets:
+        return Picture(400, 40, (Text(8, 24, "a mesh without facets", _LETTERS),), part.name)
+    x, y, z = part.size.tolist()
+    title = f"{part.name}: {part.n_facets} facets, {x:.4g} x {y:.4g} x {z:.4g} mm"
+    seen = Raster(8, _HEAD, _ALONE, _ALONE, render(part, 2 * _ALONE, 2 * _ALONE))
+    return Picture(_ALONE + 16, _ALONE + _HEAD + 8, (Text(8, 24, title, _LETTERS, bold=True), seen), title)
+
+
+# What has no shape
+
+
+@_picture.register
+def _card(told: Card, _layer: int | None) -> Picture:
+    return card(told.title, told.facts, told.problems)
 
 
 # Plans
@@ -60,27 +102,41 @@ def _picture(value: object, _layer: int | None) -> Picture:
 def _plan(plan: LayerPlan, _layer: int | None) -> Picture:
     """Bars as high as their layers stand, as long as they are thick."""
     title = f"{plan.n_layers} layers" + (f", planner {plan.planner}" if plan.planner else "")
+    return _bars(plan, plan.height, title, "layer height, mm")
+
+
+@_picture.register
+def _certificate(certificate: Certificate, _layer: int | None) -> Picture:
+    """Bars as high as their layers stand, as long as what is proven of them."""
+    title = f"{certificate.plan.n_layers} layers, nothing wrong is farther than {certificate.max_error:.4g} mm off"
+    return _bars(certificate.plan, certificate.bound, title, "error bound, mm")
+
+
+def _bars(plan: LayerPlan, lengths: Float, title: str, what: str) -> Picture:
+    """A bar for each layer, in the colour of its height."""
     if not plan.n_layers:
         return Picture(400, 40, (Text(8, 24, "a plan without layers", _LETTERS),), title)
     heights, total = plan.height, float(plan.top[-1])
     left, right, top, tall = 56.0, _WIDE - 200.0, 50.0, 360.0
-    across, down = (right - left) / float(heights.max()), tall / total
+    longest = float(lengths.max()) or 1.0
+    across, down = (right - left) / longest, tall / total
     shapes: list[Shape] = [Text(8, 24, title, _LETTERS, bold=True)]
     for z in marks(total, 6).tolist():
         y = top + tall - z * down
         shapes += [Line(np.array([(left - 6, y), (right, y)]), "#dddddd")]
         shapes += [Text(left - 10, y + 4, f"{z:g}", _SMALL, _SOFT, "end")]
-    for height in marks(float(heights.max()), 4).tolist()[1:]:
-        x = left + height * across
+    for length in marks(longest, 4).tolist()[1:]:
+        x = left + length * across
         shapes += [Line(np.array([(x, top), (x, top + tall)]), "#dddddd")]
-        shapes += [Text(x, top + tall + 18, f"{height:g}", _SMALL, _SOFT, "middle")]
+        shapes += [Text(x, top + tall + 18, f"{length:g}", _SMALL, _SOFT, "middle")]
     colours = height_colours(heights)
-    for bottom, high, colour in zip(plan.bottom.tolist(), heights.tolist(), colours, strict=True):
+    rows = zip(plan.bottom.tolist(), heights.tolist(), lengths.tolist(), colours, strict=True)
+    for bottom, high, length, colour in rows:
         y, thick = top + tall - (bottom + high) * down, high * down
         # A gap between layers that are thick enough to be told apart.
-        shapes.append(Box(left, y, high * across, thick * (0.85 if thick > 3 else 1), colour, name="layer"))
+        shapes.append(Box(left, y, length * across, thick * (0.85 if thick > 3 else 1), colour, name="layer"))
     shapes += [Text(left - 10, top - 10, "z mm", _SMALL, _SOFT, "end")]
-    shapes += [Text((left + right) / 2, top + tall + 36, "layer height, mm", _SMALL, _SOFT, "middle")]
+    shapes += [Text((left + right) / 2, top + tall + 36, what, _SMALL, _SOFT, "middle")]
     return Picture(_WIDE, round(top + tall + 50), (*shapes, *_counts(plan, colours, right + 24, top)), title)
 
 
@@ -232,7 +288,9 @@ def _sheet(layers: _Layers, layer: int | None) -> Picture:
     used = layers.used()
     if layer is not None:
         if not 0 <= layer < layers.count:
-            raise ValueError(f"layer {layer}: there are layers 0 to {layers.count - 1}")
+            raise UsageError(
+                f"layer {layer}: there is none", remedy=f"there are layers 0 to {layers.count - 1}"
+            )
         chosen = [layer] if layer in used else []
     else:
         some = np.linspace(0, len(used) - 1, min(len(used), _SHOWN)).round().astype(int)

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.errors import PlanError
 from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array
 from printer_slicer.showing import Drawn
 
@@ -44,7 +45,17 @@ class LayerPlan(Drawn):
 
     @classmethod
     def from_tops(cls, top: Float, planner: str = "", *, cut_ratio: float = 0.5) -> LayerPlan:
-        """A plan cut at `cut_ratio` of each layer's height: 0 bottom, 0.5 middle, 1 top."""
+        """A plan cut at `cut_ratio` of each layer's height: 0 bottom, 0.5 middle, 1 top.
+
+        Args:
+            top: (L,) z of the tops, mm, each higher than the one before; the first over 0.
+            planner: name of the strategy that made them.
+            cut_ratio: from 0 to 1.
+
+        Raises:
+            PlanError: they are no list of numbers.
+        """
+        top = _numbers(top)
         bottom = np.concatenate([[0.0], top[:-1]])
         return cls(top, bottom + cut_ratio * (top - bottom), planner)
 
@@ -70,6 +81,20 @@ class LayerPlan(Drawn):
         starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
         counts = np.diff(np.append(starts, len(heights)))
         return [(int(n), float(heights[i])) for n, i in zip(counts, starts, strict=True)]
+
+
+def _numbers(top: object) -> Float:
+    """(L,) tops of layers."""
+    try:
+        found: Float = np.asarray(top, np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros((0, 0))
+    if found.ndim != 1:
+        raise PlanError(
+            "tops of layers are a list of numbers, mm, that rise from over 0",
+            remedy="such as np.arange(1, 51) * 0.2",
+        )
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer.geometry import Float, frozen_array
 from printer_slicer.model.items import Item
+from printer_slicer.showing import Drawn
 
 __all__ = ["Faults", "Mesh", "Repair", "Repairs"]
 
@@ -19,7 +20,7 @@ _bounds: WeakKeyDictionary[Mesh, Float] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Mesh:
+class Mesh(Drawn):
     """The surface of the part as loose triangles, as an STL file has them.
 
     Neighbours share the coordinates of their corners exactly.

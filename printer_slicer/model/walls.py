@@ -10,12 +10,13 @@ import numpy as np
 from printer_slicer.geometry import Areas, Float, frozen_array
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.paths import Toolpaths
+from printer_slicer.showing import Drawn
 
 __all__ = ["Walls"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Walls:
+class Walls(Drawn):
     """Perimeters, and what is left inside them.
 
     Attributes:
@@ -38,6 +39,11 @@ class Walls:
             object.__setattr__(
                 self, name, frozen_array(getattr(self, name), np.float64, (self.plan.n_layers,))
             )
+
+    @property
+    def looks(self) -> object:
+        """The perimeters."""
+        return self.paths
 
     def __repr__(self) -> str:
         return f"<Walls: {self.plan.n_layers} layers, {self.paths.n_paths} perimeters>"

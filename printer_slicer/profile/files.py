@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.naming import kind_of
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import Fault, converted
 from printer_slicer.profile.keys import resolved
@@ -51,6 +52,11 @@ def load_profile(
         ProfileError: naming file, line, key and bound.
     """
     names = {"printer": printer, "material": material, "quality": quality}
+    if changes is not None and not isinstance(changes, Mapping):
+        raise ProfileError(
+            f"changes are a table of names and values, not {kind_of(changes)}",
+            remedy='write changes={"layer_height": 0.2}',
+        )
     return _built(read_sources(names, changes, folders), slices=slices)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from printer_slicer.geometry import frozen_array
 from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.showing import Drawn
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.runs import run_bounds, steepest
 from printer_slicer.surface.shadow import Shadow, throw
@@ -72,7 +73,7 @@ class Worst:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Certificate:
+class Certificate(Drawn):
     """What is proven about a layer plan.
 
     Attributes:

@@ -11,6 +11,7 @@ from printer_slicer.gcode import read_moves, spoken
 from printer_slicer.jobs import Job
 from printer_slicer.ledger.executed import Account
 from printer_slicer.profile import Profile
+from printer_slicer.showing import Card, Drawn
 from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
 from printer_slicer.verdict.comparison import Comparison
@@ -23,7 +24,7 @@ TIME_TOLERANCE: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Drawn):
     """What a simulated print came to. Times in s, lengths in mm.
 
     Attributes:
@@ -74,27 +75,21 @@ class Verdict:
         state = "ok" if self.ok else f"{len(self.problems)} problems"
         return f"<Verdict {self.job!r}: {state}, {self.executed} of {self.commands} commands>"
 
-    def _repr_svg_(self) -> str:
-        """What notebooks ask for."""
-        from printer_slicer.drawing import card  # noqa: PLC0415 - only where it is looked at
-
-        return card(*_told(self)).svg()
-
-
-def _told(verdict: Verdict) -> tuple[str, dict[str, str], tuple[str, ...]]:
-    """Headline, facts and problems of a verdict, for a picture."""
-    laid = len(verdict.heights) - len(verdict.primed)
-    facts = {
-        "executed": f"{verdict.executed} of {verdict.commands} commands, "
-        + ("each once and in order" if verdict.identical else "NOT what was sent"),
-        "layers": f"plastic at {laid} heights, "
-        + ("as planned" if verdict.heights_equal else "NOT as planned"),
-        "motion": f"{spoken(verdict.simulated_seconds)} simulated, {spoken(verdict.modelled_seconds)} modelled",
-        "in all": f"{spoken(verdict.total_seconds)} with homing and heating",
-        "filament": f"{verdict.report.filament / 1000:.2f} m",
-    }
-    how = "would print as intended" if verdict.ok else f"has {len(verdict.problems)} problems"
-    return f"{verdict.job} {how}", facts, verdict.problems
+    @property
+    def looks(self) -> Card:
+        """Headline, facts and problems."""
+        laid = len(self.heights) - len(self.primed)
+        facts = {
+            "executed": f"{self.executed} of {self.commands} commands, "
+            + ("each once and in order" if self.identical else "NOT what was sent"),
+            "layers": f"plastic at {laid} heights, "
+            + ("as planned" if self.heights_equal else "NOT as planned"),
+            "motion": f"{spoken(self.simulated_seconds)} simulated, {spoken(self.modelled_seconds)} modelled",
+            "in all": f"{spoken(self.total_seconds)} with homing and heating",
+            "filament": f"{self.report.filament / 1000:.2f} m",
+        }
+        how = "would print as intended" if self.ok else f"has {len(self.problems)} problems"
+        return Card(f"{self.job} {how}", facts, self.problems)
 
 
 class Seen(NamedTuple):

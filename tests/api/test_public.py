@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import inspect
 import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,15 +18,16 @@ import pytest
 
 import printer_slicer as ps
 from tests.api.example import run
-from tests.parts import cone
+from tests.parts import box, cone
 
 ROOT: Final = Path(__file__).parents[2]
+BOX: Final = box()
 SVG: Final = "{http://www.w3.org/2000/svg}"
 PROFILE: Final = ps.load_profile("marlin_220", "pla", "adaptive")
 STAGES: Final = ps.slice_stages(cone(8, 3, 6), PROFILE)
 FUNCTIONS: Final = [name for name in ps.__all__ if inspect.isfunction(getattr(ps, name))]
 CLASSES: Final = [name for name in ps.__all__ if inspect.isclass(getattr(ps, name))]
-DRAWN: Final = ("plan", "sections", "regions", "toolpaths", "program")
+DRAWN: Final = ("plan", "sections", "walls", "regions", "toolpaths", "program")
 
 
 def attributes_of(kind: Any) -> list[str]:
@@ -124,8 +127,39 @@ def test_one_layer_is_drawn_at_its_place(name: str) -> None:
     picture = ps.draw(value, 3)
 
     assert f"layer 3, z {STAGES.plan.top[3]:.4g} mm" in picture.title
-    with pytest.raises(ValueError, match=f"layer {STAGES.plan.n_layers}: there are layers 0 to"):
+    with pytest.raises(ps.PrinterSlicerError, match=f"layer {STAGES.plan.n_layers}: there is none") as caught:
         ps.draw(value, STAGES.plan.n_layers)
+    assert caught.value.remedy == f"there are layers 0 to {STAGES.plan.n_layers - 1}"
+
+
+def test_a_mesh_is_seen_as_it_stands() -> None:
+    root = ET.fromstring(STAGES.part._repr_svg_())
+    (image,) = root.iter(f"{SVG}image")
+    data = base64.b64decode(image.attrib["href"].partition(",")[2])
+
+    assert data.startswith(b"\x89PNG")
+    assert "without facets" in ps.draw(ps.Mesh(np.zeros((0, 3, 3))))._repr_svg_()
+    assert ps.draw(STAGES.part).png().startswith(b"\x89PNG")
+
+
+def test_a_certificate_has_a_bar_for_every_layer_as_long_as_its_bound() -> None:
+    certificate = ps.certify(ps.read_surface(STAGES.part), STAGES.plan)
+    bars = [
+        shape.width  # type: ignore[union-attr]
+        for shape in ps.draw(certificate).shapes
+        if getattr(shape, "name", "") == "layer"
+    ]
+
+    np.testing.assert_allclose(np.array(bars) / max(bars), certificate.bound / certificate.bound.max())
+
+
+def test_all_stages_and_their_job_show_the_moves(tmp_path: Path) -> None:
+    job = ps.job_of(STAGES, PROFILE)
+    job.save(tmp_path / "part.gcode")
+    read = ps.job_from(tmp_path / "part.gcode", PROFILE)
+
+    assert STAGES._repr_svg_() == job._repr_svg_() == STAGES.program._repr_svg_()
+    assert f"plastic at {len(job.heights)} heights" in read._repr_svg_()
 
 
 def test_a_section_is_drawn_as_large_as_it_is() -> None:
@@ -169,8 +203,29 @@ def test_a_verdict_is_a_card_that_tells_what_is_wrong() -> None:
 
 
 def test_what_has_no_picture_is_refused() -> None:
-    with pytest.raises(TypeError, match="no picture of a value of type int"):
-        ps.draw(7)
+    for value in (7, STAGES.travels):
+        with pytest.raises(ps.PrinterSlicerError, match=r"no picture of a value of type (int|Travels)"):
+            ps.draw(value)
+
+
+@pytest.mark.parametrize(
+    ("give", "said"),
+    [
+        (lambda: ps.slice_stages("box.stl", PROFILE), "a part is a Mesh, not a value of type str"),  # type: ignore[arg-type]
+        (lambda: ps.slice_stages(BOX, "pla"), "a profile is a Profile, not a value of type str"),  # type: ignore[arg-type]
+        (lambda: ps.slice_stages(ps.Mesh(np.zeros((0, 3, 3))), PROFILE), "has no facets"),
+        (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.nan)), PROFILE), "that is no number"),
+        (lambda: ps.slice_stages(ps.Mesh(np.full((4, 3, 3), np.inf)), PROFILE), "that is no number"),
+        (lambda: ps.load_profile(changes=["pla"]), "a table of names and values"),  # type: ignore[arg-type]
+        (lambda: ps.LayerPlan.from_tops(np.ones((2, 2))), "that rise from over 0"),
+        (lambda: ps.LayerPlan.from_tops("ab"), "that rise from over 0"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_makes_no_sense_is_told_with_a_remedy(give: Callable[[], object], said: str) -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=said) as caught:
+        give()
+
+    assert caught.value.remedy
 
 
 def test_pictures_are_saved_by_name(tmp_path: Path) -> None:
