@@ -9,6 +9,7 @@ installed under one of them. Prints a table; the exit code says whether all of i
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -20,6 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 MOST = 2 << 20  # bytes of a wheel
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
+PLAIN = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
 def pythons() -> Iterator[Path]:
@@ -43,7 +45,8 @@ def said(*command: object, cwd: Path | None = None) -> str:
 
 def run(*command: object, cwd: Path) -> str:
     """The same; an error if it fails."""
-    done = subprocess.run([str(one) for one in command], capture_output=True, text=True, cwd=cwd, check=False)
+    words = [str(one) for one in command]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=cwd, env=PLAIN, check=False)
     if done.returncode:
         sys.exit(f"{' '.join(map(str, command))}\n{done.stdout}{done.stderr}")
     return done.stdout
@@ -85,7 +88,7 @@ def tried(python: Path, package: Path, folder: Path) -> str:
     run(inside / "printer-slicer", "profiles", cwd=home)
     place = run(inside / "python", "-c", "import printer_slicer; print(printer_slicer.__file__)", cwd=home)
     assert Path(place.strip()).is_relative_to(home), place
-    return next(line for line in shown.splitlines() if line.startswith("verdict")).partition("  ")[2].strip()
+    return next(line for line in shown.splitlines() if line.startswith("executed")).partition("  ")[2].strip()
 
 
 def main(chosen: Sequence[str]) -> int:
