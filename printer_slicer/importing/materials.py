@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 from printer_slicer.importing.conditions import Plain, value_of
@@ -21,6 +22,7 @@ _ADVANCE: Final = re.compile(
     r"^\s*(?:M900\s.*?K(\d*\.?\d+)|M572\s.*?S(\d*\.?\d+)|SET_PRESSURE_ADVANCE\s.*?\bADVANCE=(\d*\.?\d+))",
     re.IGNORECASE,
 )
+_MOST_ADVANCE: Final = 5.0  # s; over this a number is of another scale, such as Linear Advance 1.0
 _FANS: Final = ("min_fan_speed", "max_fan_speed", "fan_always_on", "cooling")
 
 
@@ -121,10 +123,10 @@ def _advance(made: Conversion) -> None:
     """Pressure advance: a setting of its own, or a command among the material's G-code."""
     preset = made.preset
     if preset.on("enable_pressure_advance") and preset.has("pressure_advance"):
-        made.held("pressure_advance", preset.number("pressure_advance"), 0, 5, "pressure_advance")
+        _put_advance(made, "pressure_advance", [(preset.number("pressure_advance"), "")])
     made.skip(["enable_pressure_advance", "pressure_advance"])
     name = "start_filament_gcode"
-    text = preset.first_text(name)
+    text = preset.first_macro(name)
     made.used.add(name)
     try:
         lines = _plain_text(pieces_of(text), dict(preset.together)).splitlines()
@@ -136,14 +138,37 @@ def _advance(made: Conversion) -> None:
     commands = [line for line in lines if line.partition(";")[0].strip()]
     found = [match for match in map(_ADVANCE.match, commands) if match]
     if found and not made.values.get("pressure_advance"):
-        value = next(word for word in found[-1].groups() if word)
-        made.held("pressure_advance", float(value), 0, 5, name, f"its command {found[-1][0].strip()!r}")
+        said = [(float(next(filter(None, one.groups()))), one[0].strip()) for one in found]
+        _put_advance(made, name, said)
     others = [line.strip() for line in commands if not _ADVANCE.match(line)]
     if others:
         shown = "; ".join(line.partition(";")[0].strip() for line in others[:3])
         made.warn(
             name, f"materials have no G-code here: {shown} is left out; put it into the printer's start_gcode"
         )
+
+
+def _put_advance(made: Conversion, name: str, said: Sequence[tuple[float, str]]) -> None:
+    """The last value that is one in seconds: firmware that knows one scale ignores commands of the other.
+
+    Args:
+        made: of a material.
+        name: where it stands.
+        said: values, each with the command that sets it.
+    """
+    fitting = [one for one in said if 0 <= one[0] <= _MOST_ADVANCE]
+    others = ", ".join(
+        repr(command or f"{value:g}") for value, command in said if (value, command) not in fitting
+    )
+    if not fitting:
+        made.used.add(name)
+        made.warn(
+            name, f"{others} is no pressure advance in seconds (0 to {_MOST_ADVANCE:g}): left out; measure it"
+        )
+        return
+    value, command = fitting[-1]
+    how = f"its command {command!r}" if command else ""
+    made.put("pressure_advance", value, name, f"{how}; {others} is of another scale" if others else how)
 
 
 def _plain_text(pieces: tuple[Piece, ...], known: dict[str, str]) -> str:

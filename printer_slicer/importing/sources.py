@@ -172,5 +172,6 @@ def _flat(section: Section, path: Path, dialect: str = "") -> list[Preset]:
 def _plain(entry: Entry) -> str | list[str]:
     """A value in a file of OrcaSlicer that is no JSON."""
     if entry.name.endswith(("gcode", "notes")):
-        return unescaped(entry.text)
+        several = split_texts(entry.text) if entry.text.startswith('"') else []
+        return several if len(several) > 1 else unescaped(entry.text)
     return [word.strip().strip('"') for word in entry.text.split(",")]

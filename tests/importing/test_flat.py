@@ -214,3 +214,29 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "gone.ini", tmp_path):
         with pytest.raises(ProfileError, match="cannot be read"):
             import_profiles(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "advance"),
+    [
+        ("; Filament gcode\\nM900 K0.07", 0.07),
+        ('"M900 K0.05 ; LA 1.5\\nM900 K30 ; LA 1.0"', 0.05),
+        ("M900 K30\\nM900 K0.05", 0.05),
+        ('"M900 K0.05";"M900 K0.4"', 0.05),
+        ("M900 K0.05\\nM900 K0.06", 0.06),
+    ],
+)
+def test_pressure_advance_is_the_last_that_is_one_in_seconds(
+    tmp_path: Path, text: str, advance: float
+) -> None:
+    made = imported(flat_file(tmp_path, start_filament_gcode=text))["material"]
+
+    assert made.values["pressure_advance"] == advance
+    assert made.notes == ()
+
+
+def test_what_is_no_pressure_advance_is_left_out_and_told(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path, start_filament_gcode='"M900 K30"'))["material"]
+
+    assert "pressure_advance" not in made.values
+    assert "'M900 K30' is no pressure advance in seconds" in made.notes[0].text

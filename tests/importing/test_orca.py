@@ -197,3 +197,27 @@ def test_what_it_says_twice_or_not_at_all_is_told(tmp_path: Path) -> None:
 
     assert isinstance(made, Imported)
     assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == ["enable_support"]
+
+
+@pytest.mark.parametrize("begin", ["", "; filament start gcode\n", ";;; a ; b\n"])
+def test_gcode_of_a_filament_may_begin_with_a_remark(tmp_path: Path, begin: str) -> None:
+    own = {"enable_pressure_advance": ["0"], "filament_start_gcode": [f"{begin}M900 K0.07\nM106 P3 S200\n"]}
+    made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
+
+    assert made.values["pressure_advance"] == 0.07
+    assert "M106 P3 S200 is left out" in made.notes[0].text
+
+
+@pytest.mark.parametrize("others", ["", ';"; the second\\nM900 K0.4\\n"'])
+def test_gcode_of_a_filament_in_its_gcode_may_begin_with_a_remark(tmp_path: Path, others: str) -> None:
+    text = f'"; filament start gcode\\nSET_PRESSURE_ADVANCE ADVANCE=0.035\\n"{others}'
+    settings = {
+        "printable_area": "0x0,350x0,350x350,0x350",
+        "nozzle_temperature": "220",
+        "layer_height": "0.2",
+    }
+    lines = [f"; {key} = {value}" for key, value in (settings | {"filament_start_gcode": text}).items()]
+    path = tmp_path / "plate.gcode"
+    path.write_text("\n".join(["; CONFIG_BLOCK_START", *lines, "; CONFIG_BLOCK_END", ""]), encoding="utf-8")
+
+    assert imported(path)["material"].values["pressure_advance"] == 0.035
