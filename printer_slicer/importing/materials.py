@@ -37,7 +37,10 @@ def material_from(preset: Preset) -> Imported:
     """
     made = Conversion(preset)
     made.put("name", preset.name)
-    made.put("type", preset.first_text("filament_type") or preset.name, "filament_type")
+    kind, *others = preset.items("filament_type")
+    made.put("type", kind or preset.name, "filament_type")
+    if others:
+        made.warn("filament_type", f"one tool prints: {kind} is taken, {', '.join(others)} left out")
     made.number("filament_diameter", "filament_diameter")
     density = preset.number("filament_density")
     made.put(
@@ -84,7 +87,11 @@ def _fan(made: Conversion) -> None:
         ("max_fan_speed", "cooling"),
         "" if cooling else "cooling is off",
     )
-    made.held("fan_ratio_bridge", preset.number("bridge_fan_speed") / 100, 0, 1, "bridge_fan_speed")
+    bridge = preset.number("bridge_fan_speed") / 100
+    if preset.dialect == "orca" and not preset.on("enable_overhang_bridge_fan"):
+        made.put("fan_ratio_bridge", 0, ("enable_overhang_bridge_fan", "bridge_fan_speed"), "as elsewhere")
+    else:
+        made.held("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
     made.held("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
     made.held(
         "min_layer_time",
@@ -107,6 +114,9 @@ def _fan(made: Conversion) -> None:
 def _overhangs(made: Conversion) -> None:
     """The fan on overhangs: as on bridges over nothing but air, or as the source grades it."""
     preset = made.preset
+    if preset.dialect == "orca":
+        _overhangs_from(made, made.of("overhang_fan_threshold", 1.0))
+        return
     bridge = float(made.values["fan_ratio_bridge"]) or 1.0
     graded = preset.on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
     for number, share in enumerate((0, 25, 50, 75)):
@@ -117,6 +127,14 @@ def _overhangs(made: Conversion) -> None:
         else:
             made.put(ours, 1 if share == 0 else 0, theirs)
     made.skip(["enable_dynamic_fan_speeds"])
+
+
+def _overhangs_from(made: Conversion, least: float) -> None:
+    """The fan on overhangs of which at least this share hangs free: as on bridges."""
+    for share in (0, 25, 50, 75):
+        on = share <= 100 - 100 * least or share == 0
+        how = "as on bridges from there on; ramped up to it" if on else ""
+        made.put(f"fan_overhang_{share}_ratio", int(on), "overhang_fan_threshold", how)
 
 
 def _advance(made: Conversion) -> None:
