@@ -71,11 +71,14 @@ class Conversion:
     def held(  # noqa: PLR0917 - calls read as rows of a table
         self, ours: str, value: float, low: float, high: float, theirs: str | Sequence[str], how: str = ""
     ) -> float:
-        """A harmless number, moved to the nearest that is allowed here."""
+        """A harmless number, moved to the nearest that is allowed here, which is told."""
         kept = min(max(value, low), high)
         if abs(kept - value) > 1e-12:
-            bound = f"{kept:g} is the {'least' if kept > value else 'most'} here"
-            how = f"{how}; {bound}" if how else bound
+            bound = f"the {'least' if kept > value else 'most'} here"
+            how = f"{how}; {kept:g} is {bound}" if how else f"{kept:g} is {bound}"
+            self.warn(
+                theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {kept:g}, {bound}"
+            )
         self.put(ours, kept, theirs, how)
         return kept
 

@@ -18,6 +18,8 @@ __all__ = ["material_from"]
 _LAYER: Final = 0.2  # mm: counts of layers become heights
 _NO_LIMIT: Final = 200.0  # mm³/s: more than any nozzle melts
 _WATER: Final = 1.24  # g/cm³, of PLA
+_LEAST_FLOW: Final = 0.1
+_MOST_FLOW: Final = 2.0  # over which the source's own slicers take none
 _ADVANCE: Final = re.compile(
     r"^\s*(?:M900\s.*?K(\d*\.?\d+)|M572\s.*?S(\d*\.?\d+)|SET_PRESSURE_ADVANCE\s.*?\bADVANCE=(\d*\.?\d+))",
     re.IGNORECASE,
@@ -47,7 +49,10 @@ def material_from(preset: Preset) -> Imported:
         "density", density or _WATER, "filament_density", "" if density else "not in the source: that of PLA"
     )
     made.number("cost", "filament_cost")
-    made.held("flow_ratio", preset.number("extrusion_multiplier"), 0.5, 1.5, "extrusion_multiplier")
+    flow = preset.number("extrusion_multiplier")
+    if not _LEAST_FLOW <= flow <= _MOST_FLOW:
+        raise made.refuse("extrusion_multiplier", f"{flow:g} times the plastic", "write a number near 1")
+    made.held("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
     for ours, theirs in (
         ("nozzle_temperature", "temperature"),
         ("first_layer_nozzle_temperature", "first_layer_temperature"),

@@ -97,6 +97,9 @@ def _flavour(made: Conversion) -> None:
     notes = preset.text("printer_notes")
     if word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
         made.put("flavour", "prusa", ("gcode_flavor", "printer_notes"), "a machine of Prusa, by its notes")
+    elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
+        how = "its start G-code measures the bed with G80, as machines of Prusa do"
+        made.put("flavour", "prusa", "gcode_flavor", how)
     elif word in _FLAVOURS:
         made.put("flavour", _FLAVOURS[word], "gcode_flavor")
     elif word in _NEAR_FLAVOURS:

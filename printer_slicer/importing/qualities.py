@@ -296,16 +296,17 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     made.choice("infill", "fill_pattern", _PATTERNS, _NEAR_PATTERNS, "rectilinear")
     density = preset.quantity("fill_density")
     share = density.value / 100 if density.percent or density.value > 1 else density.value
-    made.held("infill_density", share, 0, 1, "fill_density")
+    if not 0 <= share <= 1:
+        raise made.refuse("fill_density", f"a density of {100 * share:g} %", "write 0 to 100 %")
+    made.put("infill_density", share, "fill_density")
     made.held("infill_angle_deg", preset.number("fill_angle"), -360, 360, "fill_angle")
     made.held("min_sparse_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area")
-    for ours, theirs, most in (
-        ("infill_anchor", "infill_anchor", 50),
-        ("infill_anchor_max", "infill_anchor_max", 1000),
-    ):
-        found = preset.quantity(theirs)
+    for name, most in (("infill_anchor", 50), ("infill_anchor_max", 1000)):
+        found = preset.quantity(name)
+        length = min(found.of(width), most)  # 1000 says there that it is not limited
         how = "percentage of the bead's width" if found.percent else ""
-        made.held(ours, found.of(width), 0, most, theirs, how)
+        how = how if length == found.of(width) else f"{most} is the most here"
+        made.held(name, length, 0, most, name, how)
     every = preset.number("infill_every_layers")
     if every > 1:
         made.held("sparse_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers")

@@ -81,7 +81,7 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
 def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> list[Preset]:
     """A profile of Cura's, with the machine that it names."""
     text = "" if path.suffix == ".curaprofile" else path.read_text(encoding="utf-8", errors="replace")
-    machine, given = cura_profile(path, text)
+    machine, name, given = cura_profile(path, text)
     places = [folder / f"{machine}.def.json" for folder in (path.parent, *folders)]
     found = next((place for place in places if "/" not in machine and place.is_file()), None)
     if found is None:
@@ -90,7 +90,7 @@ def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Ent
             remedy="name the folder of Cura's definitions with --folder",
         )
     values = read_json(found.read_text(encoding="utf-8", errors="replace"), str(found))
-    return cura_presets(values, found, folders, {**given, **changes})
+    return cura_presets(values, found, folders, {**given, **changes}, name)
 
 
 def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> Bundle | list[Preset]:
