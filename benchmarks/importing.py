@@ -29,6 +29,7 @@ from printer_slicer.importing import Imported, Refused, Wanted, import_profiles,
 PART = Path(__file__).parent.parent / "sample_parts" / "box.stl"
 FEWEST = 0.95
 LINEAR_ADVANCE_1 = 10.0
+_ADVANCE = re.compile(r"(?:M900 K|SET_PRESSURE_ADVANCE ADVANCE=)(\d*\.?\d+)")
 _SAID = re.compile(r"(\w+?)(-?\d*\.?\d+)")
 Triple = dict[str, Imported]
 
@@ -237,7 +238,8 @@ def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
         print(f"macros   {printer[1]}: {str(error).splitlines()[0]}")
         return 0
     told = ("kept as a comment", "here, there")
-    advance = unlike_advance(made["material"], theirs.pop(FILAMENT, []))
+    filament = theirs.pop(FILAMENT, None)
+    advance = [] if filament is None else unlike_advance(made["material"], filament)
     left_out = sum(any(word in note.text for word in told) for note in made["printer"].notes)
     wrong = [line for key in theirs for line in unlike(ours.get(key, []), theirs[key])]
     more = wrong[: max(len(wrong) - left_out, 0)]
@@ -254,7 +256,7 @@ def unlike_advance(material: Imported, theirs: list[str]) -> list[str]:
     The first M900 decides: from 10 on K is Linear Advance 1.0, which is no time; then commands of the other scale are
     ignored. Source: Prusa's knowledge base, "Linear Advance".
     """
-    said = [float(found[1]) for line in theirs if (found := re.match(r"M900 K(\d*\.?\d+)", line))]
+    said = [float(found[1]) for line in theirs if (found := _ADVANCE.match(line))]
     wanted = [value for value in said if (value < LINEAR_ADVANCE_1) == (said[0] < LINEAR_ADVANCE_1)][-1:]
     expected_one = wanted[0] if wanted and wanted[0] < LINEAR_ADVANCE_1 else 0.0
     found_one = material.values.get("pressure_advance", 0.0)

@@ -17,7 +17,7 @@ __all__ = ["BUNDLES", "FILAMENT", "Oracle", "bundles", "rendered", "saved"]
 
 BUNDLES = Path("/usr/share/PrusaSlicer/profiles")
 MARK = ";==="
-FILAMENT = "start_filament_gcode"
+FILAMENT = "start_filament_gcode"  # marked where it is one quoted text
 KEPT_OUT = (
     "inherits",
     "compatible_printers",

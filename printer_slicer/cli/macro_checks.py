@@ -30,8 +30,13 @@ def with_macro_notes(made: Sequence[Imported]) -> list[Imported]:
     """
     usual = settings_of(load_profile())
     kinds = [one.kind for one in made]
-    known = {one.kind: one.values for one in made if kinds.count(one.kind) == 1}
+    known = {one.kind: _without_own(one.values) for one in made if kinds.count(one.kind) == 1}
     return [replace(one, notes=(*one.notes, *_notes(one, usual | known))) for one in made]
+
+
+def _without_own(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings without those of single objects, which are judged when there are objects."""
+    return {key: value for key, value in values.items() if key != "overrides"}
 
 
 def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[Note]:

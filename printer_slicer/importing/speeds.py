@@ -97,7 +97,10 @@ def _put(made: Conversion, ours: str, theirs: str) -> None:
 
 def _whole(made: Conversion, name: str, other: str) -> str:
     """The setting that percentages of this one are of."""
-    own = _WHOLES_IN.get(made.preset.dialect, {})
+    preset = made.preset
+    # SuperSlicer's percentages are of others since it has a default speed; before they were PrusaSlicer's.
+    older = preset.dialect == "superslicer" and "default_speed" not in preset.entries
+    own = {} if older else _WHOLES_IN.get(preset.dialect, {})
     return own.get(name) or _WHOLES.get(name, other)
 
 

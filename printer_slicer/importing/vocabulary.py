@@ -136,7 +136,6 @@ DEFAULTS: Final[Mapping[str, str]] = {
     "support_material_speed": "60",
     "first_layer_speed": "30",
     "max_print_speed": "80",
-    "default_speed": "100",  # of SuperSlicer
     "travel_speed": "130",
     "first_layer_extrusion_width": "200%",
 }

@@ -113,6 +113,13 @@ def test_none_of_them_is_told_as_without_counterpart(made: dict[str, Imported]) 
     assert left & set(OWN) == {"init_z_rotate", "bridge_overlap"}
 
 
+def test_before_it_had_a_default_speed_percentages_were_prusaslicers(tmp_path: Path) -> None:
+    speeds = {"default_speed": None, "perimeter_speed": "48", "infill_speed": "80", "bridge_speed": "33"}
+    made = imported(file(tmp_path, **speeds))["quality"].values["speeds"]
+
+    assert (made["solid"], made["top_skin"]) == (72, 36)
+
+
 def test_prusaslicers_own_percentages_stay_what_they_are(tmp_path: Path) -> None:
     path = flat_file(tmp_path, first_layer_height="75%", infill_speed="80", solid_infill_speed="50%")
     quality = next(one for one in import_profiles(path) if one.kind == "quality")
