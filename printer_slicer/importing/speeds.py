@@ -28,6 +28,7 @@ _WHOLES: Final[Mapping[str, str]] = {
     "solid_infill_speed": "infill_speed",
     "top_solid_infill_speed": "solid_infill_speed",
     "bridge_speed_internal": "bridge_speed",
+    "internal_bridge_speed": "bridge_speed",
     "ironing_speed": "solid_infill_speed",
     "support_material_speed": "perimeter_speed",
     "default_acceleration": "machine_max_acceleration_x",
@@ -89,8 +90,9 @@ def speeds_of(made: Conversion) -> None:
 
 def _put(made: Conversion, ours: str, theirs: str) -> None:
     """One speed, with what it is a percentage of."""
-    if theirs == "bridge_speed_internal" and not made.preset.raw(theirs):
-        theirs = "bridge_speed"
+    if theirs == "bridge_speed_internal":  # SuperSlicer has renamed it
+        names = (theirs, "internal_bridge_speed")
+        theirs = next((one for one in names if made.preset.raw(one)), "bridge_speed")
     value, how = _speed(made, theirs)
     made.held(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 

@@ -113,6 +113,13 @@ def test_none_of_them_is_told_as_without_counterpart(made: dict[str, Imported]) 
     assert left & set(OWN) == {"init_z_rotate", "bridge_overlap"}
 
 
+def test_the_speed_of_internal_bridges_has_two_names(tmp_path: Path) -> None:
+    quality = imported(file(tmp_path, bridge_speed_internal=None, internal_bridge_speed="120%"))["quality"]
+
+    assert quality.values["speeds"]["internal_bridge"] == 72
+    assert "internal_bridge_speed" not in {one.theirs for one in quality.left}
+
+
 def test_before_it_had_a_default_speed_percentages_were_prusaslicers(tmp_path: Path) -> None:
     speeds = {"default_speed": None, "perimeter_speed": "48", "infill_speed": "80", "bridge_speed": "33"}
     made = imported(file(tmp_path, **speeds))["quality"].values["speeds"]
