@@ -5,7 +5,8 @@
 1. Every printer, print and filament preset: imported, or the reason. Fails under 95 %.
 2. N printers with their default print and filament, evenly spread: dimensions, limits, temperatures and speeds
    against PrusaSlicer's own reading (`--save`).
-3. N printers: start and end G-code as we render the translated macros against those in PrusaSlicer's own file.
+3. N printers: start and end G-code as we render the translated macros against those in PrusaSlicer's own file, and
+   pressure advance against what its commands there mean to the firmware.
 4. N printers: the box, sliced and printed on the simulated printer; or the reason why not.
 """
 
@@ -20,13 +21,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.prusa_presets import BUNDLES, Oracle, between, bundles, marked, rendered, saved
+from benchmarks.prusa_presets import BUNDLES, FILAMENT, Oracle, between, bundles, marked, rendered, saved
 from printer_slicer import dry_run, job_of, load_mesh, load_profile
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.importing import Imported, Refused, Wanted, import_profiles, profile_text
 
 PART = Path(__file__).parent.parent / "sample_parts" / "box.stl"
 FEWEST = 0.95
+LINEAR_ADVANCE_1 = 10.0
+_ADVANCE = re.compile(r"(?:M900 K|SET_PRESSURE_ADVANCE ADVANCE=)(\d*\.?\d+)")
 _SAID = re.compile(r"(\w+?)(-?\d*\.?\d+)")
 Triple = dict[str, Imported]
 
@@ -235,6 +238,8 @@ def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
         print(f"macros   {printer[1]}: {str(error).splitlines()[0]}")
         return 0
     told = ("kept as a comment", "here, there")
+    filament = theirs.pop(FILAMENT, None)
+    advance = [] if filament is None else unlike_advance(made["material"], filament)
     left_out = sum(any(word in note.text for word in told) for note in made["printer"].notes)
     wrong = [line for key in theirs for line in unlike(ours.get(key, []), theirs[key])]
     more = wrong[: max(len(wrong) - left_out, 0)]
@@ -242,7 +247,24 @@ def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
     print(
         f"macros   {printer[1]}: {total} commands, {left_out} left out; {'; '.join(more) or 'the others are the same'}"
     )
-    return len(more)
+    return len(more) + len(advance)
+
+
+def unlike_advance(material: Imported, theirs: list[str]) -> list[str]:
+    """Whether pressure advance is another than the firmware takes from these commands.
+
+    The first M900 decides: from 10 on K is Linear Advance 1.0, which is no time; then commands of the other scale are
+    ignored. Source: Prusa's knowledge base, "Linear Advance".
+    """
+    said = [float(found[1]) for line in theirs if (found := _ADVANCE.match(line))]
+    wanted = [value for value in said if (value < LINEAR_ADVANCE_1) == (said[0] < LINEAR_ADVANCE_1)][-1:]
+    expected_one = wanted[0] if wanted and wanted[0] < LINEAR_ADVANCE_1 else 0.0
+    found_one = material.values.get("pressure_advance", 0.0)
+    if abs(found_one - expected_one) < 1e-9:
+        return []
+    wrong = f"pressure_advance {found_one:g}, but PrusaSlicer's file has {said}"
+    print(f"macros   {material.name}: {wrong}")
+    return [wrong]
 
 
 def unlike(ours: list[str], theirs: list[str]) -> Iterator[str]:

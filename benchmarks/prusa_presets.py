@@ -13,10 +13,11 @@ from collections.abc import Iterator
 from configparser import RawConfigParser
 from pathlib import Path
 
-__all__ = ["BUNDLES", "Oracle", "bundles", "rendered", "saved"]
+__all__ = ["BUNDLES", "FILAMENT", "Oracle", "bundles", "rendered", "saved"]
 
 BUNDLES = Path("/usr/share/PrusaSlicer/profiles")
 MARK = ";==="
+FILAMENT = "start_filament_gcode"  # marked where it is one quoted text
 KEPT_OUT = (
     "inherits",
     "compatible_printers",
@@ -82,14 +83,19 @@ def saved(settings: dict[str, str], folder: Path) -> dict[str, str]:
 
 
 def marked(settings: dict[str, str]) -> dict[str, str]:
-    """The same settings with marks around start and end G-code."""
-    return settings | {
+    """The same settings with marks around start and end G-code, and that of the filament."""
+    around = settings | {
         key: f"{MARK}{key}\\n{settings.get(key, '')}\\n{MARK}" for key in ("start_gcode", "end_gcode")
     }
+    text = settings.get(FILAMENT, "").strip()
+    if text.startswith('"') and '";"' not in text:
+        text = text[1 : text.rindex('"')]
+        around[FILAMENT] = f'"{MARK}{FILAMENT}\\n{text}\\n{MARK}"'
+    return around
 
 
 def rendered(settings: dict[str, str], part: Path, folder: Path) -> dict[str, list[str]] | str:
-    """Start and end G-code as PrusaSlicer writes them for these settings (`marked`), or what it says instead."""
+    """G-code of machine and filament as PrusaSlicer fills it in for settings (`marked`), or what it says instead."""
     gcode = folder / "peer.gcode"
     gcode.unlink(missing_ok=True)
     loaded = written(settings, folder / "marked.ini")

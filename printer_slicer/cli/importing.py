@@ -49,12 +49,12 @@ def add_import(profiles: argparse.ArgumentParser) -> None:
 
     profiles.parse_known_args = parse  # type: ignore[method-assign]
     parser.add_argument(
-        "files",
+        "models",  # of them `-` and patterns are expanded
         nargs="+",
         metavar="FILE",
         type=Path,
         help="config.ini, bundle, G-code or 3MF of PrusaSlicer or SuperSlicer; preset, G-code or 3MF of OrcaSlicer or "
-        "BambuStudio; definition of Cura",
+        "BambuStudio; definition of Cura; G-code of this program",
     )
     parser.add_argument(
         "-o", "--out", metavar="FOLDER", type=Path, help="where to write; default: your own profiles"
@@ -110,10 +110,11 @@ def _choices(parser: argparse.ArgumentParser) -> None:
 
 def import_command(arguments: argparse.Namespace) -> int:
     """Import, write, and tell what became of everything."""
+    from printer_slicer.cli.macro_checks import with_macro_notes
     from printer_slicer.importing import Imported, Refused
 
     results = list(_results(arguments))
-    made = [one for one in results if isinstance(one, Imported)]
+    made = with_macro_notes([one for one in results if isinstance(one, Imported)])
     refused = [one for one in results if isinstance(one, Refused)]
     if arguments.list:
         _list(arguments, results)
@@ -139,6 +140,8 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         if not sign:
             raise UsageError(f"--cura {change}: no value", remedy="write --cura KEY=VALUE")
         overrides[key.strip()] = value.strip()
+    for heater in ("nozzle", "bed"):
+        _check_ceiling(heater, getattr(arguments, f"max_{heater}_temperature"))
     wanted = Wanted(
         names=tuple(arguments.only),
         printer=arguments.preset,
@@ -146,8 +149,25 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         folders=tuple(arguments.folder),
         cura=overrides,
     )
-    for path in arguments.files:
+    for path in arguments.models:
         yield from import_profiles(path, wanted)
+
+
+def _check_ceiling(heater: str, most: float) -> None:
+    """Refuse a ceiling that no printer of ours may have.
+
+    Raises:
+        UsageError: it is one.
+    """
+    from printer_slicer.profile import load_profile
+
+    try:
+        load_profile(changes={f"printer.max_{heater}_temperature": most}, slices=False)
+    except ProfileError as error:
+        raise UsageError(
+            f"--max-{heater}-temperature {most:g}: {str(error.args[0]).rpartition(': ')[2]}",
+            remedy="no profile of a printer lets it become so hot, or so cold",
+        ) from None
 
 
 def _list(arguments: argparse.Namespace, results: Sequence[Any]) -> None:
@@ -173,17 +193,23 @@ def _write(arguments: argparse.Namespace, made: Sequence[Any]) -> list[Path]:
     ]
     if arguments.dry_run:
         return paths
-    there = [path for path in paths if path.exists()]
+    schemas = kept_schemas(None if arguments.out else root)
+    texts = [f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode() for one in made]
+    there = [path for path, text in zip(paths, texts, strict=True) if _differs(path, text)]
     if there and not arguments.force:
         more = f" and {len(there) - 1} more" if len(there) > 1 else ""
         raise OutputError(
             f"{there[0]}{more}: there already", remedy="--force writes over it, -o FOLDER elsewhere"
         )
-    schemas = kept_schemas(None if arguments.out else root)
-    for path, one in zip(paths, made, strict=True):
+    for path, text in zip(paths, texts, strict=True):
         make_folder(path.parent)
-        write_file(path, f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode())
+        write_file(path, text)
     return paths
+
+
+def _differs(path: Path, text: bytes) -> bool:
+    """Whether there is something else than what shall be written."""
+    return path.exists() and not (path.is_file() and path.read_bytes() == text)
 
 
 def _facts(made: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:

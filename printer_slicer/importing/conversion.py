@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.presets import Preset, Quantity
+from printer_slicer.importing.presets import Preset, Quantity, number_in
 from printer_slicer.importing.report import Imported, Left, Note, Taken
 from printer_slicer.importing.vocabulary import ABOUT_FILES, kind_of_setting
 
@@ -71,11 +71,14 @@ class Conversion:
     def held(  # noqa: PLR0917 - calls read as rows of a table
         self, ours: str, value: float, low: float, high: float, theirs: str | Sequence[str], how: str = ""
     ) -> float:
-        """A harmless number, moved to the nearest that is allowed here."""
+        """A harmless number, moved to the nearest that is allowed here, which is told."""
         kept = min(max(value, low), high)
         if abs(kept - value) > 1e-12:
-            bound = f"{kept:g} is the {'least' if kept > value else 'most'} here"
-            how = f"{how}; {bound}" if how else bound
+            bound = f"the {'least' if kept > value else 'most'} here"
+            how = f"{how}; {kept:g} is {bound}" if how else f"{kept:g} is {bound}"
+            self.warn(
+                theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {kept:g}, {bound}"
+            )
         self.put(ours, kept, theirs, how)
         return kept
 
@@ -86,6 +89,12 @@ class Conversion:
     def quantity(self, theirs: str) -> Quantity:
         """A number or percentage."""
         return self.preset.quantity(theirs)
+
+    def beside(self, theirs: str) -> float:
+        """A number of the printer that the preset is for, or the other program's usual one."""
+        entry, told = self.preset.entries.get(theirs), self.preset.together.get(theirs, "")
+        found = number_in(told.split(",")[0]) if entry is None and told else None
+        return found.value if found else self.preset.number(theirs)
 
     def refuse(self, theirs: str, problem: str, remedy: str) -> ProfileError:
         """The error for a value that must not be taken over."""

@@ -56,6 +56,10 @@ class Definition:
         """The settings that somebody asked for, directly or by way of others."""
         return set(self._values)
 
+    def where(self, key: str) -> str:
+        """Where a setting has its value from: a change, or the definition."""
+        return self.changed_at.get(key, self.place)
+
     def value(self, key: str) -> Any:
         """The value of a setting; of an expression that is not understood the default.
 
@@ -80,7 +84,13 @@ class Definition:
         properties = self.settings.get(key, {})
         given = self.changes.get(key)
         if given is not None:
-            return _typed(given, str(properties.get("type", "")), self)
+            try:
+                return _typed(given, str(properties.get("type", "")), self)
+            except Unreadable as error:
+                raise ProfileError(
+                    f"{self.changed_at[key]}: {key}: {error}",
+                    remedy="change it in Cura, or with --cura KEY=VALUE",
+                ) from None
         default = properties.get("default_value")
         expression = properties.get("value", default)
         if "value" not in properties or not isinstance(expression, str):
@@ -105,7 +115,11 @@ def _typed(text: str, kind: str, machine: Definition) -> Any:
 
 
 def cura_presets(
-    values: Mapping[str, Any], path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]
+    values: Mapping[str, Any],
+    path: Path,
+    folders: Sequence[Path],
+    changes: Mapping[str, Entry],
+    name: str = "",
 ) -> list[Preset]:
     """Printer, material and quality of a machine as Cura has them by default, with some settings changed.
 
@@ -114,6 +128,7 @@ def cura_presets(
         path: its file.
         folders: where others are that it inherits from, besides its own.
         changes: key -> value and place.
+        name: of the profile that they are from, which material and quality are called by.
 
     Raises:
         ProfileError: what it inherits from is not there, or a change that makes no sense.
@@ -130,7 +145,7 @@ def cura_presets(
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
     try:
-        entries = from_cura(machine.value, machine.place)
+        entries = from_cura(machine.value, machine.where)
         entries |= {key: entry for key, entry in changes.items() if key not in machine.consulted}
     except (Unreadable, TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise ProfileError(
@@ -138,8 +153,8 @@ def cura_presets(
         ) from None
     names = {
         "printer": machine.name,
-        "material": f"{machine.name} material",
-        "quality": f"{machine.name} quality",
+        "material": f"{name or machine.name} material",
+        "quality": name or f"{machine.name} quality",
     }
     return [
         Preset(kind, name, "cura", machine.place, entries, CURA_DEFAULTS, mixed=True)
@@ -214,8 +229,8 @@ def _extruder(machine: Definition, values: Mapping[str, Any], folders: Sequence[
         _add(machine, {"overrides": _read(found).get("overrides")}, base=False)
 
 
-def cura_profile(path: Path, text: str) -> tuple[str, dict[str, Entry]]:
-    """The machine's definition that a profile (`.inst.cfg`, `.curaprofile`) is for, and the settings that it changes.
+def cura_profile(path: Path, text: str) -> tuple[str, str, dict[str, Entry]]:
+    """The machine's definition that a profile (`.inst.cfg`, `.curaprofile`) is for, its name, and what it changes.
 
     Args:
         path: the file.
@@ -225,7 +240,7 @@ def cura_profile(path: Path, text: str) -> tuple[str, dict[str, Entry]]:
         ProfileError: it is none.
     """
     texts = [text] if text else list(unpacked(path).values())
-    machine = ""
+    machine = name = ""
     changes: dict[str, Entry] = {}
     for one in texts:
         sections: Mapping[str, Section] = {
@@ -233,7 +248,8 @@ def cura_profile(path: Path, text: str) -> tuple[str, dict[str, Entry]]:
         }
         if "general" in sections and "values" in sections:
             machine = sections["general"].texts.get("definition", machine)
+            name = name or sections["general"].texts.get("name", "")
             changes |= sections["values"].entries
     if not machine:
         raise ProfileError(f"{path}: no profile of Cura's", remedy="export it in Cura under Manage Profiles")
-    return machine, changes
+    return machine, name or path.name.partition(".")[0], changes

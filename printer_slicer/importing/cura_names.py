@@ -7,6 +7,7 @@ from contextlib import suppress
 from math import cos, pi, sin
 from typing import Any, Final
 
+from printer_slicer.errors import ProfileError
 from printer_slicer.importing.foreign import Unreadable
 from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.vocabulary import DEFAULTS
@@ -14,6 +15,7 @@ from printer_slicer.importing.vocabulary import DEFAULTS
 __all__ = ["CURA_DEFAULTS", "from_cura"]
 
 _Value = Callable[[str], Any]
+_Place = Callable[[str], str]
 
 CURA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
     "max_layer_height": "0",
@@ -108,18 +110,26 @@ _SAME: Final[Mapping[str, str]] = {
 }
 
 
-def from_cura(value: _Value, place: str) -> dict[str, Entry]:
+def from_cura(value: _Value, place: _Place) -> dict[str, Entry]:
     """The settings of a machine under PrusaSlicer's names.
 
     Args:
         value: gives the value of a setting of Cura's; raises Unreadable where there is none.
-        place: of the definition.
+        place: says where a setting of Cura's has its value from.
+
+    Raises:
+        ProfileError: a bed of no size.
     """
     entries: dict[str, Entry] = {}
+    for cura in ("machine_width", "machine_depth"):
+        if float(value(cura)) <= 0:
+            raise ProfileError(
+                f"{place(cura)}: {cura}: {value(cura)} mm of bed", remedy="write how large it is"
+            )
 
     def put(name: str, cura: str, text: str) -> None:
         """One setting."""
-        entries[name] = Entry(cura, text, place)
+        entries[name] = Entry(cura, text, place(cura))
 
     for name, cura in _SAME.items():
         with suppress(Unreadable):

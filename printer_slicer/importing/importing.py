@@ -56,7 +56,7 @@ def import_profiles(path: Path, wanted: Wanted = Wanted()) -> list[Imported | Re
     """The profiles in a file of another slicer.
 
     Args:
-        path: `config.ini`, a bundle, G-code, 3MF, a preset of OrcaSlicer or BambuStudio.
+        path: `config.ini`, a bundle, G-code, 3MF, a preset of OrcaSlicer or BambuStudio; G-code of this program.
         wanted: which of them, and how.
 
     Returns:
@@ -70,7 +70,12 @@ def import_profiles(path: Path, wanted: Wanted = Wanted()) -> list[Imported | Re
 
 def import_found(found: Found, wanted: Wanted, place: str) -> list[Imported | Refused]:
     """The same for what was read already."""
-    made = list(_of_bundle(found, wanted) if isinstance(found, Bundle) else _of_few(found, wanted))
+    if isinstance(found, Bundle):
+        made = list(_of_bundle(found, wanted))
+    else:
+        native = [one for one in found if isinstance(one, Imported)]
+        presets = [one for one in found if isinstance(one, Preset)]
+        made = [*_of_few(presets, wanted), *(_safe(one, wanted) for one in native if _takes(one, wanted))]
     if not made:
         raise ProfileError(
             f"{place}: no preset of this name in it",
@@ -149,6 +154,19 @@ def _one(preset: Preset, company: Sequence[Preset], wanted: Wanted) -> Imported 
         check_safe(made, preset, wanted.ceilings)
     except ProfileError as error:
         return Refused(preset.kind, preset.name, preset.place, str(error.args[0]), error.remedy)
+    return made
+
+
+def _takes(one: Imported, wanted: Wanted) -> bool:
+    return wanted.takes(one.kind, one.name)
+
+
+def _safe(made: Imported, wanted: Wanted) -> Imported | Refused:
+    """A profile of this program, or why it is refused."""
+    try:
+        check_safe(made, Preset(made.kind, made.name, "printer_slicer", made.source, {}), wanted.ceilings)
+    except ProfileError as error:
+        return Refused(made.kind, made.name, made.source, str(error.args[0]), error.remedy)
     return made
 
 

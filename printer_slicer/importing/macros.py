@@ -82,12 +82,12 @@ class _Writer:
         except Unreadable as error:
             del self.notes[kept:]
             source = "".join(piece if isinstance(piece, str) else piece.source for piece in line)
-            first = source.strip().split("\n")[0]
-            shown = first if len(first) <= 70 else f"{first[:67]}..."
-            self.notes.append(Note(self.place, f"{shown!r} kept as a comment: {error}"))
-            yield (
-                "".join(_comment(source)) if source.endswith("\n") else "".join(_comment(source)).rstrip("\n")
-            )
+            first, *rest = source.strip().split("\n")
+            shown = repr(first if len(first) <= 70 else f"{first[:67]}...")
+            shown += f" and {len(rest)} more line{'s' if len(rest) > 1 else ''}" if rest else ""
+            self.notes.append(Note(self.place, f"{shown} kept as a comment: {error}"))
+            ends = source.endswith("\n") or _closes(line)
+            yield "".join(_comment(source)) if ends else "".join(_comment(source)).rstrip("\n")
 
     def _piece(self, piece: Piece) -> str:
         if isinstance(piece, str):
@@ -120,25 +120,44 @@ class _Writer:
         lines = _lines(pieces)
         texts: list[str] = []
         for number, line in enumerate(lines):
-            whole = number > 0 and bool(line) and isinstance(line[-1], str) and line[-1].endswith("\n")
+            last = line[-1]
+            whole = number > 0 and ((isinstance(last, str) and last.endswith("\n")) or _closes(line))
             texts += self._line(line) if whole else [self._piece(piece) for piece in line]
         return "".join(texts)
 
 
 def _lines(pieces: Sequence[Piece]) -> list[list[Piece]]:
-    """Pieces line by line; a block that spans lines belongs to the line in which it begins and ends."""
+    """Pieces line by line; a block that spans lines belongs to the line in which it begins and ends.
+
+    A block that ends with a line is a line: what stands behind its {endif} begins the next one.
+    """
     lines: list[list[Piece]] = [[]]
     for piece in pieces:
+        parts = piece.split("\n") if isinstance(piece, str) else []
+        if _closes(lines[-1]) and not (parts[1:] and not parts[0].strip()):
+            lines.append([])
         if not isinstance(piece, str):
             lines[-1].append(piece)
             continue
-        parts = piece.split("\n")
         for part in parts[:-1]:
             lines[-1].append(f"{part}\n")
             lines.append([])
         if parts[-1]:
             lines[-1].append(parts[-1])
     return [line for line in lines if line]
+
+
+def _closes(line: Sequence[Piece]) -> bool:
+    """Whether a line is nothing but a block all of whose branches end with a line."""
+    *before, last = line or [""]
+    alone = all(isinstance(piece, str) and not piece.strip() for piece in before)
+    return isinstance(last, Block) and alone and all(map(_ends, last.branches))
+
+
+def _ends(branch: tuple[object, tuple[Piece, ...]]) -> bool:
+    """Whether the last piece of a branch ends a line."""
+    last = branch[1][-1] if branch[1] else ""
+    return isinstance(last, str) and last.rstrip(" \t").endswith("\n")
 
 
 def _remarks_kept(line: list[Piece], translator: Translator) -> Iterator[Piece]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 from printer_slicer.importing.conditions import Plain, value_of
@@ -17,10 +18,13 @@ __all__ = ["material_from"]
 _LAYER: Final = 0.2  # mm: counts of layers become heights
 _NO_LIMIT: Final = 200.0  # mm³/s: more than any nozzle melts
 _WATER: Final = 1.24  # g/cm³, of PLA
+_LEAST_FLOW: Final = 0.1
+_MOST_FLOW: Final = 2.0  # over which the source's own slicers take none
 _ADVANCE: Final = re.compile(
     r"^\s*(?:M900\s.*?K(\d*\.?\d+)|M572\s.*?S(\d*\.?\d+)|SET_PRESSURE_ADVANCE\s.*?\bADVANCE=(\d*\.?\d+))",
     re.IGNORECASE,
 )
+_MOST_ADVANCE: Final = 5.0  # s; over this a number is of another scale, such as Linear Advance 1.0
 _FANS: Final = ("min_fan_speed", "max_fan_speed", "fan_always_on", "cooling")
 
 
@@ -35,14 +39,20 @@ def material_from(preset: Preset) -> Imported:
     """
     made = Conversion(preset)
     made.put("name", preset.name)
-    made.put("type", preset.first_text("filament_type") or preset.name, "filament_type")
+    kind, *others = preset.items("filament_type")
+    made.put("type", kind or preset.name, "filament_type")
+    if others:
+        made.warn("filament_type", f"one tool prints: {kind} is taken, {', '.join(others)} left out")
     made.number("filament_diameter", "filament_diameter")
     density = preset.number("filament_density")
     made.put(
         "density", density or _WATER, "filament_density", "" if density else "not in the source: that of PLA"
     )
     made.number("cost", "filament_cost")
-    made.held("flow_ratio", preset.number("extrusion_multiplier"), 0.5, 1.5, "extrusion_multiplier")
+    flow = preset.number("extrusion_multiplier")
+    if not _LEAST_FLOW <= flow <= _MOST_FLOW:
+        raise made.refuse("extrusion_multiplier", f"{flow:g} times the plastic", "write a number near 1")
+    made.held("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
     for ours, theirs in (
         ("nozzle_temperature", "temperature"),
         ("first_layer_nozzle_temperature", "first_layer_temperature"),
@@ -82,7 +92,11 @@ def _fan(made: Conversion) -> None:
         ("max_fan_speed", "cooling"),
         "" if cooling else "cooling is off",
     )
-    made.held("fan_ratio_bridge", preset.number("bridge_fan_speed") / 100, 0, 1, "bridge_fan_speed")
+    bridge = preset.number("bridge_fan_speed") / 100
+    if preset.dialect == "orca" and not preset.on("enable_overhang_bridge_fan"):
+        made.put("fan_ratio_bridge", 0, ("enable_overhang_bridge_fan", "bridge_fan_speed"), "as elsewhere")
+    else:
+        made.held("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
     made.held("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
     made.held(
         "min_layer_time",
@@ -105,6 +119,9 @@ def _fan(made: Conversion) -> None:
 def _overhangs(made: Conversion) -> None:
     """The fan on overhangs: as on bridges over nothing but air, or as the source grades it."""
     preset = made.preset
+    if preset.dialect == "orca":
+        _overhangs_from(made, made.of("overhang_fan_threshold", 1.0))
+        return
     bridge = float(made.values["fan_ratio_bridge"]) or 1.0
     graded = preset.on("enable_dynamic_fan_speeds") if preset.has("enable_dynamic_fan_speeds") else False
     for number, share in enumerate((0, 25, 50, 75)):
@@ -117,14 +134,22 @@ def _overhangs(made: Conversion) -> None:
     made.skip(["enable_dynamic_fan_speeds"])
 
 
+def _overhangs_from(made: Conversion, least: float) -> None:
+    """The fan on overhangs of which at least this share hangs free: as on bridges."""
+    for share in (0, 25, 50, 75):
+        on = share <= 100 - 100 * least or share == 0
+        how = "as on bridges from there on; ramped up to it" if on else ""
+        made.put(f"fan_overhang_{share}_ratio", int(on), "overhang_fan_threshold", how)
+
+
 def _advance(made: Conversion) -> None:
     """Pressure advance: a setting of its own, or a command among the material's G-code."""
     preset = made.preset
     if preset.on("enable_pressure_advance") and preset.has("pressure_advance"):
-        made.held("pressure_advance", preset.number("pressure_advance"), 0, 5, "pressure_advance")
+        _put_advance(made, "pressure_advance", [(preset.number("pressure_advance"), "")])
     made.skip(["enable_pressure_advance", "pressure_advance"])
     name = "start_filament_gcode"
-    text = preset.first_text(name)
+    text = preset.first_macro(name)
     made.used.add(name)
     try:
         lines = _plain_text(pieces_of(text), dict(preset.together)).splitlines()
@@ -136,14 +161,37 @@ def _advance(made: Conversion) -> None:
     commands = [line for line in lines if line.partition(";")[0].strip()]
     found = [match for match in map(_ADVANCE.match, commands) if match]
     if found and not made.values.get("pressure_advance"):
-        value = next(word for word in found[-1].groups() if word)
-        made.held("pressure_advance", float(value), 0, 5, name, f"its command {found[-1][0].strip()!r}")
+        said = [(float(next(filter(None, one.groups()))), one[0].strip()) for one in found]
+        _put_advance(made, name, said)
     others = [line.strip() for line in commands if not _ADVANCE.match(line)]
     if others:
         shown = "; ".join(line.partition(";")[0].strip() for line in others[:3])
         made.warn(
             name, f"materials have no G-code here: {shown} is left out; put it into the printer's start_gcode"
         )
+
+
+def _put_advance(made: Conversion, name: str, said: Sequence[tuple[float, str]]) -> None:
+    """The last value that is one in seconds: firmware that knows one scale ignores commands of the other.
+
+    Args:
+        made: of a material.
+        name: where it stands.
+        said: values, each with the command that sets it.
+    """
+    fitting = [one for one in said if 0 <= one[0] <= _MOST_ADVANCE]
+    others = ", ".join(
+        repr(command or f"{value:g}") for value, command in said if (value, command) not in fitting
+    )
+    if not fitting:
+        made.used.add(name)
+        made.warn(
+            name, f"{others} is no pressure advance in seconds (0 to {_MOST_ADVANCE:g}): left out; measure it"
+        )
+        return
+    value, command = fitting[-1]
+    how = f"its command {command!r}" if command else ""
+    made.put("pressure_advance", value, name, f"{how}; {others} is of another scale" if others else how)
 
 
 def _plain_text(pieces: tuple[Piece, ...], known: dict[str, str]) -> str:

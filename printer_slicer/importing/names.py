@@ -31,6 +31,7 @@ FACTS: Final[Mapping[str, Ours]] = {
     "filament_preset": Ours("material_name", "text"),
     "extrusion_multiplier": Ours("flow_ratio"),
     "filament_max_volumetric_speed": Ours("max_flow"),
+    "pressure_advance": Ours("pressure_advance"),
     # quality
     "layer_height": Ours("quality.layer_height"),
     # quality.first_layer_height may be 0 in profiles whose planner chooses it.

@@ -98,6 +98,11 @@ class Preset:
         """The first of a list of texts."""
         return next(iter(split_texts(self.raw(key))), "")
 
+    def first_macro(self, key: str) -> str:
+        """The first of a list of macros; without quotes it is one, with whatever semicolons begin its remarks."""
+        raw = self.raw(key).strip()
+        return self.first_text(key) if raw.startswith('"') else unescaped(raw)
+
     def items(self, key: str) -> list[str]:
         """The items of a list of numbers or words."""
         return [part.strip().strip('"') for part in self.raw(key).replace(";", ",").split(",")]

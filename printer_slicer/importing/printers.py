@@ -97,6 +97,9 @@ def _flavour(made: Conversion) -> None:
     notes = preset.text("printer_notes")
     if word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
         made.put("flavour", "prusa", ("gcode_flavor", "printer_notes"), "a machine of Prusa, by its notes")
+    elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
+        how = "its start G-code measures the bed with G80, as machines of Prusa do"
+        made.put("flavour", "prusa", "gcode_flavor", how)
     elif word in _FLAVOURS:
         made.put("flavour", _FLAVOURS[word], "gcode_flavor")
     elif word in _NEAR_FLAVOURS:
@@ -195,12 +198,7 @@ def _limits(made: Conversion) -> None:
         made.number(f"max_speed_{axis}", f"machine_max_feedrate_{axis}")
         made.number(f"max_acceleration_{axis}", f"machine_max_acceleration_{axis}")
     made.number("acceleration", "machine_max_acceleration_extruding")
-    travel = "machine_max_acceleration_travel"
-    if made.preset.has(travel) and made.preset.number(travel):
-        made.number("travel_acceleration", travel)
-    else:
-        source = "machine_max_acceleration_extruding"
-        made.put("travel_acceleration", made.preset.number(source), source, "as while printing")
+    _travel(made)
     made.number("retract_acceleration", "machine_max_acceleration_retracting")
     for axis in "xyze":
         name = f"machine_max_jerk_{axis}"
@@ -209,6 +207,25 @@ def _limits(made: Conversion) -> None:
         made.warn(
             "machine_limits_usage", "the source did not use the machine's limits: look whether they are true"
         )
+
+
+def _travel(made: Conversion) -> None:
+    """How hard travels are accelerated: as print settings ask for, up to what the machine allows, or as printing."""
+    preset, limit, asked = made.preset, "machine_max_acceleration_travel", "travel_acceleration"
+    printing = "machine_max_acceleration_extruding"
+    most = preset.number(limit) if preset.has(limit) else 0.0
+    limits = [preset.number(f"machine_max_acceleration_{axis}") for axis in "xy"] + ([most] if most else [])
+    wanted = preset.quantity(asked) if preset.has(asked) else None
+    usual = preset.quantity("default_acceleration").value
+    if wanted and (value := wanted.of(usual)):
+        how = "percentage of default_acceleration" if wanted.percent else ""
+        if value > min(limits):
+            value, how = min(limits), f"the machine's limit; print settings ask for {value:g}"
+        made.put("travel_acceleration", value, (asked, limit), how)
+    elif most:
+        made.number("travel_acceleration", limit)
+    else:
+        made.put("travel_acceleration", preset.number(printing), printing, "as while printing")
 
 
 def _corners(made: Conversion) -> None:
@@ -258,7 +275,7 @@ def _retraction(made: Conversion) -> None:
             "the flavour cannot be told how far to retract",
         )
         firmware = False
-    if preset.on("wipe") and not firmware and preset.has("wipe_distance"):
+    if preset.on("wipe") and not firmware and preset.raw("wipe_distance"):
         made.held(
             "wipe_distance",
             preset.number("wipe_distance"),

@@ -102,8 +102,9 @@ def _nozzle(made: Conversion) -> tuple[float, str]:
 
 def _layers(made: Conversion, height: float) -> None:
     found = made.quantity("first_layer_height")
-    first = found.of(height) or height
-    how = "percentage of layer_height" if found.percent else "" if found.value else "0 means layer_height"
+    nozzle, whose = _nozzle(made) if made.preset.dialect == "superslicer" else (height, "of layer_height")
+    first = found.of(nozzle) or height
+    how = f"percentage {whose}" if found.percent else "" if found.value else "0 means layer_height"
     made.held("first_layer_height", first, 0, 1.6, "first_layer_height", how)
     resolution = made.preset.number("resolution") or made.preset.number("gcode_resolution")
     made.held("resolution", resolution, 0, 0.2, ("resolution", "gcode_resolution"))
@@ -112,26 +113,43 @@ def _layers(made: Conversion, height: float) -> None:
             "arc_tolerance", max(resolution, 0.0125), 0, 0.2, "arc_fitting", "as far off as the resolution"
         )
     made.skip(["arc_fitting"])
-    grown = made.preset.number("xy_size_compensation")
-    holes = (
-        made.preset.number("xy_inner_size_compensation")
-        if made.preset.has("xy_inner_size_compensation")
-        else grown
-    )
+    _compensation(made, height)
+
+
+def _compensation(made: Conversion, height: float) -> None:
+    """What contours, holes and the first layer are grown or shrunk by."""
+    preset = made.preset
+    grown = preset.number("xy_size_compensation")
     made.held("xy_compensation", grown, -1, 1, "xy_size_compensation")
-    if made.preset.has("xy_hole_compensation"):  # OrcaSlicer counts it as it is counted here
-        made.held(
-            "hole_compensation", made.preset.number("xy_hole_compensation"), -1, 1, "xy_hole_compensation"
-        )
+    if preset.has("xy_hole_compensation"):  # OrcaSlicer counts it as it is counted here
+        made.held("hole_compensation", preset.number("xy_hole_compensation"), -1, 1, "xy_hole_compensation")
     else:
-        made.held("hole_compensation", -holes, -1, 1, ("xy_size_compensation", "xy_inner_size_compensation"))
-    made.held(
-        "elephant_foot",
-        max(made.preset.number("elefant_foot_compensation"), 0),
-        0,
-        1,
-        "elefant_foot_compensation",
-    )
+        inner = "xy_inner_size_compensation"
+        holes = preset.number(inner) if preset.has(inner) else grown
+        names = ["xy_size_compensation", inner]
+        if preset.has("hole_size_compensation"):  # of SuperSlicer: convex holes have more of it
+            holes += preset.number("hole_size_compensation")
+            names = ["hole_size_compensation", *names]
+        how = "as of all holes" if preset.number("hole_size_compensation") else ""
+        made.held("hole_compensation", -holes, -1, 1, names, how)
+    _foot(made, height)
+
+
+def _foot(made: Conversion, height: float) -> None:
+    """The first layer is made smaller; SuperSlicer counts that as growth, and may let it fade over some layers."""
+    preset, name = made.preset, "first_layer_size_compensation"
+    if not preset.number(name):
+        name = "elefant_foot_compensation"
+        made.skip(["first_layer_size_compensation"])
+        made.held("elephant_foot", max(preset.number(name), 0), 0, 1, name)
+        return
+    inset = -preset.number(name)
+    made.held("elephant_foot", inset, 0, 1, (name, "elefant_foot_compensation"), "counted inwards here")
+    layers = preset.number(f"{name}_layers")
+    if layers > 1:
+        first = float(made.values["first_layer_height"])
+        fading = first + (layers - 1) * height
+        made.held("elephant_foot_height", fading, 0, 5, f"{name}_layers", f"{layers:g} layers")
 
 
 def _widths(made: Conversion, height: float) -> float:
@@ -210,12 +228,40 @@ def _walls(made: Conversion) -> None:
     if preset.has("staggered_inner_seams"):
         made.switch("staggered_inner_seams", "staggered_inner_seams")
     made.choice("seam", "seam_position", _SEAMS, {}, "aligned")
+    _scarf(made)
     made.switch("avoid_crossing", "avoid_crossing_perimeters")
     detour = preset.quantity("avoid_crossing_perimeters_max_detour")
     if not detour.percent:
         # 0 is any detour there.
         made.held("max_detour", detour.value or 10000, 0, 10000, "avoid_crossing_perimeters_max_detour")
     made.switch("spiral", "spiral_vase")
+
+
+def _scarf(made: Conversion) -> None:
+    """Perimeters that end in a slope over their begin."""
+    preset = made.preset
+    kind, length = "seam_slope_type", "seam_slope_min_length"
+    if preset.text(kind) in ("", "none"):
+        made.skip(name for name in preset.entries if name.startswith(("seam_slope_", "scarf_")))
+        return
+    whole = preset.on("seam_slope_entire_loop")
+    how = "; ".join(
+        text
+        for text, there in (
+            ("around the whole loop there", whole),
+            ("in holes, too", preset.text(kind) == "external"),
+            ("at corners, too", preset.on("seam_slope_conditional")),
+        )
+        if there
+    )
+    reach = 100.0 if whole else preset.number(length)
+    names = (kind, length, "seam_slope_entire_loop", "seam_slope_conditional", "scarf_angle_threshold")
+    made.held("scarf_length", reach, 0, 100, names, how)
+    start = preset.quantity("seam_slope_start_height")
+    share = start.value / 100 if start.percent else start.value / float(made.values["layer_height"])
+    how = "as a share of the layer" if start.value and not start.percent else ""
+    made.held("scarf_start", share, 0, 0.9, "seam_slope_start_height", how)
+    made.switch("scarf_inner", "seam_slope_inner_walls")
 
 
 def _skins(made: Conversion, height: float) -> None:
@@ -250,16 +296,17 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     made.choice("infill", "fill_pattern", _PATTERNS, _NEAR_PATTERNS, "rectilinear")
     density = preset.quantity("fill_density")
     share = density.value / 100 if density.percent or density.value > 1 else density.value
-    made.held("infill_density", share, 0, 1, "fill_density")
+    if not 0 <= share <= 1:
+        raise made.refuse("fill_density", f"a density of {100 * share:g} %", "write 0 to 100 %")
+    made.put("infill_density", share, "fill_density")
     made.held("infill_angle_deg", preset.number("fill_angle"), -360, 360, "fill_angle")
     made.held("min_sparse_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area")
-    for ours, theirs, most in (
-        ("infill_anchor", "infill_anchor", 50),
-        ("infill_anchor_max", "infill_anchor_max", 1000),
-    ):
-        found = preset.quantity(theirs)
+    for name, most in (("infill_anchor", 50), ("infill_anchor_max", 1000)):
+        found = preset.quantity(name)
+        length = min(found.of(width), most)  # 1000 says there that it is not limited
         how = "percentage of the bead's width" if found.percent else ""
-        made.held(ours, found.of(width), 0, most, theirs, how)
+        how = how if length == found.of(width) else f"{most} is the most here"
+        made.held(name, length, 0, most, name, how)
     every = preset.number("infill_every_layers")
     if every > 1:
         made.held("sparse_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers")
@@ -284,12 +331,29 @@ def _bed(made: Conversion, height: float) -> None:
         ("skirt_height", "draft_shield"),
         f"{layers:g} layers" if tall and not shield else "",
     )
+    _brim(made)
+    _raft(made, height)
+
+
+def _brim(made: Conversion) -> None:
+    preset = made.preset
     kind = preset.text("brim_type")
     none = kind in ("no_brim", "none")
     made.held("brim_width", 0 if none else preset.number("brim_width"), 0, 50, ("brim_width", "brim_type"))
-    if not none:
+    if preset.on("brim_ears"):  # a switch of SuperSlicer's; OrcaSlicer had it once
+        made.put("brim_type", "ears", "brim_ears")
+        if preset.has("brim_ears_max_angle"):
+            made.held(
+                "brim_ear_angle_deg", preset.number("brim_ears_max_angle"), 0, 180, "brim_ears_max_angle"
+            )
+    elif not none:
         made.choice("brim_type", "brim_type", _BRIMS, _NEAR_BRIMS, "outer")
     made.held("brim_gap", max(preset.number("brim_separation"), 0), 0, 5, "brim_separation")
+
+
+def _raft(made: Conversion, height: float) -> None:
+    preset = made.preset
+    first = float(made.values["first_layer_height"])
     raft = preset.number("raft_layers")
     made.skip(
         [
@@ -321,6 +385,8 @@ def _why(name: str) -> str:
         ("wipe_tower", "ooze_prevention", "standby_temperature", "mmu_", "single_extruder")
     ) or name.endswith("_extruder"):
         return "one tool prints"
+    if name == "travel_acceleration":
+        return "the printer's travel_acceleration: set it there"
     if name == "infill_overlap":
         return "measured otherwise here: infill_overlap and sparse_overlap keep their defaults"
     if name == "max_volumetric_speed":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final, NamedTuple
 
 from printer_slicer.errors import ProfileError
@@ -12,6 +13,12 @@ from printer_slicer.profile.faults import fault_in
 __all__ = ["CEILINGS", "Ceilings", "check_safe"]
 
 _MACHINE: Final = "look at the value in the other slicer: no machine should be driven by it"
+
+
+_MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
+_HEATERS: Final = {"M104": "nozzle", "M109": "nozzle", "M140": "bed", "M190": "bed"}
+_HEATING: Final = re.compile(r"(?i)(?<![A-Z0-9])(M104|M109|M140|M190)(?!\d)([^{\n]*)")
+_NUMBER: Final = re.compile(r"(?i)[RS] *(\d+\.?\d*|\.\d+)")
 
 
 class Ceilings(NamedTuple):
@@ -53,6 +60,22 @@ def check_safe(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
                     f"{_where(made, preset, key)}: {wanted:g} °C, but an import lets {heater}s go up to {most:g} °C",
                     remedy=f"if your machine stands it: --max-{heater}-temperature {wanted:g}",
                 )
+    _check_macros(made, preset, ceilings)
+
+
+def _check_macros(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
+    """Commands that heat to a number over the ceilings, in any branch of a macro."""
+    for name in _MACROS:
+        for line in str(made.values.get(name, "")).splitlines():
+            for code, letters in _HEATING.findall(line.partition(";")[0]):
+                heater, most = _HEATERS[code.upper()], getattr(ceilings, _HEATERS[code.upper()])
+                wanted = max((float(one) for one in _NUMBER.findall(letters)), default=0.0)
+                if wanted > most:
+                    raise ProfileError(
+                        f"{_where(made, preset, name)}: {line.strip()[:60]}: an import lets {heater}s go up to "
+                        f"{most:g} °C",
+                        remedy=f"if your machine stands it: --max-{heater}-temperature {wanted:g}",
+                    )
 
 
 def _check_machine(made: Imported, preset: Preset) -> None:

@@ -13,9 +13,11 @@ from printer_slicer.importing.bundle import Bundle, bundle_of
 from printer_slicer.importing.cura import cura_presets, cura_profile, is_definition
 from printer_slicer.importing.embedded import config_in_3mf, config_in_gcode
 from printer_slicer.importing.ini import Entry, Section, read_sections, split_texts, unescaped
+from printer_slicer.importing.native import is_native, native_profiles
 from printer_slicer.importing.objects import own_in_3mf
 from printer_slicer.importing.orca import OrcaFolder, orca_presets, read_json
 from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.report import Imported
 from printer_slicer.importing.vocabulary import DEFAULTS
 
 __all__ = ["Found", "presets_in"]
@@ -49,11 +51,11 @@ _LABELS: Final = {
 
 _NO_CHANGES: Final[Mapping[str, str]] = {}
 
-Found = Bundle | list[Preset]
+Found = Bundle | list[Preset] | list[Imported]
 
 
 def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str] = _NO_CHANGES) -> Found:
-    """What a file holds: a bundle, or one preset of each kind that it knows something about.
+    """What a file holds: a bundle, one preset of each kind that it knows something about, or profiles of ours.
 
     Args:
         path: `config.ini`, a bundle, G-code, 3MF, or a preset of OrcaSlicer or BambuStudio.
@@ -67,6 +69,8 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
         changes = {key: Entry(key, text, f"--cura {key}={text}") for key, text in cura.items()}
         if path.name.endswith((".inst.cfg", ".curaprofile")):
             return _cura_profile(path, folders, changes)
+        if path.suffix.lower() in _GCODE and is_native(path):
+            return native_profiles(path)
         return _presets_in(path, folders, changes)
     except OSError as error:
         raise ProfileError(
@@ -74,10 +78,10 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
         ) from None
 
 
-def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> Found:
+def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> list[Preset]:
     """A profile of Cura's, with the machine that it names."""
     text = "" if path.suffix == ".curaprofile" else path.read_text(encoding="utf-8", errors="replace")
-    machine, given = cura_profile(path, text)
+    machine, name, given = cura_profile(path, text)
     places = [folder / f"{machine}.def.json" for folder in (path.parent, *folders)]
     found = next((place for place in places if "/" not in machine and place.is_file()), None)
     if found is None:
@@ -86,10 +90,10 @@ def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Ent
             remedy="name the folder of Cura's definitions with --folder",
         )
     values = read_json(found.read_text(encoding="utf-8", errors="replace"), str(found))
-    return cura_presets(values, found, folders, {**given, **changes})
+    return cura_presets(values, found, folders, {**given, **changes}, name)
 
 
-def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> Found:
+def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> Bundle | list[Preset]:
     with path.open("rb") as file:
         magic = file.read(4)
     if magic.startswith(b"PK"):
@@ -112,7 +116,7 @@ def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry
     return _from_text(data.decode("utf-8", "replace"), str(path), path, folders, changes)
 
 
-def _with_own(found: Found, path: Path) -> Found:
+def _with_own(found: Bundle | list[Preset], path: Path) -> Bundle | list[Preset]:
     """The presets of a project, the quality with what objects have of their own."""
     if isinstance(found, Bundle):
         return found
@@ -122,7 +126,7 @@ def _with_own(found: Found, path: Path) -> Found:
 
 def _from_text(
     text: str, place: str, path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]
-) -> Found:
+) -> Bundle | list[Preset]:
     if text.lstrip("\ufeff \t\r\n").startswith("{"):
         values = read_json(text.lstrip("\ufeff"), place)
         if is_definition(values) or path.name.endswith(".def.json"):
@@ -172,5 +176,6 @@ def _flat(section: Section, path: Path, dialect: str = "") -> list[Preset]:
 def _plain(entry: Entry) -> str | list[str]:
     """A value in a file of OrcaSlicer that is no JSON."""
     if entry.name.endswith(("gcode", "notes")):
-        return unescaped(entry.text)
+        several = split_texts(entry.text) if entry.text.startswith('"') else []
+        return several if len(several) > 1 else unescaped(entry.text)
     return [word.strip().strip('"') for word in entry.text.split(",")]

@@ -2,24 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import pi
 from typing import Final
 
 from printer_slicer.importing.conversion import Conversion
 
 __all__ = ["speeds_of"]
 
-# ours, theirs, the setting that a percentage is of
 _SPEEDS: Final = (
-    ("inner_perimeter", "perimeter_speed", ""),
-    ("outer_perimeter", "external_perimeter_speed", "perimeter_speed"),
-    ("sparse", "infill_speed", ""),
-    ("solid", "solid_infill_speed", "infill_speed"),
-    ("top_skin", "top_solid_infill_speed", "solid_infill_speed"),
-    ("bridge", "bridge_speed", ""),
-    ("internal_bridge", "bridge_speed_internal", "bridge_speed"),
-    ("ironing", "ironing_speed", "solid_infill_speed"),
-    ("raft", "support_material_speed", "perimeter_speed"),
+    ("inner_perimeter", "perimeter_speed"),
+    ("outer_perimeter", "external_perimeter_speed"),
+    ("sparse", "infill_speed"),
+    ("solid", "solid_infill_speed"),
+    ("top_skin", "top_solid_infill_speed"),
+    ("bridge", "bridge_speed"),
+    ("internal_bridge", "bridge_speed_internal"),
+    ("ironing", "ironing_speed"),
+    ("raft", "support_material_speed"),
 )
+_FASTEST: Final = "max_print_speed"
+_WHOLES: Final[Mapping[str, str]] = {
+    "external_perimeter_speed": "perimeter_speed",
+    "small_perimeter_speed": "perimeter_speed",
+    "solid_infill_speed": "infill_speed",
+    "top_solid_infill_speed": "solid_infill_speed",
+    "bridge_speed_internal": "bridge_speed",
+    "internal_bridge_speed": "bridge_speed",
+    "ironing_speed": "solid_infill_speed",
+    "support_material_speed": "perimeter_speed",
+    "default_acceleration": "machine_max_acceleration_x",
+}
+"""The setting that a percentage is of; others are of the fastest speed, accelerations of default_acceleration."""
+
+_WHOLES_IN: Final[Mapping[str, Mapping[str, str]]] = {
+    "superslicer": {
+        "default_speed": "machine_max_feedrate_x",
+        "perimeter_speed": "default_speed",
+        "solid_infill_speed": "default_speed",
+        "infill_speed": "solid_infill_speed",
+        "bridge_speed": "default_speed",
+        "ironing_speed": "top_solid_infill_speed",
+        "support_material_speed": "default_speed",
+        "external_perimeter_acceleration": "perimeter_acceleration",
+        "infill_acceleration": "solid_infill_acceleration",
+        "top_solid_infill_acceleration": "solid_infill_acceleration",
+    },
+    "orca": {
+        "small_perimeter_speed": "external_perimeter_speed",
+        "bridge_acceleration": "external_perimeter_acceleration",
+    },
+}
+"""Where a program differs. Source: the explanations of their settings (`ratio_over`)."""
+
+_USUAL: Final = "default_acceleration"
 _ACCELERATIONS: Final = (
     ("first_layer", ("first_layer_acceleration",)),
     ("outer_perimeter", ("external_perimeter_acceleration", "perimeter_acceleration")),
@@ -38,8 +74,8 @@ def speeds_of(made: Conversion) -> None:
     Raises:
         ProfileError: a speed that is negative, with place and remedy.
     """
-    for ours, theirs, whole in _SPEEDS:
-        _put(made, ours, theirs, whole)
+    for ours, theirs in _SPEEDS:
+        _put(made, ours, theirs)
     _first_layer(made)
     _small(made)
     travel = made.preset.number("travel_speed")
@@ -47,29 +83,41 @@ def speeds_of(made: Conversion) -> None:
     made.held("speeds.travel", travel, 0.1, 2000, "travel_speed")
     _overhangs(made)
     _accelerations(made)
-    made.skip(["max_print_speed", "overhangs"])
+    made.skip([_FASTEST, "overhangs", "default_speed", _USUAL])
+    if made.preset.mixed:  # the printer's preset takes it
+        made.skip(["travel_acceleration"])
 
 
-def _put(made: Conversion, ours: str, theirs: str, whole: str) -> None:
+def _put(made: Conversion, ours: str, theirs: str) -> None:
     """One speed, with what it is a percentage of."""
-    if theirs == "bridge_speed_internal" and not made.preset.has(theirs):
-        bridge, how = _speed(made, "bridge_speed", "")
-        made.held("speeds.internal_bridge", bridge, 0.1, 1000, "bridge_speed", how)
-        return
-    value, how = _speed(made, theirs, whole)
+    if theirs == "bridge_speed_internal":  # SuperSlicer has renamed it
+        names = (theirs, "internal_bridge_speed")
+        theirs = next((one for one in names if made.preset.raw(one)), "bridge_speed")
+    value, how = _speed(made, theirs)
     made.held(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 
 
-def _speed(made: Conversion, name: str, whole: str) -> tuple[float, str]:
+def _whole(made: Conversion, name: str, other: str) -> str:
+    """The setting that percentages of this one are of."""
+    preset = made.preset
+    # SuperSlicer's percentages are of others since it has a default speed; before they were PrusaSlicer's.
+    older = preset.dialect == "superslicer" and "default_speed" not in preset.entries
+    own = {} if older else _WHOLES_IN.get(preset.dialect, {})
+    return own.get(name) or _WHOLES.get(name, other)
+
+
+def _speed(made: Conversion, name: str) -> tuple[float, str]:
     """A speed in mm/s, and what was made of it."""
+    if name.startswith("machine_"):
+        return made.beside(name), ""
     found = made.quantity(name)
     _positive(made, name, found.value)
     if found.percent:
-        base = {theirs: rest for _, theirs, rest in _SPEEDS}.get(whole, "")
-        of_whole = _speed(made, whole, base)[0] if whole else made.preset.number("max_print_speed")
-        return found.of(of_whole), f"percentage of {whole or 'max_print_speed'}"
+        whole = _whole(made, name, _FASTEST)
+        base = made.preset.number(whole) if whole == _FASTEST else _speed(made, whole)[0]
+        return found.of(base), f"percentage of {whole}"
     if found.value == 0:  # as fast as the flow allows, up to a limit
-        return made.preset.number("max_print_speed") or 80.0, "0 means up to max_print_speed"
+        return made.preset.number(_FASTEST) or 80.0, f"0 means up to {_FASTEST}"
     return found.value, ""
 
 
@@ -93,11 +141,19 @@ def _first_layer(made: Conversion) -> None:
 
 
 def _small(made: Conversion) -> None:
-    found = made.quantity("small_perimeter_speed")
-    _positive(made, "small_perimeter_speed", found.value)
-    whole = float(made.values["speeds"]["inner_perimeter"])
-    how = "percentage of that of perimeters" if found.percent else ""
-    made.held("speeds.small_perimeter", found.of(whole), 0, 1000, "small_perimeter_speed", how)
+    """Loops that are slower because they are short, and how short that is."""
+    name, preset = "small_perimeter_speed", made.preset
+    found = preset.quantity(name)
+    value, how = _speed(made, name) if found.value else (0.0, "")
+    made.held("speeds.small_perimeter", value, 0, 1000, name, how)
+    radius = "speeds.small_perimeter_radius"
+    length, threshold = "small_perimeter_min_length", "small_perimeter_threshold"
+    if preset.dialect == "orca":
+        made.held(radius, preset.number(threshold), 0, 100, threshold)
+    elif preset.has(length):
+        around = preset.quantity(length).of(made.beside("nozzle_diameter"))
+        how = "a circle of this length; from there to small_perimeter_max_length it speeds up in the source"
+        made.held(radius, around / (2 * pi), 0, 100, (length, "small_perimeter_max_length"), how)
 
 
 def _overhangs(made: Conversion) -> None:
@@ -123,14 +179,22 @@ def _overhangs(made: Conversion) -> None:
 
 
 def _accelerations(made: Conversion) -> None:
-    """0 there: as default_acceleration; 0 here: as the printer's."""
-    preset = made.preset
-    usual = preset.quantity("default_acceleration").value
+    """0 there: as another one of them, in the end default_acceleration; 0 here: as the printer's."""
     for ours, names in _ACCELERATIONS:
-        name = next((one for one in names if preset.has(one) and preset.quantity(one).value), "")
-        found = preset.quantity(name) if name else preset.quantity("default_acceleration")
-        value = found.of(usual)
-        how = "" if name == names[0] or not value else f"as {name or 'default_acceleration'}"
-        how = "percentage of default_acceleration" if found.percent else how
+        name = next((one for one in names if made.quantity(one).value), _USUAL)
+        value = _acceleration(made, name)
+        how = "" if name == names[0] or not value else f"as {name}"
+        if made.quantity(name).percent:
+            how = f"percentage of {_whole(made, name, _USUAL)}"
         made.skip(names)
-        made.held(f"accelerations.{ours}", value, 0, 100000, (name or "default_acceleration",), how)
+        made.held(f"accelerations.{ours}", value, 0, 100000, name, how)
+
+
+def _acceleration(made: Conversion, name: str) -> float:
+    """An acceleration in mm/s², 0 where nothing says one."""
+    if name.startswith("machine_"):
+        return made.beside(name)
+    found = made.quantity(name)
+    if not found.value and name != _USUAL:
+        return _acceleration(made, _whole(made, name, _USUAL))
+    return found.of(_acceleration(made, _whole(made, name, _USUAL))) if found.percent else found.value

@@ -25,8 +25,8 @@ _PRINTER: Final = re.compile(
 _MATERIAL: Final = re.compile(
     r"(start_|end_)?filament_\w+|(first_layer_)?(bed_)?temperature|chamber_\w+|(bridge|min|max|top|external_perimeter)_fan_speed"
     r"|cooling|fan_(always_on|below_layer_time)|slowdown_below_layer_time|min_print_speed|disable_fan_first_layers"
-    r"|full_fan_speed_layer|extrusion_multiplier|idle_temperature|enable_dynamic_fan_speeds|overhang_fan_speed_\d"
-    r"|(pressure_advance|enable_pressure_advance)|\w+_fan_speed|max_speed_reduction|first_layer_fan_speed|cooling_\w+"
+    r"|full_fan_speed_layer|extrusion_multiplier|idle_temperature|enable_dynamic_fan_speeds|overhang_fan_(speed_\d|threshold)"
+    r"|enable_overhang_bridge_fan|(pressure_advance|enable_pressure_advance)|\w+_fan_speed|max_speed_reduction|first_layer_fan_speed|cooling_\w+"
 )
 ABOUT_FILES: Final = re.compile(
     r"inherits\w*|renamed_[Ff]rom|compatible_\w+|(print|filament|printer)_settings_id|\w*notes|\w*_vendor|\w*colou?r"

@@ -145,6 +145,61 @@ def test_where_nothing_can_be_imported_the_reason_is_the_error(
     assert "--max-nozzle-temperature 490" in error
 
 
+REFUSED = "M302 P1\\nM502\\n{if layer_height > 9}M500{endif}\\nM997\\nM104 S{temperature[0] + 90}\\n"
+
+
+def test_commands_that_print_would_refuse_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = flat_file(tmp_path, start_gcode=f"{REFUSED}M109 S[first_layer_temperature]\\nG28\\nM190 S60\\n")
+    _, said, _ = run(capsys, path, "-o", tmp_path)
+    told = [line for line in said.splitlines() if "`print` refuses it" in line]
+    names = ["cold", "eeprom", "eeprom", "firmware", "temperature"]
+
+    assert [line.rpartition(" ")[2] for line in told] == names
+    assert "nozzle at 295 °C" in told[-1]
+    assert "5 to look at" in said
+    assert "# look at: M997" in (tmp_path / "printers" / "little_printer.toml").read_text(encoding="utf-8")
+    assert "`print`" not in run(capsys, flat_file(tmp_path), "--dry-run")[1]
+
+
+@pytest.mark.parametrize(("flag", "most"), [("nozzle", "9999"), ("nozzle", "20"), ("bed", "201")])
+def test_a_ceiling_is_one_that_a_printer_may_have(
+    flag: str, most: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, error = run(capsys, flat_file(tmp_path), f"--max-{flag}-temperature", most)
+
+    assert code == 2
+    assert f"--max-{flag}-temperature {most}: " in error
+
+
+def test_patterns_and_stdin_are_files_here_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = flat_file(tmp_path)
+    other = path.rename(tmp_path / "other.ini")
+    with other.open(encoding="utf-8") as text:
+        monkeypatch.setattr("sys.stdin", text)
+        code, said, _ = run(capsys, "-", "--list")
+    _, same, _ = run(capsys, tmp_path / "*.ini", "--list")
+
+    assert code == 0
+    assert said == same
+    assert "printer   Little Printer" in said
+    assert "no file fits this pattern" in run(capsys, tmp_path / "V*.ini")[2]
+
+
+def test_what_is_there_already_as_it_would_be_written_stands_in_nobodys_way(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = flat_file(tmp_path)
+    run(capsys, path, "-o", tmp_path)
+    flat_file(tmp_path, print_settings_id="Another", layer_height="0.1")
+
+    assert run(capsys, path, "-o", tmp_path)[0] == 0
+    assert len(list((tmp_path / "qualities").iterdir())) == 2
+
+
 @pytest.mark.parametrize("words", [["--cura", "nothing"], ["--only", "Nobody"], ["--for", "x", "--list"]])
 def test_slips_in_flags_are_told(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]

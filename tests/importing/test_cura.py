@@ -15,7 +15,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Wanted, import_profiles
 from printer_slicer.importing.cura_values import evaluate_cura
 from printer_slicer.importing.foreign import Unreadable
-from tests.importing.files import imported, json_file, loaded
+from tests.importing.files import imported, json_file, loaded, refused
 
 LITERALS: dict[str, Any] = {
     "machine_width": 200, "machine_depth": 210, "machine_height": 220, "machine_center_is_zero": False,
@@ -143,8 +143,35 @@ def test_profiles_change_the_machine_that_they_name(folder: Path, tmp_path: Path
     with pytest.raises(ProfileError, match="its machine 'acme' is not beside it"):
         import_profiles(plain)
     for path in (plain, packed):
-        values = imported(path, folders=(folder,))["quality"].values
+        made = imported(path, folders=(folder,))
+        values = made["quality"].values
         assert (values["layer_height"], values["speeds"]["sparse"]) == (0.15, 100)
+        assert [made[kind].name for kind in ("printer", "material", "quality")] == [
+            "Acme Mini", "fine material", "fine",
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("value", ["__import__('os')", "=__import__('os')", "wide"])
+def test_a_bad_value_is_told_with_the_file_that_has_it(folder: Path, value: str) -> None:
+    path = folder / "bad.inst.cfg"
+    path.write_text(PROFILE.replace("0.15", value), encoding="utf-8")
+    try:
+        problem = refused(path, "quality").problem
+    except ProfileError as error:
+        problem = str(error)
+
+    assert f"{path}:10: layer_height" in problem
+
+
+def test_a_bed_of_no_size_is_refused_as_it_was_typed(folder: Path) -> None:
+    with pytest.raises(ProfileError, match="--cura machine_width=-5: machine_width: -5"):
+        import_profiles(folder / "acme.def.json", Wanted(cura={"machine_width": "-5"}))
+
+
+def test_a_machine_that_measures_its_bed_as_those_of_prusa_is_one(folder: Path) -> None:
+    for text, flavour in (("G28\nG80\nG1 Z5", "prusa"), ("G28\nG29\nG1 Z5", "marlin_legacy")):
+        made = imported(folder / "acme.def.json", cura={"machine_start_gcode": text})["printer"]
+        assert made.values["flavour"] == flavour
 
 
 def setting(name: str) -> Any:

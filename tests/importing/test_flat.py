@@ -82,6 +82,11 @@ def test_every_setting_is_accounted_for(tmp_path: Path) -> None:
         ("perimeter_speed", "-3", "quality", "a speed of -3"),
         ("perimeters", "many", "quality", "'many' is no number"),
         ("filament_diameter", "17.5", "material", "material.filament_diameter"),
+        ("extrusion_multiplier", "100", "material", "100 times the plastic"),
+        ("fill_density", "500%", "quality", "a density of 500 %"),
+        ("start_gcode", "G28\\nM104 S350\\nG1 Z5", "printer", "--max-nozzle-temperature 350"),
+        ("start_gcode", "{if layer_height > 9}M109 R 320{endif}", "printer", "--max-nozzle-temperature 320"),
+        ("end_gcode", "m140 S200 ; warm", "printer", "lets beds go up to 120"),
     ],
 )
 def test_what_would_make_an_unsafe_machine_is_refused_with_place_and_remedy(
@@ -94,6 +99,23 @@ def test_what_would_make_an_unsafe_machine_is_refused_with_place_and_remedy(
     assert said in f"{found.problem}\n{found.remedy}"
     assert f"{path}:{line}: " in found.problem
     assert found.remedy
+
+
+@pytest.mark.parametrize(
+    "macro", ["G28 ; M104 S350", "M104 S{temperature[0]} ; 350", "M1040 S350", "M104 S300"]
+)
+def test_what_heats_no_further_than_it_may_is_not(tmp_path: Path, macro: str) -> None:
+    assert imported(flat_file(tmp_path, start_gcode=macro))["printer"].values["start_gcode"]
+
+
+def test_a_number_that_is_moved_into_its_bounds_is_told(tmp_path: Path) -> None:
+    quality = imported(flat_file(tmp_path, perimeter_speed="99999", skirts="70"))["quality"]
+
+    assert quality.values["speeds"]["inner_perimeter"] == 1000
+    assert [note.text for note in quality.notes if "99999" in note.text] == [
+        "99999 becomes 1000, the most here"
+    ]
+    assert any("70 becomes 20, the most here" in note.text for note in quality.notes)
 
 
 def test_a_hotter_machine_is_imported_where_somebody_vouches_for_it(tmp_path: Path) -> None:
@@ -214,3 +236,29 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "gone.ini", tmp_path):
         with pytest.raises(ProfileError, match="cannot be read"):
             import_profiles(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "advance"),
+    [
+        ("; Filament gcode\\nM900 K0.07", 0.07),
+        ('"M900 K0.05 ; LA 1.5\\nM900 K30 ; LA 1.0"', 0.05),
+        ("M900 K30\\nM900 K0.05", 0.05),
+        ('"M900 K0.05";"M900 K0.4"', 0.05),
+        ("M900 K0.05\\nM900 K0.06", 0.06),
+    ],
+)
+def test_pressure_advance_is_the_last_that_is_one_in_seconds(
+    tmp_path: Path, text: str, advance: float
+) -> None:
+    made = imported(flat_file(tmp_path, start_filament_gcode=text))["material"]
+
+    assert made.values["pressure_advance"] == advance
+    assert made.notes == ()
+
+
+def test_what_is_no_pressure_advance_is_left_out_and_told(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path, start_filament_gcode='"M900 K30"'))["material"]
+
+    assert "pressure_advance" not in made.values
+    assert "'M900 K30' is no pressure advance in seconds" in made.notes[0].text

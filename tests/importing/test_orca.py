@@ -49,6 +49,7 @@ FILAMENT = {
     "filament_max_volumetric_speed": ["9.5"],
     "enable_pressure_advance": ["1"],
     "pressure_advance": ["0.045"],
+    "reduce_fan_stop_start_freq": ["1"],
     "fan_min_speed": ["30"],
     "fan_max_speed": ["70"],
     "slow_down_layer_time": ["9"],
@@ -123,7 +124,7 @@ def test_three_presets_make_a_profile(tmp_path: Path) -> None:
     assert (quality.extrusion_width, quality.infill, quality.infill_density) == (0.44, "gyroid", 0.22)
     assert (quality.speeds.outer_perimeter, quality.speeds.small_perimeter, quality.speeds.travel) == (
         120,
-        90,
+        60,
         350,
     )
     assert (quality.accelerations.outer_perimeter, quality.accelerations.sparse) == (3000, 6000)
@@ -197,3 +198,105 @@ def test_what_it_says_twice_or_not_at_all_is_told(tmp_path: Path) -> None:
 
     assert isinstance(made, Imported)
     assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == ["enable_support"]
+
+
+@pytest.mark.parametrize("begin", ["", "; filament start gcode\n", ";;; a ; b\n"])
+def test_gcode_of_a_filament_may_begin_with_a_remark(tmp_path: Path, begin: str) -> None:
+    own = {"enable_pressure_advance": ["0"], "filament_start_gcode": [f"{begin}M900 K0.07\nM106 P3 S200\n"]}
+    made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
+
+    assert made.values["pressure_advance"] == 0.07
+    assert "M106 P3 S200 is left out" in made.notes[0].text
+
+
+@pytest.mark.parametrize("others", ["", ';"; the second\\nM900 K0.4\\n"'])
+def test_gcode_of_a_filament_in_its_gcode_may_begin_with_a_remark(tmp_path: Path, others: str) -> None:
+    text = f'"; filament start gcode\\nSET_PRESSURE_ADVANCE ADVANCE=0.035\\n"{others}'
+    settings = {
+        "printable_area": "0x0,350x0,350x350,0x350",
+        "nozzle_temperature": "220",
+        "layer_height": "0.2",
+    }
+    lines = [f"; {key} = {value}" for key, value in (settings | {"filament_start_gcode": text}).items()]
+    path = tmp_path / "plate.gcode"
+    path.write_text("\n".join(["; CONFIG_BLOCK_START", *lines, "; CONFIG_BLOCK_END", ""]), encoding="utf-8")
+
+    assert imported(path)["material"].values["pressure_advance"] == 0.035
+
+
+def process(folder: Path, **own: str) -> Imported:
+    return imported(json_file(folder / "process.json", PROCESS | own))["quality"]
+
+
+def test_small_perimeters_are_those_that_it_says(tmp_path: Path) -> None:
+    none, some = (
+        process(tmp_path, small_perimeter_threshold=radius).values["speeds"]["small_perimeter_radius"]
+        for radius in ("0", "5")
+    )
+
+    assert (none, some) == (0, 5)
+
+
+@pytest.mark.parametrize(
+    ("threshold", "ratios"),
+    [("95%", (1, 0, 0, 0)), ("50%", (1, 1, 1, 0)), ("25%", (1, 1, 1, 1)), ("0%", (1, 1, 1, 1))],
+)
+def test_the_fan_runs_on_overhangs_from_its_threshold_on(
+    tmp_path: Path, threshold: str, ratios: tuple[int, ...]
+) -> None:
+    own = {"overhang_fan_threshold": [threshold], "overhang_fan_speed": ["90"]}
+    made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
+
+    assert tuple(made.values[f"fan_overhang_{share}_ratio"] for share in (0, 25, 50, 75)) == ratios
+    assert made.values["fan_ratio_bridge"] == 0.9
+    assert "overhang_fan_threshold" not in {one.theirs for one in made.left}
+
+
+def test_a_fan_that_bridges_do_not_change_is_left_alone(tmp_path: Path) -> None:
+    own = {"enable_overhang_bridge_fan": ["0"], "overhang_fan_speed": ["90"]}
+
+    assert (
+        imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"].values["fan_ratio_bridge"] == 0
+    )
+
+
+def test_scarf_seams_are_taken(tmp_path: Path) -> None:
+    own = {
+        "seam_slope_type": "all", "seam_slope_min_length": "12", "seam_slope_start_height": "30%",
+        "seam_slope_inner_walls": "1", "seam_slope_steps": "10",
+    }  # fmt: skip
+    made = process(tmp_path, **own)
+
+    assert (made.values["scarf_length"], made.values["scarf_start"]) == (12, 0.3)
+    assert made.values["scarf_inner"] is True
+    assert [one.theirs for one in made.left if one.theirs.startswith("seam")] == ["seam_slope_steps"]
+    assert process(tmp_path, **own | {"seam_slope_entire_loop": "1"}).values["scarf_length"] == 100
+    assert "scarf_length" not in process(tmp_path, **own | {"seam_slope_type": "none"}).values
+
+
+def test_what_it_does_not_say_is_as_it_is_there(tmp_path: Path) -> None:
+    machine = imported(json_file(tmp_path / "m.json", {"type": "machine", "nozzle_diameter": ["0.4"]}))
+    quality = imported(json_file(tmp_path / "q.json", {"type": "process", "layer_height": "0.2"}))["quality"]
+    printer = machine["printer"].values
+
+    assert (printer["bed_z"], printer["retract_length"], printer["retract_speed"]) == (100, 0.8, 30)
+    assert (quality.values["perimeters"], quality.values["thick_bridges"]) == (2, False)
+    assert (quality.values["skirt_distance"], quality.values["min_sparse_area"]) == (2, 15)
+    assert quality.values["speeds"]["internal_bridge"] == 37.5
+    assert quality.values["accelerations"]["bridge"] == 250
+
+
+def test_of_several_filaments_the_first_is_taken_and_the_others_are_told(tmp_path: Path) -> None:
+    own = {"filament_type": ["PLA", "PETG"], "nozzle_temperature": ["215", "240"]}
+    made = imported(json_file(tmp_path / "a.json", FILAMENT | own))["material"]
+
+    assert (made.values["type"], made.values["nozzle_temperature"]) == ("PLA", 215)
+    assert "PETG left out" in made.notes[0].text
+
+
+def test_its_macros_may_speak_of_pressure_advance(tmp_path: Path) -> None:
+    write(tmp_path)
+    own = {"machine_start_gcode": "SET_PRESSURE_ADVANCE ADVANCE={pressure_advance[0]}\nM109 S200\nM190 S60"}
+    made = imported(json_file(tmp_path / "machine.json", MACHINE | own))["printer"]
+
+    assert made.values["start_gcode"].splitlines()[0] == "SET_PRESSURE_ADVANCE ADVANCE={pressure_advance}"

@@ -37,6 +37,7 @@ TRIPLES = {
     "Creality": "Creality Ender-3 V2 (0.4 mm nozzle)",
     "PrusaResearch": "Original Prusa i3 MK3S & MK3S+",
     "FLSun": "FLSun QQS Pro",
+    "RatRig": "RatRig V-Core-3-300",
     "Voron": "Voron_v0 0.4 nozzle",
 }
 
@@ -77,7 +78,7 @@ def test_main_values_are_those_that_prusaslicer_saves(vendor: str, tmp_path: Pat
         assert differences(made, theirs | {key: "77"}) != []
 
 
-@pytest.mark.parametrize("vendor", ["BIBO", "Creality", "PrusaResearch"])
+@pytest.mark.parametrize("vendor", ["BIBO", "Creality", "PrusaResearch", "RatRig"])
 def test_macros_come_out_as_in_the_files_of_prusaslicer(
     vendor: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -158,6 +158,22 @@ def test_a_block_over_lines_whose_condition_has_no_counterpart_is_a_comment_as_a
     ]
 
 
+@pytest.mark.parametrize("indent", ["", "  "])
+def test_what_stands_behind_a_block_of_lines_is_a_line_of_its_own(indent: str) -> None:
+    macro = f"{indent}{{if unheard_of > 1}}\nM104 S1\n{indent}{{endif}}M106 P3 S80\nM84"
+    made = translated(macro, Translator({}), "here")
+
+    assert made.text.splitlines()[-2:] == ["M106 P3 S80", "M84"]
+    assert "'{if unheard_of > 1}' and 2 more lines kept as a comment" in made.notes[0].text
+
+
+def test_in_a_branch_too() -> None:
+    text = "{if layer_height < 0.3}\nG28\n{if unheard_of}\nM104 S1\n{endif}M106 P3 S80\nM84\n{endif}"
+    found = [line for line in lines(text) if not line.startswith(";")]
+
+    assert found == ["G28", "M106 P3 S80", "M84"]
+
+
 NAMES = (
     "temperature[0]",
     "bed_temperature[0]",
