@@ -106,8 +106,9 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
             part.partition("=")[0].strip() in _OF_PLANNER for part in rule.split(":")[2:] if "=" in part
         )
         (planned if of_planner else own).append(rule)
-    changes |= {"quality.planner.ranges": ";".join(planned)} if planned else {}
-    return changes | ({"quality.overrides": ";".join(own)} if own else {})
+    # Behind those of the quality's file, over which they win.
+    changes |= {"quality.planner.ranges+": ";".join(planned)} if planned else {}
+    return changes | ({"quality.overrides+": ";".join(own)} if own else {})
 
 
 def refuse_mixing(arguments: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,22 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import Fault, converted
 from printer_slicer.profile.keys import resolved
-from printer_slicer.profile.lists import list_from_text
+from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
 from printer_slicer.profile.own_settings import override_faults
 from printer_slicer.profile.profile import Profile
-from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS, Source, flatten, merged, read_chain
+from printer_slicer.profile.reading import (
+    DEFAULT_NAMES,
+    KINDS,
+    Source,
+    flatten,
+    laid_over,
+    merged,
+    read_chain,
+)
 
 __all__ = ["load_profile", "profile_from", "profile_with", "read_sources", "settings_of", "settings_text"]
 
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
-_LISTS = ("layer_heights", "overrides", "pause_at", "planner.ranges", "thumbnails")
 
 
 def load_profile(
@@ -43,7 +51,8 @@ def load_profile(
         printer: name of a profile or path of a TOML file; None takes the default, as for the other two.
         material: likewise.
         quality: likewise.
-        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type.
+        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type. With
+            a + behind the key, as in `overrides+`, rules come behind those of the file instead of in their place.
         slices: whether parts are sliced with it, so that printer, material and quality must suit each other.
         folders: of profiles, looked into before the person's own and the shipped ones.
 
@@ -68,9 +77,15 @@ def read_sources(
 
 def _changed(sources: dict[str, Source], changes: Mapping[str, object]) -> dict[str, Source]:
     """The sources with all changes applied; the planner's kind first, since the other planner settings hang on it."""
-    for key, value in sorted(changes.items(), key=lambda change: not change[0].endswith("planner.kind")):
+    for key, value in sorted(changes.items(), key=_turn):
         _change(sources, key, value)
     return sources
+
+
+def _turn(change: tuple[str, object]) -> int:
+    """When it is applied: the planner's kind first, what is added last."""
+    key = change[0]
+    return -1 if key.endswith("planner.kind") else int(key.endswith("+"))
 
 
 def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
@@ -120,9 +135,10 @@ def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
 
 def _change(sources: dict[str, Source], key: str, value: object) -> None:
     """Apply one change in place."""
-    kind, path = resolved(sources, key)
+    adds = key.endswith("+")
+    kind, path = resolved(sources, key.removesuffix("+"))
     typed = value
-    value = list_from_text(path, value) if path in _LISTS and isinstance(value, str) else _plain(value)
+    value = list_from_text(path, value) if path in LISTS and isinstance(value, str) else _plain(value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -130,8 +146,22 @@ def _change(sources: dict[str, Source], key: str, value: object) -> None:
     source = sources[kind]
     if tables and not isinstance(source.values.get(tables[0], {}), dict):
         return  # the file has a plain value where a table belongs, which the conversion will refuse by name
-    values = merged(source.values, change)
-    sources[kind] = Source(values, source.places | {path: f"--set {key}={typed}"}, source.file)
+    if adds and isinstance(value, list):
+        sources[kind] = laid_over(source, Source(change, _places_of(path, value), source.file))
+        return
+    places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
+    places[path] = f"--set {key}={typed}"
+    sources[kind] = Source(merged(source.values, change), places, source.file)
+
+
+def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
+    """What was typed for each rule that is added, and for the list the last of it."""
+    places = {path: f"--set {path}"}
+    for i, one in enumerate(rules):
+        flag = "--set-for" if isinstance(one, dict) and one.get("object") else "--range"
+        with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
+            places[path] = places[f"{path}[{i}]"] = f"{flag} {list_as_text([one])}"
+    return places
 
 
 def _plain(value: Any) -> Any:

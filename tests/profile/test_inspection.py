@@ -194,8 +194,13 @@ def test_lines_of_keys_are_found_through_texts_lists_and_tables() -> None:
         "table.inner": 12,
         "table.inner.e": 13,
         "many": 14,
-        "many.f": 15,
+        "many[0]": 14,
+        "many[0].f": 15,
+        "many[1]": 16,
+        "many[1].f": 17,
     }
+    nested = key_lines("[[a]]\n[a.b]\nc = 1\n[[a]]\n[[a.d]]\ne = 1\n[[a.d]]\ne = 2\n")
+    assert (nested["a[0].b.c"], nested["a[1].d[0].e"], nested["a[1].d[1].e"]) == (3, 6, 8)
 
 
 @pytest.mark.parametrize(
