@@ -209,17 +209,17 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
     """Whether parts that are named together suit each other."""
-    from printer_slicer.profile import load_profile
+    from printer_slicer.profile.files import faults_together, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
     names = {**flags, **checked}
     if len(names) < 2 and not arguments.set:
         return []
     try:
-        load_profile(**names, changes=changes_from(arguments), folders=arguments.profiles)
+        faults = faults_together(read_sources(names, changes_from(arguments), arguments.profiles))
     except ProfileError as error:
         return [(error.args[0], error.remedy)]
-    return []
+    return [(f"{one.place}: {one.problem}", one.remedy) for one in faults]
 
 
 def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words: Sequence[str]) -> int:

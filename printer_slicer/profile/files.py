@@ -19,7 +19,7 @@ from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import Fault, converted
 from printer_slicer.profile.keys import resolved
 from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
-from printer_slicer.profile.own_settings import override_faults
+from printer_slicer.profile.own_settings import own_faults
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import (
     DEFAULT_NAMES,
@@ -31,7 +31,15 @@ from printer_slicer.profile.reading import (
     read_chain,
 )
 
-__all__ = ["load_profile", "profile_from", "profile_with", "read_sources", "settings_of", "settings_text"]
+__all__ = [
+    "faults_together",
+    "load_profile",
+    "profile_from",
+    "profile_with",
+    "read_sources",
+    "settings_of",
+    "settings_text",
+]
 
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 
@@ -181,25 +189,39 @@ def _plain(value: Any) -> Any:
 def _built(sources: Mapping[str, Source], *, slices: bool = True) -> Profile:
     """The checked profile."""
     profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
-    for key, problem, remedy in conflicts(profile) if slices else ():
-        kind, _, path = key.partition(".")
-        raise Fault(sources[kind].place(path), path, f"{key}: {problem}", remedy).error()
-    if profile.quality.overrides:
-        _check_overrides(profile, sources["quality"], slices=slices)
+    for fault in _faults(profile, sources, slices=slices):
+        raise fault.error()
     return profile
 
 
-def _check_overrides(profile: Profile, source: Source, *, slices: bool) -> None:
-    """Refuse settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
-    place = source.place("overrides")
-    for problem, remedy in override_faults(profile):
-        raise Fault(place, "overrides", f"quality.overrides: {problem}", remedy).error()
-    for one in profile.quality.overrides:
-        changed = {"quality.overrides": (), **one.set}
+def faults_together(sources: Mapping[str, Source]) -> list[Fault]:
+    """Everything in which three parts, each good by itself, do not suit each other.
+
+    Raises:
+        ProfileError: one is not good by itself.
+    """
+    profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
+    return list(_faults(profile, sources, slices=True))
+
+
+def _faults(profile: Profile, sources: Mapping[str, Source], *, slices: bool) -> Iterator[Fault]:
+    """What does not suit each other, and what is wrong with settings of objects and heights."""
+    for key, problem, remedy in conflicts(profile) if slices else ():
+        kind, _, path = key.partition(".")
+        yield Fault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
+    yield from _faults_of_places(profile, sources["quality"], slices=slices)
+
+
+def _faults_of_places(profile: Profile, source: Source, *, slices: bool) -> Iterator[Fault]:
+    """Settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
+    wrong = list(own_faults(profile.quality))
+    for path, problem, remedy in wrong:
+        yield Fault(source.place(path), path, f"quality.overrides: {problem}", remedy)
+    for i, one in enumerate(() if wrong else profile.quality.overrides):
+        path, changed = f"overrides[{i}]", {"quality.overrides": (), **one.set}
         try:
             _with(profile, changed, slices=slices)
         except ProfileError as error:
             problem = str(error.args[0]).partition(": ")[2] or error.args[0]
-            raise ProfileError(
-                f"{place}: quality.overrides: {one.where()}: {problem}", remedy=error.remedy
-            ) from None
+            told = f"quality.overrides: {one.where()}: {problem}"
+            yield Fault(source.place(path), path, told, error.remedy)
