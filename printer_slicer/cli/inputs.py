@@ -14,7 +14,7 @@ from typing import IO, Final
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["inputs"]
+__all__ = ["inputs", "refuse_other_text"]
 
 _STDIN: Final = Path("-")
 _CHUNK, _MOST = 1 << 20, 1 << 31  # bytes; readers of each format have limits of their own
@@ -22,6 +22,12 @@ _GCODE: Final = re.compile(rb"\s*(;|[GMTN]\d|%|$)", re.IGNORECASE)
 _LINES: Final = 40  # that must look like G-code
 # What other text formats begin with, where it might be taken for a comment or a command.
 _MODELS: Final = re.compile(rb"\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|<|\{)", re.IGNORECASE)
+
+_HEAD: Final = 1 << 16  # bytes of a file that tell what it is
+# A word with a number, maybe behind a line number; a macro alone or with KEY=VALUE; what some controllers know.
+_COMMAND: Final = re.compile(
+    rb"(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*{]", re.IGNORECASE
+)
 
 
 @contextmanager
@@ -117,3 +123,34 @@ def _looks_like_gcode(head: bytes) -> bool:
         return False
     lines = head.splitlines()[:_LINES]
     return bool(lines) and sum(bool(_GCODE.match(line)) for line in lines) >= 0.9 * len(lines)
+
+
+def refuse_other_text(path: Path) -> None:
+    """Refuse a file whose lines are mostly no commands; one that cannot be read is told of by who reads it.
+
+    Raises:
+        UsageError: it is something else than G-code.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except (OSError, ValueError):
+        return
+    whole = head if len(head) < _HEAD else head.rpartition(b"\n")[0]
+    lines = [line for line in map(_bare, whole.splitlines()) if line]
+    other = [line for line in lines if not _COMMAND.match(line)]
+    if b"\0" in head[:512] or len(other) > len(lines) / 2:
+        shown = "" if b"\0" in head[:512] else f": most lines are no commands, such as {_quoted(other[0])}"
+        raise UsageError(
+            f"{path}: is no G-code{shown}",
+            remedy="name a file of G-code; `printer-slicer slice` makes it of a model",
+        )
+
+
+def _bare(line: bytes) -> bytes:
+    """A line without comment."""
+    return line.removeprefix(b"\xef\xbb\xbf").partition(b";")[0].strip()
+
+
+def _quoted(line: bytes) -> str:
+    return repr(line.decode("utf-8", "replace")[:40])
