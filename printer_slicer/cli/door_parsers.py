@@ -8,7 +8,7 @@ from typing import Final
 
 from printer_slicer.cli.model_flags import add_models
 from printer_slicer.cli.parsing import command, later, output
-from printer_slicer.cli.values import address, factor, positive
+from printer_slicer.cli.values import address, factor, positive, whole
 
 __all__ = [
     "add_allow",
@@ -154,7 +154,7 @@ def add_firmware(parser: argparse.ArgumentParser) -> None:
         "--faults", metavar="FILE.toml", type=Path, help="what shall go wrong, see docs/simulator.md"
     )
     group.add_argument(
-        "--seed", metavar="N", type=int, help="of all chance; default: as the file says, else 0"
+        "--seed", metavar="N", type=whole, help="of all chance; default: as the file says, else 0"
     )
 
 

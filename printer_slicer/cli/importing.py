@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from printer_slicer.cli.common import say, visible, write_file
-from printer_slicer.cli.parsing import later, output
+from printer_slicer.cli.parsing import Command, later, output
 from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder
 from printer_slicer.cli.values import positive
 from printer_slicer.errors import OutputError, ProfileError, UsageError
@@ -31,7 +31,7 @@ examples:
 
 def add_import(profiles: argparse.ArgumentParser) -> None:
     """`import` as the first word behind `profiles`, with flags of its own."""
-    parser = argparse.ArgumentParser(
+    parser = Command(
         prog=f"{profiles.prog} import",
         description="Make profiles from those of other slicers, and say what became of every setting.",
         epilog=_EXAMPLES,
