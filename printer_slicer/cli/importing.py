@@ -29,7 +29,7 @@ examples:
 """
 
 
-def add_import(profiles: argparse.ArgumentParser) -> None:
+def add_import(profiles: Command) -> None:
     """`import` as the first word behind `profiles`, with flags of its own."""
     parser = Command(
         prog=f"{profiles.prog} import",
@@ -38,16 +38,7 @@ def add_import(profiles: argparse.ArgumentParser) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    usual = profiles.parse_known_args
-
-    def parse(args: Any = None, namespace: Any = None) -> Any:
-        """Behind `import` another parser reads."""
-        words = list(args) if args is not None else []
-        if words[:1] == ["import"]:
-            return parser.parse_known_args(words[1:], namespace)
-        return usual(args, namespace)
-
-    profiles.parse_known_args = parse  # type: ignore[method-assign]
+    profiles.below = {"import": parser}
     parser.add_argument(
         "files",
         nargs="+",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NoReturn
@@ -59,10 +59,18 @@ def _near(word: str, known: Iterable[str]) -> str:
 
 
 class Command(Parser):
-    """A parser whose usage names what must be typed; what may be typed stands in the help."""
+    """A parser whose usage names what must be typed; what may be typed stands in the help.
+
+    Attributes:
+        below: first words behind which another parser reads.
+    """
+
+    below: Mapping[str, Command] = {}
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As the class it comes from; what is not known is refused here, where the flags are that it may have meant."""
+        if args and args[0] in self.below:
+            return self.below[args[0]].parse_known_args(args[1:], namespace)
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
@@ -95,9 +103,9 @@ def _short(parser: argparse.ArgumentParser) -> str:
 
 def command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, meaning: str, examples: str
-) -> argparse.ArgumentParser:
+) -> Command:
     """A command with its help and examples."""
-    return commands.add_parser(
+    made = commands.add_parser(
         name,
         help=meaning,
         description=meaning[0].upper() + meaning[1:] + ".",
@@ -105,6 +113,8 @@ def command(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    assert isinstance(made, Command)
+    return made
 
 
 def output(parser: argparse.ArgumentParser) -> None:

@@ -424,16 +424,59 @@ def test_every_argument_of_every_command_is_explained() -> None:
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("5:10:infill_den", ["5:10:infill_density="]),
-        ("lid:infill=g", ["lid:infill=grid", "lid:infill=gyroid"]),
-        ("lid:retract_le", []),
-        ("lid", []),
+        ("--range 5:10:infill_den", ["5:10:infill_density="]),
+        ("--range 5:10:tol", ["5:10:tolerance="]),
+        ("--range 5:10:nozzle", ["5:10:nozzle_temperature="]),
+        ("--range 5:10:elephant", []),
+        ("--range 5:", []),
+        ("--set-for lid:infill=g", ["lid:infill=grid", "lid:infill=gyroid"]),
+        ("--set-for lid:elephant", ["lid:elephant_foot=", "lid:elephant_foot_height="]),
+        ("--set-for lid:2:4:elephant", []),
+        ("--set-for lid:nozzle", []),
+        ("--set-for lid:retract_le", []),
+        ("--set-for lid", []),
     ],
 )
 def test_settings_of_places_are_completed_behind_them(typed: str, offered: list[str]) -> None:
-    from printer_slicer.cli.completing import _places
+    from printer_slicer.cli.completing import _of_heights, _of_objects
 
-    assert [word for word in _places(typed) if word.startswith(typed)] == offered
+    flag, _, word = typed.partition(" ")
+    known = _of_heights if flag == "--range" else _of_objects
+    assert [one for one in known(word) if one.startswith(word)] == offered
+
+
+@pytest.mark.parametrize(
+    ("line", "some", "none"),
+    [
+        ("profiles import x --f", {"--force", "--for", "--folder"}, {"--printer"}),
+        ("profiles  import x --", {"--out", "--cura"}, {"--printer", "--set"}),
+        ("profiles import ", {"config.ini"}, {"pla", "list"}),
+        ("profiles im", {"import"}, set()),
+        ("profiles new ", {"printer", "material", "quality"}, {"pla"}),
+        ("profiles new printer ", set(), {"pla", "printer"}),
+        ("profiles diff pla ", {"petg"}, {"marlin_220", "fine", "printer"}),
+        ("profiles diff printer ", {"marlin_220"}, {"pla"}),
+        ("profiles show material p", {"pla"}, {"prusa_mini", "printer"}),
+        ("profiles show p", {"pla", "prusa_mini", "printer"}, {"fine"}),
+        ("profiles list ", {"printer"}, {"pla"}),
+        ("sim --firmware m", {"marlin-2.1"}, {"mine.toml"}),
+    ],
+)
+@needs("bash")
+def test_what_may_come_next_is_offered(line: str, some: set[str], none: set[str], tmp_path: Path) -> None:
+    for name in ("config.ini", "mine.toml"):
+        (tmp_path / name).touch()
+    offered = {word.strip() for word in bash_offers(f"printer-slicer {line}", tmp_path)}
+
+    assert some <= offered
+    assert not none & offered
+
+
+def test_the_page_for_man_tells_of_import() -> None:
+    page = as_man()
+
+    assert "COMMAND PROFILES IMPORT" in page
+    assert "max\\-nozzle\\-temperature" in page
 
 
 def test_every_dial_with_few_values_completes_them() -> None:
