@@ -17,7 +17,7 @@ from printer_slicer.cli.dials import DIALS
 from printer_slicer.cli.door_parsers import FIRMWARES
 from printer_slicer.cli.parsing import Command
 
-__all__ = ["SHELLS", "actions_of", "complete", "shell_code"]
+__all__ = ["MODELS", "SHELLS", "actions_of", "complete", "shell_code"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")

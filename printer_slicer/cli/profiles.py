@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
-from printer_slicer.cli.common import changes_from, say, write_file
+from printer_slicer.cli.common import changes_from, named_folders, say, write_file
 from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder, write_schemas
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 
@@ -30,6 +30,8 @@ def profiles_command(arguments: argparse.Namespace) -> int:
         what, arguments.names = "show", [arguments.what, *arguments.names]
         if len(arguments.names) == 1:
             _refuse(f"profiles {arguments.what}: which one?", f"profiles {arguments.what} NAME")
+    if what in ("list", "show", "diff", "check"):
+        named_folders(arguments)
     return _COMMANDS[what](arguments)
 
 

@@ -178,10 +178,7 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
     if name.endswith(".toml") or "/" in name:
         path = (seen[-1].parent if seen else Path()) / name
         if not path.is_file():
-            raise ProfileError(
-                f"{asked_by}{path}: no such {kind} profile",
-                remedy="check the path, or name one that `printer-slicer profiles` lists",
-            )
+            raise _no_file(path, asked_by, f"{kind} ")
         return path
     named = [folder / FOLDERS[kind] / f"{name}.toml" for folder in searched(folders)]
     try:
@@ -192,12 +189,28 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
         files = files[files.index(seen[-1]) + 1 :] or [seen[-1]]
     if files:
         return files[0]
+    for path in named:
+        if "\0" not in name and (path.is_dir() or path.is_symlink()):
+            raise _no_file(path, asked_by)
     known = profile_paths(kind, folders)
     near = get_close_matches(name, known, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
         f"{asked_by}unknown {kind} {name!r}",
         remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file",
+    )
+
+
+def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
+    """Why a path is no profile."""
+    problem = f"no such {kind}profile"
+    if path.is_dir():
+        problem = "is a folder, no profile"
+    elif path.is_symlink():
+        problem = "is a link to a file that there is not"
+    return ProfileError(
+        f"{asked_by}{path}: {problem}",
+        remedy="check the path, or name one that `printer-slicer profiles` lists",
     )
 
 
@@ -227,10 +240,7 @@ def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
         if path.absolute().parent.name == folder:
             return kind
     if not path.is_file():
-        raise ProfileError(
-            f"{path}: no such profile",
-            remedy="check the path, or name one that `printer-slicer profiles` lists",
-        )
+        raise _no_file(path)
     values = _read(path)[1]
     parent = values.get("inherits")
     if isinstance(parent, str) and not (parent.endswith(".toml") or "/" in parent):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
-from command_line import BOX, is_message, typed
+from command_line import BOX, QUICK, is_message, typed
 
 
 @pytest.mark.parametrize(
@@ -35,3 +38,56 @@ def test_a_height_under_the_bed_is_refused_as_a_height() -> None:
 
     assert outcome.code == 2
     assert is_message(outcome, "--range -5:5:perimeters=4", "it is -5")
+
+
+@pytest.mark.parametrize("heights", ["0:inf", "5:", ":5", "box:5:6", "low:high"])
+def test_a_range_that_is_none_is_not_taken_for_an_object(heights: str) -> None:
+    outcome = typed("slice", BOX, "-o", "-", "--range", f"{heights}:perimeters=3")
+
+    assert outcome.code == 2
+    assert is_message(
+        outcome, f"--range {heights}:perimeters=3: expected LOW:HIGH", "--set-for", "5:10:perimeters=4"
+    )
+
+
+def test_heights_over_the_part_are_told(tmp_path: Path) -> None:
+    flags = (*QUICK, "--range", "5:20:perimeters=3", "--range", "100:200:perimeters=4")
+    outcome = typed("slice", BOX, "-o", tmp_path / "x.gcode", *flags, "--json")
+
+    assert outcome.code == 0
+    (warning,) = json.loads(outcome.out)["warnings"]
+    assert warning == "nothing is between 100 and 200 mm, where perimeters shall differ: all is 10 mm high"
+    assert outcome.err == f"printer-slicer: warning: {warning}\n"
+
+
+@pytest.mark.parametrize("command", [("slice", BOX), ("profiles", "list"), ("plan", BOX)])
+def test_a_folder_of_profiles_that_is_not_there_is_told(command: tuple[object, ...], tmp_path: Path) -> None:
+    outcome = typed(*command, "--profiles", tmp_path / "none")
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert is_message(outcome, f"--profiles {tmp_path}/none: no such folder", "materials/")
+
+
+@pytest.mark.parametrize("name", ["x.stl", "x.3MF", "x.obj"])
+def test_gcode_is_not_written_under_the_name_of_a_model(name: str, tmp_path: Path) -> None:
+    outcome = typed("slice", BOX, "-o", name, *QUICK, cwd=tmp_path)
+
+    assert outcome.code == 2
+    assert is_message(outcome, f"-o {name}: ", "name it x.gcode")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_or_a_link_that_leads_nowhere_is_no_profile(tmp_path: Path) -> None:
+    (tmp_path / "materials" / "dir.toml").mkdir(parents=True)
+    (tmp_path / "materials" / "link.toml").symlink_to("nowhere")
+    for name, problem in (
+        ("dir", "is a folder, no profile"),
+        ("link", "is a link to a file that there is not"),
+    ):
+        path = tmp_path / "materials" / f"{name}.toml"
+        by_name = typed("slice", BOX, "--profiles", tmp_path, "--material", name)
+        by_path = typed("profiles", "check", path)
+
+        assert is_message(by_name, f"{path}: {problem}")
+        assert f"{path}: {problem}" in by_path.err
+    assert "dir" not in typed("profiles", "list", "materials", "--profiles", tmp_path).out.split()
