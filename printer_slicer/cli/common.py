@@ -30,6 +30,7 @@ __all__ = [
     "say",
     "stages",
     "visible",
+    "without_stdin",
     "write_file",
 ]
 
@@ -182,7 +183,13 @@ def refuse_same(output: Path, model: Path, flag: str = "-o") -> None:
 def say(arguments: argparse.Namespace, text: str) -> None:
     """A line for people; not with --quiet or --json."""
     if not (arguments.quiet or arguments.json):
-        print(visible(text))
+        print(visible(without_stdin(arguments, text)))
+
+
+def without_stdin(arguments: argparse.Namespace, text: str) -> str:
+    """Text without the folder that stdin was kept in, of which people need not read."""
+    hidden = getattr(arguments, "hidden", "")
+    return text.replace(hidden, "") if hidden else text
 
 
 def visible(text: str) -> str:

@@ -14,7 +14,11 @@ from printer_slicer.version import VERSION
 
 __all__ = ["as_man", "as_markdown", "completion_command", "man_command"]
 
-_FILES = "A file named - is stdin or stdout. Patterns such as '*.stl' are expanded where the shell did not."
+_FILES = (
+    "A model, G-code or a profile named - is stdin, once in a command; such a profile inherits by name. -o - of slice, "
+    "draw and profiles new, --picture - and --report - are stdout; contours and schemas need names. Patterns such as "
+    "'*.stl' are expanded where the shell did not: those of models, G-code and profiles check."
+)
 _ENVIRONMENT = {
     "NO_COLOR": "no colours, even on a terminal",
     "PRINTER_SLICER_KEY": "key or password for `send`, where no --key-file is given",

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
-from printer_slicer.cli.common import changes_from, named_folders, say, write_file
+from printer_slicer.cli.common import changes_from, named_folders, say, without_stdin, write_file
 from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder, write_schemas
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 
@@ -42,7 +42,7 @@ def _refuse(problem: str, example: str) -> NoReturn:
 
 def _document(arguments: argparse.Namespace, value: object) -> None:
     if not arguments.quiet:
-        print(json.dumps(value, ensure_ascii=False))
+        print(without_stdin(arguments, json.dumps(value, ensure_ascii=False)))
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -230,7 +230,8 @@ def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words
         _document(arguments, [{"problem": problem, "remedy": remedy} for problem, remedy in found])
     elif found:
         for problem, remedy in found:
-            print(f"{problem}\n  {remedy}" if remedy else problem, file=sys.stderr)
+            told = f"{problem}\n  {remedy}" if remedy else problem
+            print(without_stdin(arguments, told), file=sys.stderr)
     else:
         say(arguments, f"{', '.join(words)}: nothing wrong")
     return 2 if found else 0

@@ -95,6 +95,14 @@ def test_the_model_of_a_check_may_come_from_stdin(gcode: bytes, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ["slice", "-", "-o", "-", "--quality", "-"],
+            "-: stdin can be read only once\n  write one of the two to a file\n",
+        ),
+        (
+            ["contours", "-", "-o", "-"],
+            "-o -: stdout has no name that tells the format\n  name a file: .svg, .cli or .slc\n",
+        ),
         (["slice", "-"], "-: G-code of a model from stdin has no name\n  name it with -o; - is stdout\n"),
         (
             ["check", "-", "--model", "-"],
@@ -117,6 +125,46 @@ def test_an_empty_stdin_is_told(tmp_path: Path) -> None:
 
     assert done.returncode == 2
     assert b"-: nothing came from stdin" in done.stderr
+
+
+PROFILE = b'inherits = "standard"\nname = "mine"\nperimeters = 5\n'
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["profiles", "check", "-"], "stdin.toml: nothing wrong\n"),
+        (["profiles", "show", "-"], "  # stdin.toml:3\n"),
+        (
+            ["profiles", "show", "--quality", "-"],
+            "quality.perimeters = 5                        # stdin.toml:3\n",
+        ),
+        (["profiles", "diff", "standard", "-"], "perimeters                          2 -> 5\n"),
+        (["slice", BOX, "-o", "-", "--quality", "-"], "; quality.perimeters = 5\n"),
+    ],
+)
+def test_a_profile_may_come_from_stdin(arguments: list[object], said: str, tmp_path: Path) -> None:
+    done = piped(PROFILE, *arguments, cwd=tmp_path)
+
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert said in done.stdout.decode()
+
+
+def test_what_is_wrong_with_a_profile_from_stdin_is_told_by_its_lines(tmp_path: Path) -> None:
+    done = piped(PROFILE + b"perimetres = 3\n", "profiles", "check", "-", cwd=tmp_path)
+    used = piped(PROFILE + b"perimetres = 3\n", "slice", BOX, "-o", "-", "--quality", "-", cwd=tmp_path)
+    told = "stdin.toml:4: quality.perimetres: no such setting\n  did you mean 'perimeters'?\n"
+
+    assert (done.returncode, done.stderr.decode()) == (2, told)
+    assert (used.returncode, used.stderr.decode()) == (2, f"printer-slicer: {told}")
+
+
+def test_patterns_of_profiles_are_expanded(tmp_path: Path) -> None:
+    for name in ("a.toml", "b.toml"):
+        (tmp_path / name).write_bytes(PROFILE)
+
+    assert typed("profiles", "check", "*.toml", cwd=tmp_path).out == "a.toml, b.toml: nothing wrong\n"
+    assert is_message(typed("profiles", "check", "*.tml", cwd=tmp_path), "*.tml: no file fits this pattern")
 
 
 def test_messages_do_not_show_where_stdin_was_kept(tmp_path: Path) -> None:
