@@ -91,3 +91,13 @@ def test_a_folder_or_a_link_that_leads_nowhere_is_no_profile(tmp_path: Path) -> 
         assert is_message(by_name, f"{path}: {problem}")
         assert f"{path}: {problem}" in by_path.err
     assert "dir" not in typed("profiles", "list", "materials", "--profiles", tmp_path).out.split()
+
+
+@pytest.mark.parametrize("group", ["speeds", "quality.speeds", "planner"])
+def test_a_group_of_settings_is_told_from_a_setting(group: str) -> None:
+    outcome = typed("slice", BOX, "-o", "-", *QUICK, "--set", f"{group}=3")
+
+    assert outcome.code == 2
+    assert is_message(
+        outcome, f"--set {group}: is a group of settings", f"name one: {group.rpartition('.')[2]}."
+    )
