@@ -37,13 +37,13 @@ def slice_command(arguments: argparse.Namespace) -> int:
         raise UsageError(
             f"--layer {arguments.layer}: there is no picture", remedy="name its file with --picture"
         )
-    _refuse_model_name(arguments.output)
     with stages(arguments) as report:
         report("loading")
         mesh, plate = plate_from(arguments, profile.printer, report)
         output = arguments.output or _beside(arguments.models[0])
         for path in arguments.models:
             refuse_same(output, path)
+        _refuse_model_name(output)
         meshes = [mesh]
         del mesh  # what was read is not needed beyond placing, and may be large
         stage = slice_stages(
@@ -70,13 +70,13 @@ def slice_command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _refuse_model_name(output: Path | None) -> None:
+def _refuse_model_name(output: Path) -> None:
     """G-code under the name of a model would be taken for one.
 
     Raises:
         UsageError: it is asked for.
     """
-    if output and output.suffix.lower() in MODELS:
+    if output.suffix.lower() in MODELS:
         raise UsageError(
             f"-o {output}: {output.suffix} is for models, and this is G-code",
             remedy=f"name it {output.with_suffix('.gcode')}",
