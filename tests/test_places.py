@@ -303,7 +303,11 @@ def attempt(text: str, **changes: object) -> Profile:
         ("lid:nozzle_temperature=200", "is the same for all objects", "perimeters"),
         ("1:2:elephant_foot=0.2", "is the same for all heights", "perimeters"),
         ("lid:1:2:nozzle_temperature=200", "is the same for all objects and heights", "perimeters"),
-        ("lid:perimeters=many", "lid: quality.perimeters: Expected", "unit and bounds"),
+        (
+            "lid:perimeters=many",
+            "lid:perimeters: quality.perimeters: expected a whole number; it is 'many'",
+            "unit and bounds",
+        ),
         ("lid:perimeters=101", "<= 100", "unit and bounds"),
         ("2:1:perimeters=3", "from 2 to 1 mm is nothing", "lower end first"),
         ("1:2:nozzle_temperature=400", "allows 260", "choose"),

@@ -49,21 +49,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         from printer_slicer.cli.completing import complete
 
         complete(parser)
-    arguments = parser.parse_args(argv)
     code = 0
     try:
-        code = _run(arguments)
-        sys.stdout.flush()
+        try:
+            code = _run(parser, argv)
+        finally:  # also where --help ends it
+            sys.stdout.flush()
     except OSError as error:
         failed = _output_failed(error)
         code = code or failed
     return code
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
     """Run the command; failures become messages and exit codes."""
     folder = ""
     try:
+        arguments = parser.parse_args(argv)
         with inputs(arguments) as folder:
             return int(arguments.run(arguments))
     except PrinterSlicerError as error:

@@ -15,6 +15,7 @@ import numpy as np
 from printer_slicer.checking import Asked, Check, check_gcode
 from printer_slicer.cli.beforehand import Looked, look
 from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write_file
+from printer_slicer.cli.inputs import refuse_other_text
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.commands import read_text
 from printer_slicer.errors import UsageError, VerificationError
@@ -31,6 +32,7 @@ _DRAWN = 4  # layers in a picture
 def check_command(arguments: argparse.Namespace) -> int:
     """Look at G-code before it is printed, hold it against its model, and say what is wrong."""
     refuse_mixing(arguments)
+    refuse_other_text(arguments.gcode)
     looked = _looked(arguments)
     if not arguments.models:
         return _tell_looked(arguments, looked)

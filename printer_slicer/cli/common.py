@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock, Timer
@@ -23,12 +23,14 @@ __all__ = [
     "Stages",
     "changes_from",
     "check_writable",
+    "named_folders",
     "profile_from",
     "refuse_mixing",
     "refuse_same",
     "say",
     "stages",
     "visible",
+    "without_stdin",
     "write_file",
 ]
 
@@ -50,8 +52,24 @@ def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profi
     from printer_slicer.profile import load_profile
 
     names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
-    folders = getattr(arguments, "profiles", ())
+    folders = named_folders(arguments)
     return load_profile(*names, changes_from(arguments), slices=slices, folders=folders)
+
+
+def named_folders(arguments: argparse.Namespace) -> Sequence[Path]:
+    """The folders of --profiles.
+
+    Raises:
+        UsageError: one that there is not.
+    """
+    folders: Sequence[Path] = getattr(arguments, "profiles", ())
+    for folder in folders:
+        if not folder.is_dir():
+            raise UsageError(
+                f"--profiles {folder}: no such folder",
+                remedy="name one that holds printers/, materials/ or qualities/",
+            )
+    return folders
 
 
 def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
@@ -105,9 +123,28 @@ def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
         of_planner = all(
             part.partition("=")[0].strip() in _OF_PLANNER for part in rule.split(":")[2:] if "=" in part
         )
+        if not of_planner:
+            _insist_on_heights(rule)
         (planned if of_planner else own).append(rule)
-    changes |= {"quality.planner.ranges": ";".join(planned)} if planned else {}
-    return changes | ({"quality.overrides": ";".join(own)} if own else {})
+    # Behind those of the quality's file, over which they win.
+    changes |= {"quality.planner.ranges+": ";".join(planned)} if planned else {}
+    return changes | ({"quality.overrides+": ";".join(own)} if own else {})
+
+
+def _insist_on_heights(rule: str) -> None:
+    """A rule of --range begins with two numbers; otherwise their text would be taken for the name of an object.
+
+    Raises:
+        UsageError: it does not.
+    """
+    from printer_slicer.profile.overrides import HIGHEST, has_heights
+
+    if not has_heights(rule):
+        raise UsageError(
+            f"--range {rule}: expected LOW:HIGH:KEY=VALUE",
+            remedy=f"two heights in mm, as 5:10:perimeters=4, or up to the top 5:{HIGHEST:g}:perimeters=4; objects are"
+            " named with --set-for",
+        )
 
 
 def refuse_mixing(arguments: argparse.Namespace) -> None:
@@ -146,7 +183,13 @@ def refuse_same(output: Path, model: Path, flag: str = "-o") -> None:
 def say(arguments: argparse.Namespace, text: str) -> None:
     """A line for people; not with --quiet or --json."""
     if not (arguments.quiet or arguments.json):
-        print(visible(text))
+        print(visible(without_stdin(arguments, text)))
+
+
+def without_stdin(arguments: argparse.Namespace, text: str) -> str:
+    """Text without the folder that stdin was kept in, of which people need not read."""
+    hidden = getattr(arguments, "hidden", "")
+    return text.replace(hidden, "") if hidden else text
 
 
 def visible(text: str) -> str:

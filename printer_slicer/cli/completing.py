@@ -7,17 +7,22 @@ asks the parser what could be typed. So names of profiles, settings and ports ar
 from __future__ import annotations
 
 import argparse
+import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from printer_slicer.cli.dials import DIALS
+from printer_slicer.cli.door_parsers import FIRMWARES
+from printer_slicer.cli.parsing import Command
 
-__all__ = ["SHELLS", "actions_of", "complete", "shell_code"]
+__all__ = ["MODELS", "SHELLS", "actions_of", "complete", "shell_code"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")
 MODELS: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
+_KINDS: Final = ("printer", "material", "quality")
 _Words = Iterable[str] | Mapping[str, str]
 """What may come next; with meanings, where the shell shows them."""
 _Completer = Callable[[str], _Words]
@@ -38,7 +43,33 @@ def complete(parser: argparse.ArgumentParser) -> None:
         completer = _completer(action)
         if completer:
             action.completer = _asked(completer)  # type: ignore[attr-defined]
+        elif action.dest == "names":
+            action.completer = _names_of_profiles  # type: ignore[attr-defined]
+    _as_one_command(parser)
     argcomplete.autocomplete(parser, always_complete_options=False)
+
+
+def _as_one_command(parser: argparse.ArgumentParser) -> None:
+    """Where another parser reads behind a word, as in `profiles import`, let argcomplete take both for one command."""
+    line = os.environ.get("COMP_LINE", "")
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other list
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
+            for name, word, below in _below(action.choices):
+                found = re.match(rf"\S+\s+({name}(\s+){word})\s", line)
+                if found:  # as long as before, so that the cursor stays where it is
+                    joined = f"{name}{'_' * len(found[2])}{word}"
+                    action.choices[joined] = below
+                    os.environ["COMP_LINE"] = line.replace(found[1], joined, 1)
+
+
+def _below(commands: Mapping[str, argparse.ArgumentParser]) -> list[tuple[str, str, Command]]:
+    """Commands, first words behind them that lead to another parser, and these."""
+    return [
+        (name, word, below)
+        for name, made in commands.items()
+        if isinstance(made, Command)
+        for word, below in made.below.items()
+    ]
 
 
 def _asked(completer: _Completer) -> Callable[..., _Words]:
@@ -53,6 +84,8 @@ def actions_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
             for below in action.choices.values():
                 yield from actions_of(below)
+    for below in parser.below.values() if isinstance(parser, Command) else ():
+        yield from actions_of(below)
 
 
 def _completer(action: argparse.Action) -> _Completer | None:
@@ -60,7 +93,7 @@ def _completer(action: argparse.Action) -> _Completer | None:
     for flag in action.option_strings:
         if flag in _OF_FLAGS:
             return _OF_FLAGS[flag]
-    if action.choices is not None or action.nargs == 0:
+    if action.choices is not None or action.nargs == 0 or action.dest == "names":
         return None
     return _OF_NAMES.get(action.dest, _files())
 
@@ -84,8 +117,35 @@ def _names(kind: str) -> _Completer:
 
 def _any_profile(prefix: str) -> _Words:
     """Names of all profiles."""
-    kinds = ("printer", "material", "quality")
-    return [word for kind in kinds for word in _names(kind)(prefix)]
+    return [word for kind in _KINDS for word in _names(kind)(prefix)]
+
+
+def _names_of_profiles(prefix: str, parsed_args: argparse.Namespace, **_: object) -> _Words:
+    """What may come next behind `profiles WHAT`."""
+    what, names = getattr(parsed_args, "what", "") or "", getattr(parsed_args, "names", None) or []
+    kinds = {kind: "" for kind in _KINDS if kind.startswith(prefix)}
+    said = what if what in _KINDS else next((word for word in names[:1] if word in _KINDS), "")
+    if what in ("list", "schema"):
+        return kinds
+    if what == "settings" or (what == "new" and names):
+        return []
+    if what == "new":
+        return kinds
+    if what == "diff" and names and not said:
+        said = _kind_of(names[0])
+    known = _names(said)(prefix) if said else _any_profile(prefix)
+    return [*known, *(kinds if not (said or names) else ())]
+
+
+def _kind_of(name: str) -> str:
+    """The kind of a profile; empty where that cannot be told."""
+    from printer_slicer.errors import ProfileError
+    from printer_slicer.profile.reading import kind_of
+
+    try:
+        return kind_of(name)
+    except ProfileError:
+        return ""
 
 
 def _settings(prefix: str) -> _Words:
@@ -102,12 +162,28 @@ def _settings(prefix: str) -> _Words:
     return _beginning(short | full, prefix)
 
 
-def _places(prefix: str) -> _Words:
-    """The same behind an object or two heights, for settings that may differ there."""
+def _of_heights(prefix: str) -> _Words:
+    """The same behind two heights, for settings that may differ there, and those of the planner."""
+    where, _, begin = prefix.rpartition(":")
+    if where.count(":") < 1:
+        return []
+    planned = {"tolerance=": "tolerance there", "layer_height=": "height of the layers there"}
+    return _own(where, begin, {"height"}) | {
+        f"{where}:{key}": told for key, told in _beginning(planned, begin).items()
+    }
+
+
+def _of_objects(prefix: str) -> _Words:
+    """The same behind an object, or an object and two heights."""
     where, colon, begin = prefix.rpartition(":")
     if not colon:
         return []
-    own = {row[0].partition(".")[2] for row in _rows() if row[6]}
+    return _own(where, begin, {"object", "height"} if where.count(":") > 1 else {"object"})
+
+
+def _own(where: str, begin: str, places: set[str]) -> dict[str, str]:
+    """Settings that may differ there."""
+    own = {row[0].partition(".")[2] for row in _rows() if places <= set(row[6])}
     words = _settings(begin)
     known = words.items() if isinstance(words, Mapping) else ((word, "") for word in words)
     return {f"{where}:{word}": told for word, told in known if word.partition("=")[0] in own}
@@ -204,8 +280,9 @@ _OF_FLAGS: Final[Mapping[str, _Completer]] = {
     "--quality": _names("quality"),
     "--inherits": _any_profile,
     "--set": _settings,
-    "--set-for": _places,
-    "--range": _places,
+    "--set-for": _of_objects,
+    "--range": _of_heights,
+    "--firmware": _of(*(name.replace(" ", "-") for name in FIRMWARES)),
     **{flag: _choices(dial.setting) for flag, dial in DIALS.items()},
     "--units": _of("mm", "cm", "m", "inch", "foot", "micron"),
     "--allow": _allowed,
@@ -218,7 +295,6 @@ _OF_NAMES: Final[Mapping[str, _Completer]] = {
     "models": _files(*MODELS, *GCODE),
     "gcode": _files(*GCODE),
     "port": _ports,
-    "names": _any_profile,
     "name": _unfinished,
     "wish": _of(
         "status", "pause", "resume", "cancel", "object", "speed", "flow", "fan", "nozzle", "bed", "stop"

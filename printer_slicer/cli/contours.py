@@ -112,6 +112,10 @@ def _target(output: str, *, binary: bool) -> _Target:
         UsageError: a name that tells no format, or --binary for a format that has only one kind.
         OutputError: there is no place for it.
     """
+    if output == "-":
+        raise UsageError(
+            "-o -: stdout has no name that tells the format", remedy="name a file: .svg, .cli or .slc"
+        )
     path = Path(output)
     kind = _KINDS.get(path.suffix.lower(), "")
     if output.endswith(("/", os.sep)) or _is_folder(path):

@@ -8,9 +8,10 @@ from typing import Final
 
 from printer_slicer.cli.model_flags import add_models
 from printer_slicer.cli.parsing import command, later, output
-from printer_slicer.cli.values import address, factor, positive
+from printer_slicer.cli.values import address, factor, positive, whole
 
 __all__ = [
+    "FIRMWARES",
     "add_allow",
     "add_beforehand",
     "add_doctor",
@@ -126,7 +127,7 @@ def add_doctor(commands: _Commands[argparse.ArgumentParser]) -> None:
     parser.set_defaults(run=later("doctoring", "doctor_command"))
 
 
-_FIRMWARES: Final = (
+FIRMWARES: Final = (
     *("marlin 1.1", "marlin 2.0", "marlin 2.1", "marlin 2.1 advanced", "marlin 2.1.3", "prusa mk3"),
     *("reprapfirmware", "klipper", "repetier", "smoothie", "octoprint virtual"),
 )
@@ -136,8 +137,8 @@ _FIRMWARES: Final = (
 def _firmware(text: str) -> str:
     """A name of the list, however its words are joined."""
     name = " ".join(text.lower().replace("_", " ").replace("-", " ").split())
-    if name not in _FIRMWARES:
-        raise argparse.ArgumentTypeError(f"{text!r} is not known; known are {', '.join(_FIRMWARES)}")
+    if name not in FIRMWARES:
+        raise argparse.ArgumentTypeError(f"{text!r} is not known; known are {', '.join(FIRMWARES)}")
     return name
 
 
@@ -148,13 +149,13 @@ def add_firmware(parser: argparse.ArgumentParser) -> None:
         "--firmware",
         metavar="NAME",
         type=_firmware,
-        help=f"how it answers: {', '.join(_FIRMWARES)}; default: marlin 2.1 with the meanings of the printer's flavour",
+        help=f"how it answers: {', '.join(FIRMWARES)}; default: marlin 2.1 with the meanings of the printer's flavour",
     )
     group.add_argument(
         "--faults", metavar="FILE.toml", type=Path, help="what shall go wrong, see docs/simulator.md"
     )
     group.add_argument(
-        "--seed", metavar="N", type=int, help="of all chance; default: as the file says, else 0"
+        "--seed", metavar="N", type=whole, help="of all chance; default: as the file says, else 0"
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from printer_slicer.cli.common import say, visible, write_file
-from printer_slicer.cli.parsing import later, output
+from printer_slicer.cli.parsing import Command, later, output
 from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder
 from printer_slicer.cli.values import positive
 from printer_slicer.errors import OutputError, ProfileError, UsageError
@@ -29,25 +29,16 @@ examples:
 """
 
 
-def add_import(profiles: argparse.ArgumentParser) -> None:
+def add_import(profiles: Command) -> None:
     """`import` as the first word behind `profiles`, with flags of its own."""
-    parser = argparse.ArgumentParser(
+    parser = Command(
         prog=f"{profiles.prog} import",
         description="Make profiles from those of other slicers, and say what became of every setting.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    usual = profiles.parse_known_args
-
-    def parse(args: Any = None, namespace: Any = None) -> Any:
-        """Behind `import` another parser reads."""
-        words = list(args) if args is not None else []
-        if words[:1] == ["import"]:
-            return parser.parse_known_args(words[1:], namespace)
-        return usual(args, namespace)
-
-    profiles.parse_known_args = parse  # type: ignore[method-assign]
+    profiles.below = {"import": parser}
     parser.add_argument(
         "models",  # of them `-` and patterns are expanded
         nargs="+",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,19 +15,27 @@ from typing import IO, Final
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["inputs"]
+__all__ = ["inputs", "refuse_other_text"]
 
 _STDIN: Final = Path("-")
+_PROFILES: Final = ("printer", "material", "quality")
+_READING: Final = ("check", "show", "diff", *_PROFILES)  # of `profiles`
 _CHUNK, _MOST = 1 << 20, 1 << 31  # bytes; readers of each format have limits of their own
 _GCODE: Final = re.compile(rb"\s*(;|[GMTN]\d|%|$)", re.IGNORECASE)
 _LINES: Final = 40  # that must look like G-code
 # What other text formats begin with, where it might be taken for a comment or a command.
 _MODELS: Final = re.compile(rb"\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|<|\{)", re.IGNORECASE)
 
+_HEAD: Final = 1 << 16  # bytes of a file that tell what it is
+# A word with a number, maybe behind a line number; a macro alone or with KEY=VALUE; what some controllers know.
+_COMMAND: Final = re.compile(
+    rb"(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*{]", re.IGNORECASE
+)
+
 
 @contextmanager
 def inputs(arguments: argparse.Namespace) -> Iterator[str]:
-    """Put the files that are meant into `arguments.models` and `arguments.gcode`.
+    """Put the files that are meant into `arguments`: models, G-code, profiles.
 
     Yields:
         The folder that stdin was kept in, "" if nothing came from there; people need not read of it.
@@ -38,7 +47,8 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
     gcode = getattr(arguments, "gcode", None)
     if gcode is not None:
         arguments.gcode = gcode = _only(gcode)
-    wanted = [*models, *([gcode] if gcode is not None else [])].count(_STDIN)
+    profiles = _profiles(arguments)
+    wanted = [*models, *([gcode] if gcode is not None else []), *map(Path, profiles)].count(_STDIN)
     if wanted > 1:
         raise UsageError("-: stdin can be read only once", remedy="write one of the two to a file")
     if hasattr(arguments, "models"):
@@ -47,13 +57,34 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
         yield ""
         return
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
-        path = _kept(Path(folder), is_gcode=gcode == _STDIN)
+        suffix = ".gcode" if gcode == _STDIN else ".toml" if "-" in profiles else ""
+        path = _kept(Path(folder), suffix)
+        arguments.hidden = f"{folder}{os.sep}"
         if gcode == _STDIN:
             arguments.gcode = path
+        elif "-" in profiles:
+            _put(arguments, str(path))
         else:
             arguments.models = [path if one == _STDIN else one for one in models]
             _insist_on_output(arguments, models)
         yield folder
+
+
+def _profiles(arguments: argparse.Namespace) -> list[str]:
+    """The profiles that are named; those of `profiles check` may be patterns."""
+    names = [getattr(arguments, flag, None) or "" for flag in _PROFILES]
+    if getattr(arguments, "what", "") == "check":
+        arguments.names = [str(path) for name in arguments.names for path in _meant(Path(name))]
+    return names + (arguments.names if getattr(arguments, "what", "") in _READING else [])
+
+
+def _put(arguments: argparse.Namespace, path: str) -> None:
+    """The profile of stdin where it is named."""
+    for flag in _PROFILES:
+        if getattr(arguments, flag, None) == "-":
+            setattr(arguments, flag, path)
+    if hasattr(arguments, "names"):
+        arguments.names = [path if name == "-" else name for name in arguments.names]
 
 
 def _meant(path: Path) -> list[Path]:
@@ -84,8 +115,8 @@ def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> 
         raise UsageError("-: G-code of a model from stdin has no name", remedy="name it with -o; - is stdout")
 
 
-def _kept(folder: Path, *, is_gcode: bool) -> Path:
-    """Stdin as a file, named after what it holds.
+def _kept(folder: Path, suffix: str) -> Path:
+    """Stdin as a file, named after what it holds if nothing is said.
 
     Raises:
         UsageError: there is nothing in it, or too much.
@@ -103,11 +134,9 @@ def _kept(folder: Path, *, is_gcode: bool) -> Path:
                 )
             file.write(chunk)
     if not length:
-        raise UsageError(
-            "-: nothing came from stdin", remedy="pipe a model or G-code into it, or name a file"
-        )
+        raise UsageError("-: nothing came from stdin", remedy="pipe a file into it, or name one")
     with path.open("rb") as file:
-        kind = ".gcode" if is_gcode or _looks_like_gcode(file.read(1 << 16)) else ""
+        kind = suffix or (".gcode" if _looks_like_gcode(file.read(_HEAD)) else "")
     return path.rename(path.with_suffix(kind)) if kind else path
 
 
@@ -117,3 +146,34 @@ def _looks_like_gcode(head: bytes) -> bool:
         return False
     lines = head.splitlines()[:_LINES]
     return bool(lines) and sum(bool(_GCODE.match(line)) for line in lines) >= 0.9 * len(lines)
+
+
+def refuse_other_text(path: Path) -> None:
+    """Refuse a file whose lines are mostly no commands; one that cannot be read is told of by who reads it.
+
+    Raises:
+        UsageError: it is something else than G-code.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except (OSError, ValueError):
+        return
+    whole = head if len(head) < _HEAD else head.rpartition(b"\n")[0]
+    lines = [line for line in map(_bare, whole.splitlines()) if line]
+    other = [line for line in lines if not _COMMAND.match(line)]
+    if b"\0" in head[:512] or len(other) > len(lines) / 2:
+        shown = "" if b"\0" in head[:512] else f": most lines are no commands, such as {_quoted(other[0])}"
+        raise UsageError(
+            f"{path}: is no G-code{shown}",
+            remedy="name a file of G-code; `printer-slicer slice` makes it of a model",
+        )
+
+
+def _bare(line: bytes) -> bytes:
+    """A line without comment."""
+    return line.removeprefix(b"\xef\xbb\xbf").partition(b";")[0].strip()
+
+
+def _quoted(line: bytes) -> str:
+    return repr(line.decode("utf-8", "replace")[:40])

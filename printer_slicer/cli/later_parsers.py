@@ -7,7 +7,7 @@ from pathlib import Path
 
 from printer_slicer.cli.door_parsers import add_machine
 from printer_slicer.cli.parsing import command, later, output
-from printer_slicer.cli.values import patience, positive
+from printer_slicer.cli.values import number, patience, positive
 
 __all__ = ["add_console", "add_control", "add_print_flags", "add_resume"]
 
@@ -118,7 +118,7 @@ def add_console(commands: _Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--timeout",
         metavar="S",
-        type=float,
+        type=number,
         default=30.0,
         help="silence after which an answer is not waited for",
     )

@@ -8,12 +8,17 @@ from collections.abc import Iterator, Sequence
 
 from printer_slicer.cli.completing import shell_code
 from printer_slicer.cli.parser import build_parser
+from printer_slicer.cli.parsing import Command
 from printer_slicer.profile.folders import VARIABLE
 from printer_slicer.version import VERSION
 
 __all__ = ["as_man", "as_markdown", "completion_command", "man_command"]
 
-_FILES = "A file named - is stdin or stdout. Patterns such as '*.stl' are expanded where the shell did not."
+_FILES = (
+    "A model, G-code or a profile named - is stdin, once in a command; such a profile inherits by name. -o - of slice, "
+    "draw and profiles new, --picture - and --report - are stdout; contours and schemas need names. Patterns such as "
+    "'*.stl' are expanded where the shell did not: those of models, G-code and profiles check."
+)
 _ENVIRONMENT = {
     "NO_COLOR": "no colours, even on a terminal",
     "PRINTER_SLICER_KEY": "key or password for `send`, where no --key-file is given",
@@ -51,7 +56,11 @@ def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str, argpa
     for action in parser._actions:  # noqa: SLF001 - argparse has no other list
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
             for choice in action._choices_actions:  # noqa: SLF001 - likewise
-                yield choice.dest, str(choice.help), action.choices[choice.dest]
+                made = action.choices[choice.dest]
+                yield choice.dest, str(choice.help), made
+                for word, below in made.below.items() if isinstance(made, Command) else ():
+                    meaning = str(below.description).removesuffix(".")
+                    yield f"{choice.dest} {word}", meaning[0].lower() + meaning[1:], below
 
 
 def _groups(parser: argparse.ArgumentParser) -> Iterator[tuple[str, list[argparse.Action]]]:
@@ -137,7 +146,12 @@ def as_markdown() -> str:
     parser = build_parser()
     lines = ["# Command line", "", str(parser.description), ""]
     lines += [_FILES]
-    lines += ["", *_listed([(f"[`{name}`](#{name})", meaning) for name, meaning, _ in _commands(parser)])]
+    lines += [
+        "",
+        *_listed(
+            [(f"[`{name}`](#{name.replace(' ', '-')})", meaning) for name, meaning, _ in _commands(parser)]
+        ),
+    ]
     for name, meaning, below in _commands(parser):
         lines += [
             "",

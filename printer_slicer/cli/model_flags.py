@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 __all__ = ["add_models", "attached", "box_of"]
 
 UNITS: Final = ("mm", "cm", "m", "inch", "foot", "micron")
-_WITH_SIGN: Final = ("--rotate", "--center", "--box")
+_WITH_SIGN: Final = ("--rotate", "--center", "--box", "--range")
 """Flags whose values may begin with a minus sign, which argparse takes for a flag."""
 _SMALLEST_BOX: Final = 0.01  # mm
 

@@ -17,13 +17,13 @@ from printer_slicer.cli.door_parsers import (
 )
 from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
-from printer_slicer.cli.parsing import Command
+from printer_slicer.cli.parsing import Command, Parser
 from printer_slicer.cli.parsing import command as _command
 from printer_slicer.cli.parsing import later as _later
 from printer_slicer.cli.parsing import output as _output
 from printer_slicer.cli.profile_parsers import add_profiles, add_settings
 from printer_slicer.cli.shell_parsers import add_completion, add_man
-from printer_slicer.cli.values import factor, height, length, pixels, positive
+from printer_slicer.cli.values import factor, height, length, number, pixels, positive, whole
 from printer_slicer.version import VERSION
 
 __all__ = ["build_parser"]
@@ -78,7 +78,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(Parser):
     """Takes `--rotate -90,0,0` as it is meant."""
 
     def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
@@ -121,7 +121,7 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
     )
     parser.add_argument(
-        "--layer", metavar="N", type=int, help="which layer of the print to draw, from 1; default: 1"
+        "--layer", metavar="N", type=whole, help="which layer of the print to draw, from 1; default: 1"
     )
     _common(parser)
     parser.set_defaults(run=_later("slicing", "slice_command"))
@@ -172,13 +172,13 @@ def _contours(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     parser.add_argument(
         "--smooth",
         metavar="MM",
-        type=float,
+        type=number,
         help="smooth contours, nowhere farther off than this; default: not",
     )
     parser.add_argument(
         "--resample",
         metavar="MM",
-        type=float,
+        type=number,
         help="points at most this far apart, but for the rounding of the file, which is told; off by at most the"
         " setting resolution; default: as they are",
     )
@@ -253,7 +253,7 @@ def _draw(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
         help="SVG or PNG by the name; - for stdout",
     )
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--layer", metavar="N", type=int, help="which layer of the file, from 1; default: 1")
+    which.add_argument("--layer", metavar="N", type=whole, help="which layer of the file, from 1; default: 1")
     which.add_argument("--z", metavar="MM", type=height, help="the layer that holds this height over the bed")
     parser.add_argument(
         "--box",

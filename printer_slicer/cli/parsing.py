@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from importlib import import_module
+from typing import Any, NoReturn
 
-__all__ = ["Command", "command", "later", "output"]
+from printer_slicer.errors import UsageError
+
+__all__ = ["Command", "Parser", "command", "later", "output"]
 
 
 def later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
@@ -19,8 +24,57 @@ def later(module: str, function: str) -> Callable[[argparse.Namespace], int]:
     return run
 
 
-class Command(argparse.ArgumentParser):
-    """A parser whose usage names what must be typed; what may be typed stands in the help."""
+class Parser(argparse.ArgumentParser):
+    """A parser whose refusals are errors as all others, with what is near and what to do."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse what was typed."""
+        flags = [flag for action in self._actions for flag in action.option_strings]
+        _, unknown, typed = message.partition("unrecognized arguments: ")
+        words = typed.split()
+        flag = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
+        problem = message.removeprefix("argument ").replace(
+            "expected one argument", "a value belongs behind it"
+        )
+        if unknown:
+            problem = f"{flag}: no such flag" if flag else f"{words[0]}: nothing is expected there"
+        usage = f"{_near(flag, flags)}{self.format_usage().strip()}; {self.prog} --help tells all"
+        raise UsageError(": ".join(filter(None, (self.prog.partition(" ")[2], problem))), remedy=usage)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Whether it is one of the choices; the library's own message offers nothing near."""
+        if action.choices is not None and value not in action.choices:
+            known = list(map(str, action.choices))
+            remedy = f"{_near(str(value), known)}choose one of: {', '.join(known)}"
+            raise argparse.ArgumentError(action, f"there is no {value!r}; {remedy}")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Say it; a stdout that takes nothing is told of by who calls."""
+        (file or sys.stderr).write(message)
+
+
+def _near(word: str, known: Iterable[str]) -> str:
+    near = get_close_matches(word, list(known), n=1) if word else []
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+class Command(Parser):
+    """A parser whose usage names what must be typed; what may be typed stands in the help.
+
+    Attributes:
+        below: first words behind which another parser reads.
+    """
+
+    below: Mapping[str, Command] = {}
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As the class it comes from; what is not known is refused here, where the flags are that it may have meant."""
+        if args and args[0] in self.below:
+            return self.below[args[0]].parse_known_args(args[1:], namespace)
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return found, unknown
 
     def format_usage(self) -> str:
         """The first line of the help, and what comes before errors."""
@@ -49,9 +103,9 @@ def _short(parser: argparse.ArgumentParser) -> str:
 
 def command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], name: str, meaning: str, examples: str
-) -> argparse.ArgumentParser:
+) -> Command:
     """A command with its help and examples."""
-    return commands.add_parser(
+    made = commands.add_parser(
         name,
         help=meaning,
         description=meaning[0].upper() + meaning[1:] + ".",
@@ -59,6 +113,8 @@ def command(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    assert isinstance(made, Command)
+    return made
 
 
 def output(parser: argparse.ArgumentParser) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
-from printer_slicer.cli.common import changes_from, say, write_file
+from printer_slicer.cli.common import changes_from, named_folders, say, without_stdin, write_file
 from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder, write_schemas
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 
@@ -30,6 +30,8 @@ def profiles_command(arguments: argparse.Namespace) -> int:
         what, arguments.names = "show", [arguments.what, *arguments.names]
         if len(arguments.names) == 1:
             _refuse(f"profiles {arguments.what}: which one?", f"profiles {arguments.what} NAME")
+    if what in ("list", "show", "diff", "check"):
+        named_folders(arguments)
     return _COMMANDS[what](arguments)
 
 
@@ -40,7 +42,7 @@ def _refuse(problem: str, example: str) -> NoReturn:
 
 def _document(arguments: argparse.Namespace, value: object) -> None:
     if not arguments.quiet:
-        print(json.dumps(value, ensure_ascii=False))
+        print(without_stdin(arguments, json.dumps(value, ensure_ascii=False)))
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -209,17 +211,17 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _together(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
     """Whether parts that are named together suit each other."""
-    from printer_slicer.profile import load_profile
+    from printer_slicer.profile.files import faults_together, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
     names = {**flags, **checked}
     if len(names) < 2 and not arguments.set:
         return []
     try:
-        load_profile(**names, changes=changes_from(arguments), folders=arguments.profiles)
+        faults = faults_together(read_sources(names, changes_from(arguments), arguments.profiles))
     except ProfileError as error:
         return [(error.args[0], error.remedy)]
-    return []
+    return [(f"{one.place}: {one.problem}", one.remedy) for one in faults]
 
 
 def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words: Sequence[str]) -> int:
@@ -228,7 +230,8 @@ def _told(arguments: argparse.Namespace, found: Sequence[tuple[str, str]], words
         _document(arguments, [{"problem": problem, "remedy": remedy} for problem, remedy in found])
     elif found:
         for problem, remedy in found:
-            print(f"{problem}\n  {remedy}" if remedy else problem, file=sys.stderr)
+            told = f"{problem}\n  {remedy}" if remedy else problem
+            print(without_stdin(arguments, told), file=sys.stderr)
     else:
         say(arguments, f"{', '.join(words)}: nothing wrong")
     return 2 if found else 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 from printer_slicer.cli.common import (
@@ -14,12 +15,15 @@ from printer_slicer.cli.common import (
     stages,
     write_file,
 )
+from printer_slicer.cli.completing import MODELS
 from printer_slicer.cli.facts import facts_of, sentences
-from printer_slicer.cli.models import plate_from
+from printer_slicer.cli.models import plate_from, warn
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import Program
+from printer_slicer.model import LayerPlan, Program
 from printer_slicer.pipeline import gcode_of, slice_stages
+from printer_slicer.profile import Profile
+from printer_slicer.profile.places import heights_of
 from printer_slicer.surface import certify, read_surface
 
 __all__ = ["slice_command"]
@@ -39,6 +43,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
         output = arguments.output or _beside(arguments.models[0])
         for path in arguments.models:
             refuse_same(output, path)
+        _refuse_model_name(output)
         meshes = [mesh]
         del mesh  # what was read is not needed beyond placing, and may be large
         stage = slice_stages(
@@ -54,12 +59,37 @@ def slice_command(arguments: argparse.Namespace) -> int:
             output, gcode_of(program, profile, part=stage.part, certificate=certificate, labels=stage.labels)
         )
     facts = facts_of(stage, profile, seconds, certificate)
+    unreached = list(_unreached(profile, stage.sections.plan))
+    warn(arguments, unreached)
     if arguments.json:
-        print(json.dumps({"output": str(output), **facts, **plate.facts()}))
+        warnings = {"warnings": [*plate.warnings, *unreached]}
+        print(json.dumps({"output": str(output), **facts, **plate.facts(), **warnings}))
     elif str(output) != "-":
         first, *more = sentences(facts, arguments.set)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))
     return 0
+
+
+def _refuse_model_name(output: Path) -> None:
+    """G-code under the name of a model would be taken for one.
+
+    Raises:
+        UsageError: it is asked for.
+    """
+    if output.suffix.lower() in MODELS:
+        raise UsageError(
+            f"-o {output}: {output.suffix} is for models, and this is G-code",
+            remedy=f"name it {output.with_suffix('.gcode')}",
+        )
+
+
+def _unreached(profile: Profile, plan: LayerPlan) -> Iterator[str]:
+    """The settings of heights over the part, which change nothing."""
+    top = float(plan.top[-1])
+    for low, high, own in heights_of(profile):
+        if low >= top:
+            shall = f"where {', '.join(own)} shall differ"
+            yield f"nothing is between {low:g} and {high:g} mm, {shall}: all is {top:g} mm high"
 
 
 def _beside(model: Path) -> Path:

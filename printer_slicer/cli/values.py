@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Callable
+from contextlib import suppress
 from math import inf
 
-__all__ = ["address", "factor", "height", "length", "patience", "pixels", "positive", "seconds"]
+__all__ = [
+    "address",
+    "factor",
+    "height",
+    "length",
+    "number",
+    "patience",
+    "pixels",
+    "positive",
+    "seconds",
+    "whole",
+]
 
 
 def address(text: str) -> tuple[str, int]:
@@ -19,50 +32,53 @@ def address(text: str) -> tuple[str, int]:
 
 def factor(text: str) -> float:
     """A number that time can be multiplied by."""
-    value = float(text)
-    if not value >= 0:
-        raise argparse.ArgumentTypeError(f"{text} is not 0 or more")
-    return value
+    return _number(text, "0 or more", lambda value: 0 <= value < inf)
 
 
 def height(text: str) -> float:
     """A height over the bed."""
-    value = float(text)
-    if not 0 <= value < 10000:
-        raise argparse.ArgumentTypeError(f"{text} is no height over the bed in mm")
-    return value
+    return _number(text, "a height over the bed in mm, such as 2.4", lambda value: 0 <= value < 10000)
 
 
 def length(text: str) -> float:
     """A number of mm over 0."""
-    value = float(text)
-    if not 0 < value < 1000:
-        raise argparse.ArgumentTypeError(f"{text} is no length in mm")
-    return value
+    return _number(text, "a length in mm, such as 0.4", lambda value: 0 < value < 1000)
+
+
+def number(text: str) -> float:
+    """Any number."""
+    return _number(text, "a number, such as 0.02", lambda _: True)
 
 
 def pixels(text: str) -> int:
     """A size that a picture can have."""
-    value = int(text)
-    if not 100 <= value <= 8000:
-        raise argparse.ArgumentTypeError(f"{text} is not between 100 and 8000")
-    return value
-
-
-def patience(text: str) -> float:
-    """A time in s, 0 or more."""
-    value = float(text)
-    if not 0 <= value < inf:
-        raise argparse.ArgumentTypeError("expected seconds, 0 or more, such as 120")
-    return value
+    return int(_number(text, "a whole number between 100 and 8000", lambda value: 100 <= value <= 8000, int))
 
 
 def positive(text: str) -> int:
     """A whole number over 0."""
-    value = int(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text} is not over 0")
-    return value
+    return int(_number(text, "a whole number over 0", lambda value: value > 0, int))
+
+
+def whole(text: str) -> int:
+    """A whole number."""
+    return int(_number(text, "a whole number", lambda _: True, int))
+
+
+def _number(
+    text: str, expected: str, fits: Callable[[float], bool], read: Callable[[str], float] = float
+) -> float:
+    """What is typed as a number, or a message that says what is expected."""
+    with suppress(ValueError):
+        value = read(text)
+        if fits(value):
+            return value
+    raise argparse.ArgumentTypeError(f"{text!r}: expected {expected}")
+
+
+def patience(text: str) -> float:
+    """A time in s, 0 or more."""
+    return _number(text, "seconds, 0 or more, such as 120", lambda value: 0 <= value < inf)
 
 
 def seconds(text: str) -> float:

@@ -8,9 +8,9 @@ from math import floor
 from typing import NamedTuple
 
 from printer_slicer.profile.profile import HIGHEST_BEAD, Profile
-from printer_slicer.profile.settings import OptimalPlanner
+from printer_slicer.profile.settings import OptimalPlanner, Quality
 
-__all__ = ["Conflict", "conflicts"]
+__all__ = ["Conflict", "conflicts", "planner_conflicts"]
 
 LARGEST_THUMBNAIL = 1024  # px
 
@@ -99,6 +99,11 @@ def _planner(profile: Profile) -> Iterator[Conflict]:
             yield Conflict(
                 "printer.z_full_step", no_multiple, "mend one of them: motors divide full steps evenly"
             )
+    yield from planner_conflicts(quality)
+
+
+def planner_conflicts(quality: Quality) -> Iterator[Conflict]:
+    """Settings of a quality's planner that contradict each other, on any printer."""
     planner = quality.planner
     if not isinstance(planner, OptimalPlanner):
         return

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+import re
+from collections.abc import Mapping, Sequence
+from datetime import date, time
+from difflib import get_close_matches
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile.keys import keys_of, nearest
+from printer_slicer.profile.keys import ENTRIES, keys_of, nearest
+from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS, Source
 from printer_slicer.profile.settings import PLANNER_SETTINGS
 from printer_slicer.profile.tables import choices_of
@@ -16,6 +20,7 @@ from printer_slicer.profile.tables import choices_of
 __all__ = ["Fault", "converted", "fault_of"]
 
 _TELLS = "`printer-slicer profiles settings` tells type, unit and bounds"
+_LONG: Final = 60  # letters of a value in a message
 
 
 class Fault(NamedTuple):
@@ -71,20 +76,70 @@ def _fault(kind: str, source: Source, error: msgspec.ValidationError) -> Fault:
         return _unknown(kind, source, f"{path}.{problem.split('`')[1]}".lstrip("."))
     if "missing required field" in problem:
         path = f"{path}.{problem.split('`')[1]}".lstrip(".")
-    given, choices = _given(source.values, path), choices_of(KINDS[kind], path)
-    if path == "planner.kind":
-        choices = ", ".join(PLANNER_SETTINGS)
+        remedy = f'set it, such as {path} = "..."' if path == "name" else _TELLS
+        return Fault(source.place(path), path, f"{kind}.{path}: is missing", remedy)
+    path, value = _found(source.values, path)
+    listed = path.partition("[")[0]
+    if listed in LISTS and path == listed and isinstance(value, str):
+        remedy = f'write it like this: {listed} = "{LISTS[listed].example}"'
+        return Fault(source.place(path), path, f"{kind}.{path}: {value!r} cannot be read as a list", remedy)
+    choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
+    remedy = f"{_hint(value, choices)}choose one of: {', '.join(choices)}" if any(choices) else _TELLS
+    if path == "planner":
+        remedy = 'write it like this: planner = { kind = "optimal" }'
     what = f"{kind}.{path}" if path else kind
-    remedy = f"choose one of: {choices}" if choices else _TELLS
-    if "missing" in problem:
-        problem, remedy = "is missing", f'set it, such as {path} = "..."' if path == "name" else _TELLS
-    return Fault(source.place(path), path, f"{what}: {problem.replace('`', '')}{given}", remedy)
+    return Fault(source.place(path), path, f"{what}: {_in_words(problem, listed, value)}", remedy)
+
+
+def _hint(value: object, choices: Sequence[str]) -> str:
+    near = get_close_matches(str(value), choices, n=1)
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+_WORDS: Final[Mapping[str, str]] = {
+    "int": "a whole number",
+    "float": "a number",
+    "str": "text",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a table",
+}
+
+
+def _in_words(problem: str, key: str, value: object) -> str:
+    """What the library says is wrong with a value, without words of programmers."""
+    found = re.fullmatch(r"Expected `([\w |]+)`(.*?)(, got `\w+`)?", problem)
+    if "value '" in problem:
+        return f"there is no {value!r}"
+    if not found:
+        return f"{problem.replace('`', '')}; it is {_shown(value)}"
+    *others, last = (_WORDS.get(name, name) for name in found[1].split(" | "))
+    expected = f"{', '.join(others)} or {last}" if others else last
+    bounds = re.sub(r"(?<=\d)\.0$", "", found[2])
+    if "regex" in bounds:
+        bounds = f" such as {LISTS[key].example}" if key in LISTS else ""
+    return f"expected {expected}{bounds}; it is {_shown(value)}"
+
+
+def _shown(value: object) -> str:
+    """A value for a message."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if value is None:
+        return "nothing"
+    if isinstance(value, Mapping):
+        return "a table"
+    text = str(value) if isinstance(value, date | time) else repr(value)
+    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
 
 
 def _unknown(kind: str, source: Source, path: str) -> Fault:
     """A key that there is not: what is like it, or what there is."""
-    known = keys_of(kind, source.values)
-    near = nearest(path, known)
+    known: Sequence[str] = keys_of(kind, source.values)
+    key, table = path, path.rpartition("[")[0]
+    if table in ENTRIES:
+        known, key = ENTRIES[table].__struct_fields__, path.rpartition("].")[2]
+    near = nearest(key, known)
     elsewhere = [other for other in KINDS if other != kind and path in keys_of(other, {})]
     remedy = f"did you mean {near!r}?" if near else f"known: {', '.join(known)}"
     if elsewhere:
@@ -92,11 +147,13 @@ def _unknown(kind: str, source: Source, path: str) -> Fault:
     return Fault(source.place(path), path, f"{kind}.{path}: no such setting", remedy)
 
 
-def _given(values: Mapping[str, Any], path: str) -> str:
-    """The offending value for the message; nothing where the problem already quotes it or a key is missing."""
-    found: Any = values
-    for key in path.split("."):
-        if not isinstance(found, Mapping) or key not in found:
-            return ""
-        found = found[key]
-    return "" if isinstance(found, Mapping) else f"; it is {found!r}"
+def _found(values: Any, path: str) -> tuple[str, Any]:
+    """Where the offending value is, and what it is: of a table of any keys the first that is no plain value."""
+    for key in re.findall(r"[^.\[\]]+", path.removesuffix("[...]")):
+        values = values[int(key) if isinstance(values, list | tuple) else key]
+    if path.endswith("[...]"):
+        key, values = next(
+            (one for one in values.items() if not isinstance(one[1], str | int | float)), ("", "")
+        )
+        path = f"{path.removesuffix('[...]')}.{key}"
+    return path, values

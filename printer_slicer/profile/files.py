@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,30 @@ from printer_slicer.naming import kind_of
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import Fault, converted
 from printer_slicer.profile.keys import resolved
-from printer_slicer.profile.lists import list_from_text
-from printer_slicer.profile.own_settings import override_faults
+from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
+from printer_slicer.profile.own_settings import own_faults
 from printer_slicer.profile.profile import Profile
-from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS, Source, flatten, merged, read_chain
+from printer_slicer.profile.reading import (
+    DEFAULT_NAMES,
+    KINDS,
+    Source,
+    flatten,
+    laid_over,
+    merged,
+    read_chain,
+)
 
-__all__ = ["load_profile", "profile_from", "profile_with", "read_sources", "settings_of", "settings_text"]
+__all__ = [
+    "faults_together",
+    "load_profile",
+    "profile_from",
+    "profile_with",
+    "read_sources",
+    "settings_of",
+    "settings_text",
+]
 
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
-_LISTS = ("layer_heights", "overrides", "pause_at", "planner.ranges", "thumbnails")
 
 
 def load_profile(
@@ -44,7 +60,8 @@ def load_profile(
         printer: name of a profile or path of a TOML file; None takes the default, as for the other two.
         material: likewise.
         quality: likewise.
-        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type.
+        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type. With
+            a + behind the key, as in `overrides+`, rules come behind those of the file instead of in their place.
         slices: whether parts are sliced with it, so that printer, material and quality must suit each other.
         folders: of profiles, looked into before the person's own and the shipped ones.
 
@@ -74,9 +91,15 @@ def read_sources(
 
 def _changed(sources: dict[str, Source], changes: Mapping[str, object]) -> dict[str, Source]:
     """The sources with all changes applied; the planner's kind first, since the other planner settings hang on it."""
-    for key, value in sorted(changes.items(), key=lambda change: not change[0].endswith("planner.kind")):
+    for key, value in sorted(changes.items(), key=_turn):
         _change(sources, key, value)
     return sources
+
+
+def _turn(change: tuple[str, object]) -> int:
+    """When it is applied: the planner's kind first, what is added last."""
+    key = change[0]
+    return -1 if key.endswith("planner.kind") else int(key.endswith("+"))
 
 
 def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
@@ -126,9 +149,10 @@ def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
 
 def _change(sources: dict[str, Source], key: str, value: object) -> None:
     """Apply one change in place."""
-    kind, path = resolved(sources, key)
+    adds = key.endswith("+")
+    kind, path = resolved(sources, key.removesuffix("+"))
     typed = value
-    value = list_from_text(path, value) if path in _LISTS and isinstance(value, str) else _plain(value)
+    value = list_from_text(path, value) if path in LISTS and isinstance(value, str) else _plain(value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -136,8 +160,22 @@ def _change(sources: dict[str, Source], key: str, value: object) -> None:
     source = sources[kind]
     if tables and not isinstance(source.values.get(tables[0], {}), dict):
         return  # the file has a plain value where a table belongs, which the conversion will refuse by name
-    values = merged(source.values, change)
-    sources[kind] = Source(values, source.places | {path: f"--set {key}={typed}"}, source.file)
+    if adds and isinstance(value, list):
+        sources[kind] = laid_over(source, Source(change, _places_of(path, value), source.file))
+        return
+    places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
+    places[path] = f"--set {key}={typed}"
+    sources[kind] = Source(merged(source.values, change), places, source.file)
+
+
+def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
+    """What was typed for each rule that is added, and for the list the last of it."""
+    places = {path: f"--set {path}"}
+    for i, one in enumerate(rules):
+        flag = "--set-for" if isinstance(one, dict) and one.get("object") else "--range"
+        with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
+            places[path] = places[f"{path}[{i}]"] = f"{flag} {list_as_text([one])}"
+    return places
 
 
 def _plain(value: Any) -> Any:
@@ -157,25 +195,39 @@ def _plain(value: Any) -> Any:
 def _built(sources: Mapping[str, Source], *, slices: bool = True) -> Profile:
     """The checked profile."""
     profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
-    for key, problem, remedy in conflicts(profile) if slices else ():
-        kind, _, path = key.partition(".")
-        raise Fault(sources[kind].place(path), path, f"{key}: {problem}", remedy).error()
-    if profile.quality.overrides:
-        _check_overrides(profile, sources["quality"], slices=slices)
+    for fault in _faults(profile, sources, slices=slices):
+        raise fault.error()
     return profile
 
 
-def _check_overrides(profile: Profile, source: Source, *, slices: bool) -> None:
-    """Refuse settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
-    place = source.place("overrides")
-    for problem, remedy in override_faults(profile):
-        raise Fault(place, "overrides", f"quality.overrides: {problem}", remedy).error()
-    for one in profile.quality.overrides:
-        changed = {"quality.overrides": (), **one.set}
+def faults_together(sources: Mapping[str, Source]) -> list[Fault]:
+    """Everything in which three parts, each good by itself, do not suit each other.
+
+    Raises:
+        ProfileError: one is not good by itself.
+    """
+    profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
+    return list(_faults(profile, sources, slices=True))
+
+
+def _faults(profile: Profile, sources: Mapping[str, Source], *, slices: bool) -> Iterator[Fault]:
+    """What does not suit each other, and what is wrong with settings of objects and heights."""
+    for key, problem, remedy in conflicts(profile) if slices else ():
+        kind, _, path = key.partition(".")
+        yield Fault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
+    yield from _faults_of_places(profile, sources["quality"], slices=slices)
+
+
+def _faults_of_places(profile: Profile, source: Source, *, slices: bool) -> Iterator[Fault]:
+    """Settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
+    wrong = list(own_faults(profile.quality))
+    for path, problem, remedy in wrong:
+        yield Fault(source.place(path), path, f"quality.overrides: {problem}", remedy)
+    for i, one in enumerate(() if wrong else profile.quality.overrides):
+        path, changed = f"overrides[{i}]", {"quality.overrides": (), **one.set}
         try:
             _with(profile, changed, slices=slices)
         except ProfileError as error:
             problem = str(error.args[0]).partition(": ")[2] or error.args[0]
-            raise ProfileError(
-                f"{place}: quality.overrides: {one.where()}: {problem}", remedy=error.remedy
-            ) from None
+            told = f"quality.overrides: {one.where()}: {problem}"
+            yield Fault(source.place(path), path, told, error.remedy)

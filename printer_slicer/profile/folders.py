@@ -58,5 +58,5 @@ def profile_paths(kind: str, folders: Sequence[Path] = ()) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for folder in reversed(searched(folders)):
-        found |= {path.stem: path for path in (folder / FOLDERS[kind]).glob("*.toml")}
+        found |= {path.stem: path for path in (folder / FOLDERS[kind]).glob("*.toml") if path.is_file()}
     return dict(sorted(found.items()))

@@ -9,12 +9,14 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from printer_slicer.profile.checks import conflicts
+from printer_slicer.profile.checks import conflicts, planner_conflicts
 from printer_slicer.profile.conversion import Fault, converted, fault_of
+from printer_slicer.profile.overrides import HIGHEST
+from printer_slicer.profile.own_settings import COLD, own_faults
 from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import Source, flatten, read_chain
-from printer_slicer.profile.settings import Material, Printer, Quality
+from printer_slicer.profile.settings import Printer, Quality
 
 __all__ = ["DEFAULT", "Told", "differences", "faults_of", "headline", "settings_told"]
 
@@ -56,57 +58,89 @@ def faults_of(kind: str, name: str, folders: Sequence[Path] = ()) -> list[Fault]
         ProfileError: the file, or one that it inherits from, cannot be read at all.
     """
     source = read_chain(kind, name, folders)
-    found = list(_each_fault(kind, source))
-    if not found and kind == "printer":
-        found = [
-            Fault(source.place(key.partition(".")[2]), key.partition(".")[2], f"{key}: {problem}", remedy)
-            for key, problem, remedy in conflicts(_alone(converted(kind, source)))
-            if key.startswith("printer.")
-        ]
-    return found
+    found, mended = _faults_and_rest(kind, source)
+    if fault_of(kind, mended):
+        return found
+    part = converted(kind, mended)
+    own = [] if found else list(planner_conflicts(part) if kind == "quality" else ())
+    own += conflicts(_alone(part)) if kind == "printer" and not found else ()
+    for key, problem, remedy in own:
+        section, _, path = key.partition(".")
+        if section == kind:
+            found.append(Fault(source.place(path), path, f"{key}: {problem}", remedy))
+    return [*found, *_of_places(part, source, found)] if kind == "quality" else found
 
 
-def _each_fault(kind: str, source: Source) -> Iterator[Fault]:
-    """One fault after the other: what is wrong is taken out, and looked again."""
-    missing: dict[str, Any] = {}
-    while fault := fault_of(kind, Source({**source.values, **missing}, source.places, source.file)):
-        yield fault
-        # Without its kind a table cannot be looked at; nor without what an entry of a list must have.
-        table = fault.path.rpartition(".")[0]
-        taken = _without(source.values, table if table and fault.path.endswith(".kind") else fault.path)
-        taken = _without(source.values, table) if taken is None and table else taken
-        if taken is not None:
-            source = Source(taken, source.places, source.file)
-        elif fault.path in missing or not fault.path:
-            return
-        else:  # what must be there and is not: anything will do, to see what else is wrong
-            missing[fault.path] = "?" if fault.path == "name" else 100
+def _of_places(quality: Quality, source: Source, found: Sequence[Fault]) -> Iterator[Fault]:
+    """What is wrong with overrides beyond types and bounds, but for where those are for that is faulty already."""
+    told = {fault.path.partition("].")[0] + "]" for fault in found if not _is_of_set(fault.path)}
+    for path, problem, remedy in own_faults(quality):
+        if _is_of_set(path) or path not in told:
+            yield Fault(source.place(path), path, f"quality.overrides: {problem}", remedy)
 
 
-def _without(values: Mapping[str, Any], path: str) -> dict[str, Any] | None:
-    """The same without one key, or the list that holds it; None where it is not there."""
-    key, _, rest = path.partition("[")[0].partition(".")
-    if key not in values:
-        return None
-    if not rest or not isinstance(values[key], Mapping):
+def _is_of_set(path: str) -> bool:
+    """Whether it is one of the settings of an override."""
+    return "].set" in path
+
+
+def _faults_and_rest(kind: str, source: Source) -> tuple[list[Fault], Source]:
+    """One fault after the other, each mended before it is looked again; and what is left then."""
+    found: list[Fault] = []
+    replaced: set[str] = set()
+    while fault := fault_of(kind, source):
+        path = fault.path
+        again = any(path == one.path for one in found)
+        if not again:
+            found.append(fault)
+        if not path or path in replaced:
+            break
+        # Without its kind a table cannot be looked at.
+        keys = _keys(path.removesuffix(".kind"))
+        if again or _entry(source.values, keys) is None:  # what must be there: anything will do
+            replaced.add(path)
+            source = source._replace(values=_mended(source.values, keys, _STAND_INS.get(str(keys[-1]), 100)))
+        else:
+            source = source._replace(values=_mended(source.values, keys, None))
+    return found, source
+
+
+_STAND_INS: Final[Mapping[str, object]] = {"name": "?", "set": {}, "low": 0, "high": HIGHEST}
+
+
+def _keys(path: str) -> list[str | int]:
+    """The keys and numbers that a path goes by; a value of a list or a mapping goes with all of it."""
+    return [
+        int(one) if one.isdecimal() else one for one in re.findall(r"[^.\[\]]+", path.replace("[...]", ""))
+    ]
+
+
+def _entry(values: Any, keys: Sequence[str | int]) -> Any:
+    """What stands there; None: nothing."""
+    for key in keys:
+        fits = isinstance(values, list | tuple) if isinstance(key, int) else isinstance(values, Mapping)
+        if not fits or (isinstance(key, str) and key not in values):
+            return None
+        values = values[key]
+    return values
+
+
+def _mended(values: Any, keys: Sequence[str | int], stand_in: object) -> Any:
+    """The same with something else in one place; None takes it out, with its list if it is an item."""
+    key, *rest = keys
+    if isinstance(key, int):
+        return [_mended(one, rest, stand_in) if i == key else one for i, one in enumerate(values)]
+    if rest and not (len(rest) == 1 and isinstance(rest[0], int)):
+        return {**values, key: _mended(values[key], rest, stand_in)}
+    if stand_in is None:
         return {name: value for name, value in values.items() if name != key}
-    inner = _without(values[key], rest)
-    if inner is None:
-        return None
-    return {**values, key: inner}
+    return {**values, key: stand_in}
 
 
 def _alone(printer: Printer) -> Profile:
     """A printer with a material and a quality that ask nothing of it."""
-    cold = Material(
-        name="",
-        nozzle_temperature=0,
-        first_layer_nozzle_temperature=0,
-        bed_temperature=0,
-        first_layer_bed_temperature=0,
-    )
     thin = Quality(name="", planner=UniformPlanner(), layer_height=printer.min_layer)
-    return Profile(printer=printer, material=cold, quality=thin)
+    return Profile(printer=printer, material=COLD, quality=thin)
 
 
 def headline(path: Path) -> str:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, Final
 
 from msgspec import Struct
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.profile.overrides import Override
+from printer_slicer.profile.planners import HeightRange
 from printer_slicer.profile.reading import KINDS, Source
 from printer_slicer.profile.settings import PLANNER_SETTINGS, Accelerations, OptimalPlanner, Speeds
 
-__all__ = ["INNER", "keys_of", "nearest", "resolved"]
+__all__ = ["ENTRIES", "INNER", "keys_of", "nearest", "resolved"]
 
 INNER: Final[Mapping[str, type[Struct]]] = {"speeds": Speeds, "accelerations": Accelerations}
+
+ENTRIES: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
+"""Settings that are lists of tables: what these may hold."""
+_ALIKE: Final = 0.75  # of 1, from where on a name is near
+_SHORT: Final = 2  # letters, of which nobody can tell what they begin
 
 
 def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
@@ -29,14 +36,21 @@ def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
     return keys
 
 
-def nearest(key: str, known: list[str]) -> str:
-    """The name that is most like a key, or the one that ends like it; empty where none is near."""
-    near = get_close_matches(key, known, n=1, cutoff=0.5)
-    if near:
-        return near[0]
-    leaf = key.rpartition(".")[2]
-    near = get_close_matches(leaf, [one.rpartition(".")[2] for one in known], n=1, cutoff=0.7)
-    return next((one for one in known if near and one.rpartition(".")[2] == near[0]), "")
+def nearest(key: str, known: Sequence[str]) -> str:
+    """The name that is most like a key, of the same group if there is such a group; empty where none is near."""
+    table, _, leaf = key.rpartition(".")
+    known = sorted(known, key=len, reverse=True)  # of names that end alike the shortest is offered
+    same = [one for one in known if one.rpartition(".")[0] == table]
+    leaves, all_leaves = ({one.rpartition(".")[2]: one for one in among} for among in (same, known))
+    if leaf in all_leaves:
+        return all_leaves[leaf]
+    for among in (leaves, all_leaves):
+        near = get_close_matches(leaf, among, n=1, cutoff=_ALIKE)
+        begun = [one for one in among if one.startswith(leaf) and len(leaf) > _SHORT]
+        if near or len(begun) == 1:
+            return among[near[0] if near else begun[0]]
+    near = [] if same else get_close_matches(key, known, n=1, cutoff=_ALIKE)
+    return near[0] if near else ""
 
 
 def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tuple[str, str]:
@@ -62,6 +76,9 @@ def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tu
             f"{flag} {key}: the chosen planner has no such setting",
             remedy=f"it belongs to: {', '.join(f'--planner {kind}' for kind in having)}",
         )
+    group = [path for _, path in known if path.startswith(f"{key.removeprefix('quality.')}.")]
+    if group:
+        raise ProfileError(f"{flag} {key}: is a group of settings", remedy=f"name one: {', '.join(group)}")
     names = sorted({f"{kind}.{path}" for kind, path in known} | {path for _, path in known})
     near = nearest(key, names)
     hint = f"did you mean {near!r}? " if near else ""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 
 from printer_slicer.profile.base import Settings, meta
 
-__all__ = ["HIGHEST", "Override", "as_text", "from_text"]
+__all__ = ["HIGHEST", "Override", "as_text", "from_text", "has_heights"]
 
 HIGHEST: Final = 10000.0  # mm
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -51,6 +51,11 @@ def from_text(text: str) -> dict[str, Any]:
     if found["low"]:
         table |= {"low": float(found["low"]), "high": float(found["high"])}
     return table
+
+
+def has_heights(text: str) -> bool:
+    """Whether a rule begins with two heights."""
+    return bool(re.match(rf"\s*{_NUMBER}:{_NUMBER}:", text))
 
 
 def as_text(tables: Sequence[Mapping[str, Any]]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -13,11 +14,21 @@ import msgspec
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.folders import FOLDERS, profile_paths, searched
-from printer_slicer.profile.lists import list_as_text
+from printer_slicer.profile.lists import LISTS, added, list_as_text, list_from_text
 from printer_slicer.profile.settings import Material, Printer, Quality
 from printer_slicer.profile.toml_lines import key_lines
 
-__all__ = ["DEFAULT_NAMES", "KINDS", "Source", "flatten", "kind_of", "merged", "path_of", "read_chain"]
+__all__ = [
+    "DEFAULT_NAMES",
+    "KINDS",
+    "Source",
+    "flatten",
+    "kind_of",
+    "laid_over",
+    "merged",
+    "path_of",
+    "read_chain",
+]
 
 KINDS: Final[Mapping[str, type[msgspec.Struct]]] = {
     "printer": Printer,
@@ -47,7 +58,11 @@ class Source(NamedTuple):
 
     def known_place(self, path: str) -> str:
         """The same; empty where it was set nowhere."""
-        path = path.partition("[")[0]  # an entry of a list was set where the list was
+        path = path.replace("[...]", "")
+        while "[" in path:  # an entry of a list was set where the list was, if nothing is known of itself
+            if path in self.places:
+                return self.places[path]
+            path = path.removesuffix("]").rpartition("[" if path.endswith("]") else ".")[0]
         for key in reversed(self.places):
             if path and (f"{key}.".startswith(f"{path}.") or f"{path}.".startswith(f"{key}.")):
                 return self.places[key]
@@ -79,8 +94,42 @@ def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[P
             remedy=f'such as inherits = "{DEFAULT_NAMES[kind]}"',
         )
     base = read_chain(kind, parent, folders, (*seen, path)) if parent else Source({}, {}, str(path))
-    places = base.places | {key: f"{path}:{_line(lines, key)}" for key in _leaves(values)}
-    return Source(merged(base.values, values), places, str(path))
+    places = {
+        key: f"{path}:{_line(lines, key)}"
+        for key in [*_leaves(values), *(one for one in lines if "[" in one)]
+    }
+    return laid_over(base, Source(_with_lists(values), places, str(path)))
+
+
+def laid_over(base: Source, over: Source) -> Source:
+    """Settings over others, with their places; rules of objects and heights add up."""
+    values = merged(base.values, over.values, adds=True)
+    places = dict(base.places)
+    for key, place in over.places.items():
+        found = re.match(r"(.+?)\[(\d+)\](.*)", key)
+        before = _length(values, found[1]) - _length(over.values, found[1]) if found else 0
+        places[f"{found[1]}[{int(found[2]) + before}]{found[3]}" if found else key] = place
+    return Source(values, places, over.file)
+
+
+def _length(values: Mapping[str, Any], path: str) -> int:
+    """How many items a list has; 0 where there is none."""
+    found: Any = values
+    for key in path.split("."):
+        found = found.get(key) if isinstance(found, Mapping) else None
+    return len(found) if isinstance(found, list) else 0
+
+
+def _with_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The same with lists where a file has the text of one; what cannot be read so is refused with all else."""
+    result = dict(values)
+    for key, value in values.items():
+        if isinstance(value, dict):
+            result[key] = _with_lists(value, f"{prefix}{key}.")
+        elif isinstance(value, str) and prefix + key in LISTS:
+            with suppress(ProfileError):
+                result[key] = list_from_text(prefix + key, value)
+    return result
 
 
 def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
@@ -129,10 +178,7 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
     if name.endswith(".toml") or "/" in name:
         path = (seen[-1].parent if seen else Path()) / name
         if not path.is_file():
-            raise ProfileError(
-                f"{asked_by}{path}: no such {kind} profile",
-                remedy="check the path, or name one that `printer-slicer profiles` lists",
-            )
+            raise _no_file(path, asked_by, f"{kind} ")
         return path
     named = [folder / FOLDERS[kind] / f"{name}.toml" for folder in searched(folders)]
     try:
@@ -143,12 +189,28 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
         files = files[files.index(seen[-1]) + 1 :] or [seen[-1]]
     if files:
         return files[0]
+    for path in named:
+        if "\0" not in name and (path.is_dir() or path.is_symlink()):
+            raise _no_file(path, asked_by)
     known = profile_paths(kind, folders)
     near = get_close_matches(name, known, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
         f"{asked_by}unknown {kind} {name!r}",
         remedy=f"{hint}known: {', '.join(known)}; or give the path of a .toml file",
+    )
+
+
+def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
+    """Why a path is no profile."""
+    problem = f"no such {kind}profile"
+    if path.is_dir():
+        problem = "is a folder, no profile"
+    elif path.is_symlink():
+        problem = "is a link to a file that there is not"
+    return ProfileError(
+        f"{asked_by}{path}: {problem}",
+        remedy="check the path, or name one that `printer-slicer profiles` lists",
     )
 
 
@@ -178,10 +240,7 @@ def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
         if path.absolute().parent.name == folder:
             return kind
     if not path.is_file():
-        raise ProfileError(
-            f"{path}: no such profile",
-            remedy="check the path, or name one that `printer-slicer profiles` lists",
-        )
+        raise _no_file(path)
     values = _read(path)[1]
     parent = values.get("inherits")
     if isinstance(parent, str) and not (parent.endswith(".toml") or "/" in parent):
@@ -198,8 +257,17 @@ def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
     )
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """`over` on top of `base`, table by table; a table of another `kind` replaces the whole table."""
+def merged(
+    base: Mapping[str, Any], over: Mapping[str, Any], *, adds: bool = False, prefix: str = ""
+) -> dict[str, Any]:
+    """`over` on top of `base`, table by table; a table of another `kind` replaces the whole table.
+
+    Args:
+        base: what is there.
+        over: what comes over it.
+        adds: whether rules of objects and heights come behind those that are there, instead of in their place.
+        prefix: the table that both are, with a point.
+    """
     result = dict(base)
     for key, value in over.items():
         old = result.get(key)
@@ -208,7 +276,9 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
             and isinstance(old, dict)
             and value.get("kind", old.get("kind")) == old.get("kind")
         ):
-            result[key] = merged(old, value)
+            result[key] = merged(old, value, adds=adds, prefix=f"{prefix}{key}.")
+        elif adds and isinstance(value, list) and isinstance(old, list | tuple):
+            result[key] = added(prefix + key, old, value)
         else:
             result[key] = value
     return result

@@ -9,8 +9,11 @@ from typing import Any, Final
 
 import msgspec
 
+from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.folders import SCHEMAS
+from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS
+from printer_slicer.profile.tables import settings_table
 
 __all__ = ["directive", "schema_name", "schema_of", "schema_text"]
 
@@ -20,20 +23,71 @@ _DRAFT: Final = "https://json-schema.org/draft/2020-12/schema"
 def schema_of(kind: str) -> dict[str, Any]:
     """The schema of a file of one kind: `printer`, `material` or `quality`.
 
-    Nothing is required, as everything may be inherited.
+    Of a file that inherits nothing is required.
     """
-    (_, parts) = msgspec.json.schema_components([KINDS[kind]], ref_template="#/$defs/{name}")
-    definitions = {name: _told(part) for name, part in parts.items()}
-    own = definitions.pop(KINDS[kind].__name__)
+    own, definitions = _components(kind)
     parent = {"type": "string", "description": f"the {kind} that this one is like, by name or path"}
     own["properties"] = {"inherits": parent, **own["properties"]}
+    alone: dict[str, Any] = {"required": own.pop("required")}
+    if kind == "quality":
+        alone["properties"] = {"planner": {"required": ["kind"]}}
+        definitions["Override"] |= _override(own, definitions)
     for group in (own, *definitions.values()):
-        if not {"low", "high"} <= set(
+        if not {"low", "set"} & set(
             group.get("required", ())
         ):  # what is listed is not inherited item by item
             group.pop("required", None)
-    own["title"] = f"{kind} profile of printer_slicer"
+    own |= {
+        "title": f"{kind} profile of printer_slicer",
+        "if": {"not": {"required": ["inherits"]}},
+        "then": alone,
+    }
     return {"$schema": _DRAFT, **own, **({"$defs": definitions} if definitions else {})}
+
+
+def _components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The schema of a kind, and those of the groups in it; lists may be the text that stands for them."""
+    _, parts = msgspec.json.schema_components([KINDS[kind]], ref_template="#/$defs/{name}")
+    definitions = {name: _told(part) for name, part in parts.items()}
+    for name, group in definitions.items():
+        prefix = "planner." if name == "OptimalPlanner" else ""
+        for key, value in group["properties"].items():
+            if prefix + key in LISTS:
+                listed = {"type": value.pop("type"), "items": value.pop("items")}
+                value["anyOf"] = [listed, {"type": "string"}]
+    return definitions.pop(KINDS[kind].__name__), definitions
+
+
+def _override(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
+    """What the schema of an override tells beyond its types: for what it is, and which settings it may hold."""
+    kinds = {"quality": quality, "material": _components("material")[0]}
+    known: dict[str, Any] = {}
+    own: dict[str, set[str]] = {OBJECT: set(), HEIGHT: set()}
+    for row in settings_table():
+        kind, *tables, leaf = row.key.split(".")
+        group = groups[tables[0].capitalize()] if row.own and tables else kinds.get(kind, {})
+        for name in (row.key, row.key.partition(".")[2]) if row.own else ():
+            known[name] = group["properties"][leaf]
+            for place in row.own:
+                own[place].add(name)
+    rules = [
+        {
+            "if": {"required": [flag]},
+            "then": {"properties": {"set": {"propertyNames": {"enum": sorted(names)}}}},
+        }
+        for flag, names in (("object", own[OBJECT]), ("low", own[HEIGHT]), ("high", own[HEIGHT]))
+    ]
+    setting = {
+        "type": "object",
+        "description": "setting -> value",
+        "properties": known,
+        "additionalProperties": False,
+    }
+    return {
+        "properties": {**groups["Override"]["properties"], "set": setting},
+        "anyOf": [{"required": [flag]} for flag in ("object", "low", "high")],
+        "allOf": rules,
+    }
 
 
 def _told(part: Any) -> Any:

@@ -141,3 +141,47 @@ def test_what_is_not_there_is_named(tmp_path: Path) -> None:
     assert nothing.code == 2
     assert is_message(nothing, "empty.gcode", "no beads")
     assert typed("check", empty).code == 0  # without a model only what it holds is looked at
+
+
+# What is no G-code
+
+
+OTHER = {
+    "part.stl": "solid\nfacet normal 0 0 0\nouter loop\n"
+    + 3 * "vertex 0 8 0\n"
+    + "endloop\nendfacet\nendsolid\n",
+    "part.obj": "v 0 0 0\nv 1 2 3\nv 1 2 4\nf 1 2 3\n",
+    "notes.txt": "print this part twice\nthe second time in red\n",
+    "settings.toml": 'inherits = "standard"\nname = "mine"\n',
+    "page.html": "<html>\n<body>\nG1\n</body>\n</html>\n",
+}
+
+
+@pytest.mark.parametrize("name", OTHER)
+@pytest.mark.parametrize("more", [[], ["--json"], ["--model", BOX]])
+def test_what_is_no_gcode_is_refused(name: str, more: list[object], tmp_path: Path) -> None:
+    (tmp_path / name).write_text(OTHER[name])
+    outcome = typed("check", name, *more, cwd=tmp_path)
+
+    assert (outcome.code, outcome.out) == (2, "")
+    assert is_message(outcome, f"{name}: is no G-code", "such as", "printer-slicer slice")
+
+
+def test_a_mesh_in_binary_is_no_gcode() -> None:
+    assert is_message(typed("check", BOX), "box.stl: is no G-code", "printer-slicer slice")
+
+
+ODD = {
+    "macros": "START_PRINT BED=60 EXTRUDER=200\nPRINT_PART\nend_print\nset_fan_speed fan=a speed=1\n",
+    "numbered": "N1 G28*18\nN2 G1X5Y5*33\nn3 g1 x6\n",
+    "modal": "%\nO1000\n(a comment)\nG1 X5 Y5 F300\nX6\nY6\nM30\n%\n",
+    "spoken": "M117 hello world\n@pause\nM118 E1 done\nT0\n",
+    "comments": "; only\n; these\n; and\n; one\nG28\n",
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_gcode_is_gcode(name: str, tmp_path: Path) -> None:
+    (tmp_path / "odd.gcode").write_text(ODD[name])
+
+    assert "is no G-code" not in typed("check", "odd.gcode", cwd=tmp_path).err

@@ -103,8 +103,7 @@ def test_a_command_that_cannot_be_read_is_a_usage_error(arguments: list[str]) ->
     outcome = typed(*arguments)
 
     assert (outcome.code, outcome.out) == (2, "")
-    assert "usage: printer-slicer" in outcome.err
-    assert "error: " in outcome.err
+    assert is_message(outcome, "usage: printer-slicer", "--help tells all")
 
 
 def test_the_version_is_said() -> None:
@@ -453,6 +452,9 @@ WRITING = [
     pytest.param(["profiles", "settings"], USUAL, id="text"),
     pytest.param(["profiles", "settings", "--json"], NO_BUFFER, id="json"),
     pytest.param(["slice", BOX, "-o", "-", *QUICK], USUAL, id="gcode"),
+    pytest.param(["--version"], USUAL, id="version"),
+    pytest.param(["--help"], USUAL, id="help"),
+    pytest.param(["slice", "--help"], NO_BUFFER, id="help of a command"),
 ]
 """Commands that write much and little, with buffers and without."""
 

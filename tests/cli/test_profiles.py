@@ -128,7 +128,7 @@ def test_check_tells_all_faults_of_all_files(tmp_path: Path) -> None:
     outcome = failed("check", one, two)
 
     assert f"{one}:2: quality.perimetres: no such setting\n  did you mean 'perimeters'?" in outcome.err
-    assert f"{one}:3: quality.infill_density: Expected" in outcome.err
+    assert f"{one}:3: quality.infill_density: expected a number <= 1; it is 2" in outcome.err
     assert f"{two}:2: not valid TOML" in outcome.err
     found = json.loads(typed("profiles", "check", one, "--json").out)
     assert len(found) == 2

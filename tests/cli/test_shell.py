@@ -95,6 +95,14 @@ def test_the_model_of_a_check_may_come_from_stdin(gcode: bytes, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ["slice", "-", "-o", "-", "--quality", "-"],
+            "-: stdin can be read only once\n  write one of the two to a file\n",
+        ),
+        (
+            ["contours", "-", "-o", "-"],
+            "-o -: stdout has no name that tells the format\n  name a file: .svg, .cli or .slc\n",
+        ),
         (["slice", "-"], "-: G-code of a model from stdin has no name\n  name it with -o; - is stdout\n"),
         (
             ["check", "-", "--model", "-"],
@@ -117,6 +125,46 @@ def test_an_empty_stdin_is_told(tmp_path: Path) -> None:
 
     assert done.returncode == 2
     assert b"-: nothing came from stdin" in done.stderr
+
+
+PROFILE = b'inherits = "standard"\nname = "mine"\nperimeters = 5\n'
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["profiles", "check", "-"], "stdin.toml: nothing wrong\n"),
+        (["profiles", "show", "-"], "  # stdin.toml:3\n"),
+        (
+            ["profiles", "show", "--quality", "-"],
+            "quality.perimeters = 5                        # stdin.toml:3\n",
+        ),
+        (["profiles", "diff", "standard", "-"], "perimeters                          2 -> 5\n"),
+        (["slice", BOX, "-o", "-", "--quality", "-"], "; quality.perimeters = 5\n"),
+    ],
+)
+def test_a_profile_may_come_from_stdin(arguments: list[object], said: str, tmp_path: Path) -> None:
+    done = piped(PROFILE, *arguments, cwd=tmp_path)
+
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert said in done.stdout.decode()
+
+
+def test_what_is_wrong_with_a_profile_from_stdin_is_told_by_its_lines(tmp_path: Path) -> None:
+    done = piped(PROFILE + b"perimetres = 3\n", "profiles", "check", "-", cwd=tmp_path)
+    used = piped(PROFILE + b"perimetres = 3\n", "slice", BOX, "-o", "-", "--quality", "-", cwd=tmp_path)
+    told = "stdin.toml:4: quality.perimetres: no such setting\n  did you mean 'perimeters'?\n"
+
+    assert (done.returncode, done.stderr.decode()) == (2, told)
+    assert (used.returncode, used.stderr.decode()) == (2, f"printer-slicer: {told}")
+
+
+def test_patterns_of_profiles_are_expanded(tmp_path: Path) -> None:
+    for name in ("a.toml", "b.toml"):
+        (tmp_path / name).write_bytes(PROFILE)
+
+    assert typed("profiles", "check", "*.toml", cwd=tmp_path).out == "a.toml, b.toml: nothing wrong\n"
+    assert is_message(typed("profiles", "check", "*.tml", cwd=tmp_path), "*.tml: no file fits this pattern")
 
 
 def test_messages_do_not_show_where_stdin_was_kept(tmp_path: Path) -> None:
@@ -424,16 +472,59 @@ def test_every_argument_of_every_command_is_explained() -> None:
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("5:10:infill_den", ["5:10:infill_density="]),
-        ("lid:infill=g", ["lid:infill=grid", "lid:infill=gyroid"]),
-        ("lid:retract_le", []),
-        ("lid", []),
+        ("--range 5:10:infill_den", ["5:10:infill_density="]),
+        ("--range 5:10:tol", ["5:10:tolerance="]),
+        ("--range 5:10:nozzle", ["5:10:nozzle_temperature="]),
+        ("--range 5:10:elephant", []),
+        ("--range 5:", []),
+        ("--set-for lid:infill=g", ["lid:infill=grid", "lid:infill=gyroid"]),
+        ("--set-for lid:elephant", ["lid:elephant_foot=", "lid:elephant_foot_height="]),
+        ("--set-for lid:2:4:elephant", []),
+        ("--set-for lid:nozzle", []),
+        ("--set-for lid:retract_le", []),
+        ("--set-for lid", []),
     ],
 )
 def test_settings_of_places_are_completed_behind_them(typed: str, offered: list[str]) -> None:
-    from printer_slicer.cli.completing import _places
+    from printer_slicer.cli.completing import _of_heights, _of_objects
 
-    assert [word for word in _places(typed) if word.startswith(typed)] == offered
+    flag, _, word = typed.partition(" ")
+    known = _of_heights if flag == "--range" else _of_objects
+    assert [one for one in known(word) if one.startswith(word)] == offered
+
+
+@pytest.mark.parametrize(
+    ("line", "some", "none"),
+    [
+        ("profiles import x --f", {"--force", "--for", "--folder"}, {"--printer"}),
+        ("profiles  import x --", {"--out", "--cura"}, {"--printer", "--set"}),
+        ("profiles import ", {"config.ini"}, {"pla", "list"}),
+        ("profiles im", {"import"}, set()),
+        ("profiles new ", {"printer", "material", "quality"}, {"pla"}),
+        ("profiles new printer ", set(), {"pla", "printer"}),
+        ("profiles diff pla ", {"petg"}, {"marlin_220", "fine", "printer"}),
+        ("profiles diff printer ", {"marlin_220"}, {"pla"}),
+        ("profiles show material p", {"pla"}, {"prusa_mini", "printer"}),
+        ("profiles show p", {"pla", "prusa_mini", "printer"}, {"fine"}),
+        ("profiles list ", {"printer"}, {"pla"}),
+        ("sim --firmware m", {"marlin-2.1"}, {"mine.toml"}),
+    ],
+)
+@needs("bash")
+def test_what_may_come_next_is_offered(line: str, some: set[str], none: set[str], tmp_path: Path) -> None:
+    for name in ("config.ini", "mine.toml"):
+        (tmp_path / name).touch()
+    offered = {word.strip() for word in bash_offers(f"printer-slicer {line}", tmp_path)}
+
+    assert some <= offered
+    assert not none & offered
+
+
+def test_the_page_for_man_tells_of_import() -> None:
+    page = as_man()
+
+    assert "COMMAND PROFILES IMPORT" in page
+    assert "max\\-nozzle\\-temperature" in page
 
 
 def test_every_dial_with_few_values_completes_them() -> None:

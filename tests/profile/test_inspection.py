@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.profile import KINDS, profile_paths
 from printer_slicer.profile.inspection import DEFAULT, differences, faults_of, headline, settings_told
+from printer_slicer.profile.keys import keys_of, nearest
 from printer_slicer.profile.reading import Source, read_chain
 from printer_slicer.profile.template import new_profile, toml_value
 from printer_slicer.profile.toml_lines import key_lines
@@ -91,6 +92,115 @@ def test_all_faults_of_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
         "planner.kind",
     }
     assert all(fault.remedy for fault in faults)
+
+
+OWN = """inherits = "standard"
+name = "ov"
+planner = {kind = "optimal", ranges = [{low = "a", high = 3}, {high = 4}]}
+[[overrides]]
+set = {perimeters = 400}
+[[overrides]]
+object = "lid"
+set = {seam = "rear", perimters = 3}
+[[overrides]]
+low = 10
+high = 5
+set = {perimeters = "x"}
+[[overrides]]
+hihg = 3
+set = 3
+[[overrides]]
+object = "can"
+[overrides.set]
+perimeters = [3]
+"quality.infill" = "gridd"
+"""
+
+
+def test_all_faults_of_objects_and_heights_are_told_with_their_lines(tmp_path: Path) -> None:
+    path = written(tmp_path, OWN)
+    faults = {
+        (int(fault.place.rpartition(":")[2]), fault.path): (fault.problem, fault.remedy)
+        for fault in faults_of("quality", path)
+    }
+
+    assert set(faults) == {
+        (3, "planner.ranges[0].low"),
+        (3, "planner.ranges[1].low"),
+        (4, "overrides[0]"),
+        (5, "overrides[0].set.perimeters"),
+        (8, "overrides[1].set.seam"),
+        (8, "overrides[1].set.perimters"),
+        (11, "overrides[2].high"),
+        (12, "overrides[2].set.perimeters"),
+        (14, "overrides[3].hihg"),
+        (15, "overrides[3].set"),
+        (19, "overrides[4].set.perimeters"),
+        (20, "overrides[4].set.quality.infill"),
+    }
+    assert faults[14, "overrides[3].hihg"][1] == "did you mean 'high'?"
+    assert "did you mean 'grid'?" in faults[20, "overrides[4].set.quality.infill"][1]
+
+
+def test_each_line_of_the_chain_is_told_of_what_adds_up(tmp_path: Path) -> None:
+    parent = written(
+        tmp_path, 'inherits = "standard"\n[[overrides]]\nlow = 3\nset = {perimeters = 101}\n', "parent.toml"
+    )
+    child = written(
+        tmp_path, f'inherits = "{parent}"\n\n\n\n[[overrides]]\nlow = 3\nset = {{ ironing = 2 }}\n'
+    )
+
+    assert [fault.place for fault in faults_of("quality", child)] == [f"{parent}:4", f"{child}:7"]
+
+
+def test_ranges_that_contradict_each_other_are_told(tmp_path: Path) -> None:
+    text = 'inherits = "adaptive"\n[planner]\nkind = "optimal"\nranges = "3:1:tolerance=0.1"\n'
+
+    assert [fault.place[-2:] for fault in faults_of("quality", written(tmp_path, text))] == [":4"]
+
+
+@pytest.mark.parametrize(
+    ("key", "near"),
+    [
+        ("speeds.outer", "speeds.outer_perimeter"),
+        ("perimters", "perimeters"),
+        ("quality.perimters", "quality.perimeters"),
+        ("travel", "speeds.travel"),
+        ("sppeds.travel", "speeds.travel"),
+        ("inherits", ""),
+        ("foo", ""),
+    ],
+)
+def test_only_names_that_are_near_are_offered(key: str, near: str) -> None:
+    known = [f"{kind}.{one}" for kind in KINDS for one in keys_of(kind, {})]
+
+    assert nearest(key, [*known, *(one.partition(".")[2] for one in known)]) == near
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "problem", "remedy"),
+    [
+        ("quality", 'infill = "gridd"', "quality.infill: there is no 'gridd'", "did you mean 'grid'?"),
+        ("printer", 'thumbnails = ["0x0"]', "expected text such as 32x32, 300x300/QOI; it is '0x0'", "tells"),
+        ("printer", "bed_x = 1979-05-27", "printer.bed_x: expected a number; it is 1979-05-27", "tells"),
+        ("printer", "probe = 7", "printer.probe: expected true or false; it is 7", "tells"),
+        (
+            "quality",
+            'overrides = "lid"',
+            "'lid' cannot be read as a list",
+            'overrides = "lid:infill_density=0.4',
+        ),
+        ("quality", 'planner = "cusp"', "expected a table; it is 'cusp'", "planner = { kind"),
+    ],
+)
+def test_messages_are_in_words_of_people(
+    tmp_path: Path, kind: str, text: str, problem: str, remedy: str
+) -> None:
+    parent = {"printer": "marlin_220", "quality": "standard"}[kind]
+    (fault,) = faults_of(kind, written(tmp_path, f'inherits = "{parent}"\n{text}\n'))
+
+    assert problem in fault.problem
+    assert remedy in fault.remedy
 
 
 def test_what_is_missing_is_told_beside_what_is_wrong(tmp_path: Path) -> None:
@@ -194,8 +304,13 @@ def test_lines_of_keys_are_found_through_texts_lists_and_tables() -> None:
         "table.inner": 12,
         "table.inner.e": 13,
         "many": 14,
-        "many.f": 15,
+        "many[0]": 14,
+        "many[0].f": 15,
+        "many[1]": 16,
+        "many[1].f": 17,
     }
+    nested = key_lines("[[a]]\n[a.b]\nc = 1\n[[a]]\n[[a.d]]\ne = 1\n[[a.d]]\ne = 2\n")
+    assert (nested["a[0].b.c"], nested["a[1].d[0].e"], nested["a[1].d[1].e"]) == (3, 6, 8)
 
 
 @pytest.mark.parametrize(

@@ -193,6 +193,71 @@ def test_a_profile_with_lists_can_be_changed_further() -> None:
     assert ranges_of(changed) == ranges_of(profile)
 
 
+# --- rules of files that inherit, and that are typed ---
+
+PARENT = (
+    'inherits = "adaptive"\nname = "parent"\n[[overrides]]\nlow = 1\nhigh = 2\nset = { perimeters = 3 }\n'
+)
+
+
+def rules(folder: Path, child: str, **changes: object) -> str:
+    """The overrides of a file that inherits from another with one, after changes; + in a key is written _plus."""
+    (folder / "parent.toml").write_text(PARENT)
+    (folder / "child.toml").write_text(f'inherits = "./parent.toml"\nname = "child"\n{child}')
+    added = {key.replace("_plus", "+"): value for key, value in changes.items()}
+    profile = load_profile("marlin_220", "pla", str(folder / "child.toml"), added)
+    return str(dict(settings_text(profile))["quality.overrides"])
+
+
+@pytest.mark.parametrize(
+    ("child", "changes", "expected"),
+    [
+        ("", {}, "1:2:perimeters=3"),
+        ('[[overrides]]\nobject = "lid"\nset = {perimeters = 4}', {}, "1:2:perimeters=3; lid:perimeters=4"),
+        ('overrides = "lid:perimeters=4"', {}, "1:2:perimeters=3; lid:perimeters=4"),
+        ("overrides = []", {}, ""),
+        ("", {"overrides_plus": "1:2:perimeters=5"}, "1:2:perimeters=3; 1:2:perimeters=5"),
+        ("", {"overrides": "1:2:perimeters=5"}, "1:2:perimeters=5"),
+        ("", {"overrides": ""}, ""),
+        (
+            "",
+            {"overrides_plus": "a:infill=grid", "overrides": "b:infill=grid"},
+            "b:infill=grid; a:infill=grid",
+        ),
+    ],
+)
+def test_rules_of_places_add_up_and_the_later_ones_come_last(
+    tmp_path: Path, child: str, changes: dict[str, object], expected: str
+) -> None:
+    assert rules(tmp_path, child, **changes) == expected
+
+
+def test_an_added_rule_wins_over_those_that_are_there() -> None:
+    """Layer by layer it is what is typed, as if the file did not say otherwise; what it does not say stays."""
+    profile = loaded(planner__ranges="1:5:layer_height=0.1:tolerance=0.04; 7:8:layer_height=0.1")
+    text = {"planner.ranges+": "2:3:layer_height=0.2; 6:9:layer_height=0.3"}
+
+    assert ranges_of(profile_with(profile, text)) == [
+        (1, 5, 0.04, 0),
+        (1, 2, 0, 0.1),
+        (3, 5, 0, 0.1),
+        (2, 3, 0, 0.2),
+        (6, 9, 0, 0.3),
+    ]
+
+
+def test_lists_may_be_text_in_files(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'inherits = "adaptive"\nname = "mine"\nlayer_heights = "0.1, 0.3"\n'
+        '[planner]\nkind = "optimal"\nranges = "1:3:layer_height=0.1"\n'
+    )
+    profile = load_profile("marlin_220", "pla", str(path))
+
+    assert profile.quality.layer_heights == (0.1, 0.3)
+    assert ranges_of(profile) == [(1, 3, 0, 0.1)]
+
+
 # --- written back ---
 
 lengths = st.integers(0, 2_000_000).map(lambda steps: steps / 10_000)  # to 0.0001 mm, up to 200 mm
@@ -290,6 +355,29 @@ def test_ranges_may_be_typed_one_by_one() -> None:
 
     assert heights[(bottom > 0.99) & (bottom < 2.99)] == pytest.approx(0.1)
     assert heights[(bottom > 4.99) & (bottom < 5.99)] == pytest.approx(0.2)
+
+
+def test_ranges_that_are_typed_leave_those_of_the_file_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(
+        'inherits = "adaptive"\nname = "own"\noverrides = "1:2:perimeters=3"\n'
+        '[planner]\nkind = "optimal"\nranges = "1:3:layer_height=0.1"\n'
+    )
+    flags = (
+        "--range",
+        "5:6:layer_height=0.2",
+        "--range",
+        "5:6:perimeters=4",
+        "--set-for",
+        "box:perimeters=5",
+    )
+    out = tmp_path / "box.gcode"
+    outcome = typed("slice", BOX, "-o", out, "--quality", path, "--set", "z_step=0.01", *flags)
+    said = out.read_text()
+
+    assert outcome.code == 0, outcome.err
+    assert "; quality.planner.ranges = 1:3:layer_height=0.1; 5:6:layer_height=0.2\n" in said
+    assert "; quality.overrides = 1:2:perimeters=3; box:perimeters=5; 5:6:perimeters=4\n" in said
 
 
 def test_the_number_of_layers_is_typed() -> None:

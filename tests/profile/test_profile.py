@@ -214,12 +214,12 @@ def test_a_profile_without_what_it_must_have_names_file_and_key(write: Write, te
         ("perimeters = true", "quality.perimeters", "int"),
         ("perimeters = 2.5", "quality.perimeters", "int"),
         ("perimeters = []", "quality.perimeters", "int"),
-        ("outer_perimeter_first = 2", "quality.outer_perimeter_first", "bool"),
-        ("name = 3", "quality.name", "str"),
+        ("outer_perimeter_first = 2", "quality.outer_perimeter_first", "true or false"),
+        ("name = 3", "quality.name", "text"),
         ("infill_density = nan", "quality.infill_density", "0"),
-        ("infill_density = 2020-01-01", "quality.infill_density", "float"),
-        ('planner = "area"', "quality.planner", "object"),
-        ("speeds = 3", "quality.speeds", "object"),
+        ("infill_density = 2020-01-01", "quality.infill_density", "a number; it is 2020-01-01"),
+        ('planner = "area"', "quality.planner", "a table"),
+        ("speeds = 3", "quality.speeds", "a table"),
     ],
 )
 def test_a_bad_value_in_a_file_names_file_key_and_bound(

@@ -89,6 +89,14 @@ FAULTY = [
     ("quality", '[planner]\nkind = "cosp"'),
     ("quality", '[planner]\nkind = "uniform"\ntolerance = 1'),
     ("quality", 'planner = { kind = "optimal", ranges = [{ low = 1 }] }'),
+    ("quality", "overrides = [{}]"),
+    ("quality", "[[overrides]]\nset = { perimeters = 3 }"),
+    ("quality", "[[overrides]]\nlow = 1\nset = { perimeters = 101 }"),
+    ("quality", "[[overrides]]\nlow = 1\nset = { perimetres = 3 }"),
+    ("quality", "[[overrides]]\nhihg = 1\nset = { perimeters = 3 }"),
+    ("quality", '[[overrides]]\nobject = "lid"\nset = { nozzle_temperature = 200 }'),
+    ("quality", '[[overrides]]\nhigh = 3\nset = { "speeds.sparse" = 0 }'),
+    ("quality", '[[overrides]]\nhigh = 3\nset = { seam = "rear" }'),
     ("printer", 'flavour = "grbl"'),
     ("printer", 'thumbnails = ["32"]'),
     ("printer", "bed_x = true"),
@@ -108,6 +116,33 @@ def test_what_is_refused_does_not_obey_the_schema(tmp_path: Path, kind: str, tex
     with pytest.raises(ProfileError):
         load_profile(**names)
     assert not VALIDATORS[kind].is_valid(tomllib.loads(path.read_text(encoding="utf-8")))
+
+
+TAKEN = [
+    ("quality", '[[overrides]]\nobject = "lid"\nhigh = 3\nset = { perimeters = 3, "speeds.sparse" = 40 }'),
+    ("quality", "[[overrides]]\nlow = 2\nset = { nozzle_temperature = 200, 'quality.infill' = 'grid' }"),
+    ("quality", 'overrides = "1:2:perimeters=3"\nlayer_heights = "0.2"'),
+    ("quality", '[planner]\nkind = "optimal"\nranges = "1:2:tolerance=0.1"'),
+    ("quality", "planner = {}"),
+    ("printer", 'thumbnails = "32x32"'),
+]
+
+
+@pytest.mark.parametrize(("kind", "text"), TAKEN)
+def test_what_is_taken_obeys_the_schema(tmp_path: Path, kind: str, text: str) -> None:
+    parent = {"printer": "marlin_220", "quality": "standard"}[kind]
+    path = tmp_path / "good.toml"
+    path.write_text(f'inherits = "{parent}"\n{text}', encoding="utf-8")
+    names: dict[str, Any] = {kind: str(path)}
+
+    load_profile(**names)
+    VALIDATORS[kind].validate(tomllib.loads(path.read_text(encoding="utf-8")))
+
+
+def test_a_file_that_does_not_inherit_must_say_what_has_no_default() -> None:
+    assert not VALIDATORS["printer"].is_valid({"name": "mine", "bed_x": 200})
+    assert not VALIDATORS["quality"].is_valid({"name": "mine", "planner": {}})
+    assert VALIDATORS["quality"].is_valid({"name": "mine", "planner": {"kind": "cusp"}})
 
 
 def test_a_schema_is_plain_json_with_a_title() -> None:

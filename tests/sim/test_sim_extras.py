@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim_console import COLD_OK, Console
 
-from printer_slicer.cli.door_parsers import _FIRMWARES
+from printer_slicer.cli.door_parsers import FIRMWARES
 from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.heater import Heater
 from printer_slicer.sim.latency import PACKET, LatencyTimer
@@ -26,7 +26,7 @@ ASKED = [
 
 
 def test_the_command_line_knows_every_firmware() -> None:
-    assert tuple(FRONT_ENDS) == _FIRMWARES
+    assert tuple(FRONT_ENDS) == FIRMWARES
 
 
 @pytest.mark.parametrize("answer", ["M876 S0", "M108"])
