@@ -40,7 +40,7 @@ def add_import(profiles: Command) -> None:
     )
     profiles.below = {"import": parser}
     parser.add_argument(
-        "models",  # of them `-` and patterns are expanded
+        "files",
         nargs="+",
         metavar="FILE",
         type=Path,
@@ -140,7 +140,7 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         folders=tuple(arguments.folder),
         cura=overrides,
     )
-    for path in arguments.models:
+    for path in arguments.files:
         yield from import_profiles(path, wanted)
 
 

@@ -43,7 +43,8 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
     Raises:
         UsageError: a pattern that no file fits, `-` twice, or nothing in stdin.
     """
-    models = [path for one in getattr(arguments, "models", ()) for path in _meant(one)]
+    several = "files" if hasattr(arguments, "files") else "models"
+    models = [path for one in getattr(arguments, several, ()) for path in _meant(one)]
     gcode = getattr(arguments, "gcode", None)
     if gcode is not None:
         arguments.gcode = gcode = _only(gcode)
@@ -51,8 +52,8 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
     wanted = [*models, *([gcode] if gcode is not None else []), *map(Path, profiles)].count(_STDIN)
     if wanted > 1:
         raise UsageError("-: stdin can be read only once", remedy="write one of the two to a file")
-    if hasattr(arguments, "models"):
-        arguments.models = models
+    if hasattr(arguments, several):
+        setattr(arguments, several, models)
     if not wanted:
         yield ""
         return
@@ -65,7 +66,7 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
         elif "-" in profiles:
             _put(arguments, str(path))
         else:
-            arguments.models = [path if one == _STDIN else one for one in models]
+            setattr(arguments, several, [path if one == _STDIN else one for one in models])
             _insist_on_output(arguments, models)
         yield folder
 
