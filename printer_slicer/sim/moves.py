@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.words import Command
 
-__all__ = ["STOP_SECONDS", "TABLE", "firmware_retraction", "goal_of", "probe", "straight"]
+__all__ = ["FARTHEST", "STOP_SECONDS", "TABLE", "firmware_retraction", "goal_of", "probe", "straight"]
 
 LARGEST_RADIUS: Final = 10_000.0
 """mm; an arc of a larger circle has more chords than a firmware can count."""
+
+FARTHEST: Final = 1000.0
+"""mm outside the machine where nothing guards its edges: a number beyond is a slip, and no frame lets it come true."""
 
 HOMING_REACH: Final = 1.5
 
@@ -79,13 +82,17 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
     """The block to `goal` as the firmware allows it, with everything but its motion accounted for."""
     old = board.position
     low, high = board.machine.box_min, board.machine.box_max
+    over = 0.0 if board.guarded else FARTHEST
     x, y, z, e = goal
-    if board.guarded:
-        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
-            x, y, z, e = goal = _clamped(board, goal)
-    elif not board.warned_unhomed and not all(board.homed):
+    if not board.guarded and not board.warned_unhomed and not all(board.homed):
         board.warned_unhomed = True
         board.violated("moved before homing")
+    if not (
+        low[0] - over <= x <= high[0] + over
+        and low[1] - over <= y <= high[1] + over
+        and low[2] - over <= z <= high[2] + over
+    ):
+        x, y, z, e = goal = _clamped(board, goal, over)
     board.position = goal
     dx, dy, dz = x - old[0], y - old[1], z - old[2]
     de = (e - old[3]) * board.flow_ratio
@@ -115,10 +122,10 @@ def _refuse_extrusion(board: Board) -> None:
     board.violated(f"{what} prevented")
 
 
-def _clamped(board: Board, goal: Axes) -> Axes:
-    """`goal` moved to the nearest place inside the machine."""
+def _clamped(board: Board, goal: Axes, over: float) -> Axes:
+    """`goal` moved to the nearest place not more than `over` mm outside the machine."""
     box = zip(goal[:3], board.machine.box_min, board.machine.box_max, strict=True)
-    x, y, z = (min(max(at, low), high) for at, low, high in box)
+    x, y, z = (min(max(at, low - over), high + over) for at, low, high in box)
     for letter, at, kept in zip("XYZ", goal, (x, y, z), strict=False):
         if at != kept:
             board.violated(f"out of the machine: {letter} {at:.3f}, stopped at {kept:.3f}")

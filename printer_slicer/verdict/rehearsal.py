@@ -20,7 +20,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.script import SAME_PLACE
 from printer_slicer.stream.session import run
 from printer_slicer.verdict.comparison import Comparison
-from printer_slicer.verdict.express import Express
+from printer_slicer.verdict.express import LONGEST_COMMAND, LONGEST_PRINT, Express, NeverDoneError
 from printer_slicer.verdict.judging import Seen, Verdict, judge
 from printer_slicer.verdict.machines import front_end_of, machine_of
 from printer_slicer.verdict.materials import Materials
@@ -30,7 +30,7 @@ __all__ = ["dry_run"]
 
 _PLACE = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
 _LATENCY = 0.001  # s that an answer takes over USB
-_LONGEST = 30 * 86400.0  # s; no print takes that long, but a slip in a file may
+_SHOWN = 60  # characters of a command
 _PATIENCE = 60.0  # s of invented time that one read may wait: nobody else wants to speak meanwhile
 
 
@@ -110,7 +110,7 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
     Raises:
         VerificationError: the job would take more than 30 days.
     """
-    if job.seconds > _LONGEST:
+    if job.seconds > LONGEST_PRINT:
         raise VerificationError(
             f"{job.name}: {job.seconds / 86400:.0f} days of motion and waiting are not simulated",
             remedy="look for dwells (G4) and speed limits (M203, M220) that are far too large or small",
@@ -133,8 +133,20 @@ def _over_the_wire(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
 
     port = rig.port
     streamer = rig.streamer(rig.job.commands)
+    begun = -1, 0.0
+
+    def watch(now: float) -> None:
+        """Give up what never ends."""
+        nonlocal begun
+        if rig.comparison.executed != begun[0]:
+            begun = rig.comparison.executed, now
+        if now > min(begun[1] + LONGEST_COMMAND, LONGEST_PRINT):
+            raise NeverDoneError
+
     try:
-        run(streamer, port, port.now, on_event=listen, longest_wait=_PATIENCE)
+        run(streamer, port, port.now, on_event=listen, on_turn=watch, longest_wait=_PATIENCE)
+    except NeverDoneError:
+        listen(_endless(rig))
     except PortError as error:  # a planted fault pulled the plug
         listen(Halted(str(error).partition("\n")[0], streamer.acknowledged))
     return rig.verdict(ends[-1] if ends else None, port.now())
@@ -147,11 +159,24 @@ def _by_express(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
     commands = rig.job.commands
     for event in express.greet(rig.streamer(commands[:1])):
         on_event(event)
-    done = express.execute(commands, lambda count: on_event(Accepted(count)))
-    killed = rig.printer.board.killed
-    end = Halted(f"the printer stopped: {killed}", done) if killed else _finished(express.close(), rig.job)
+    end: Event
+    try:
+        done = express.execute(commands, lambda count: on_event(Accepted(count)))
+        killed = rig.printer.board.killed
+        end = (
+            Halted(f"the printer stopped: {killed}", done) if killed else _finished(express.close(), rig.job)
+        )
+    except NeverDoneError:
+        end = _endless(rig)
     on_event(end)
     return rig.verdict(end, express.now)
+
+
+def _endless(rig: _Rig) -> Halted:
+    """What ends a print that would never end by itself."""
+    at = max(rig.comparison.executed - 1, 0)
+    said = rig.job.commands[at].decode("latin-1")[:_SHOWN]
+    return Halted(f"line {rig.job.line_of(at)} is not done after a day, or the print after 30: {said}", at)
 
 
 def _finished(said: str, job: Job) -> Finished:

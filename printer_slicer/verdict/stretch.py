@@ -19,6 +19,7 @@ from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.motion.rules import Limits
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.commands import run
+from printer_slicer.sim.moves import FARTHEST
 from printer_slicer.sim.words import Command
 
 __all__ = ["GREETING", "Chunk", "Stretch", "limits_at"]
@@ -211,11 +212,10 @@ def _ways(words: Float, board: Board, others: _Others) -> tuple[Float, Float]:
 
 def _allowed(position: Float, delta: Float, is_plain: Bool, board: Board) -> Bool:
     """(n,) which commands the firmware executes as they are written."""
-    good = np.ones(len(position), np.bool_)
-    if board.guarded:
-        low, high = np.array(board.machine.box_min), np.array(board.machine.box_max)
-        good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
-    elif not board.warned_unhomed and not all(board.homed):
+    over = 0.0 if board.guarded else FARTHEST
+    low, high = np.array(board.machine.box_min) - over, np.array(board.machine.box_max) + over
+    good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
+    if not (board.guarded or board.warned_unhomed or all(board.homed)):
         good = ~is_plain
     feeds = delta[:, 3] != 0
     if not board.hot:

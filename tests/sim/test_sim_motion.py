@@ -260,6 +260,18 @@ def test_a_move_out_of_the_machine_stops_at_its_edge_and_is_noted() -> None:
     )
 
 
+@pytest.mark.parametrize("before", [[], ["G28", "M211 S0"]])
+def test_without_guard_a_slip_of_a_number_ends_all_the_same(before: list[str]) -> None:
+    console = Console()
+    console.do(*before)
+    console.do("G1 X" + 90 * "1", "M400")
+
+    assert console.do("M114")[0].startswith("X:1200.00 Y:0.00")
+    assert "out of the machine: X 1000000000.000, stopped at 1200.000" in str(
+        console.printer.report().violations
+    )
+
+
 def test_soft_endstops_can_be_switched_off() -> None:
     console = Console()
     console.do("G28", "M211 S0", "G1 X250")
