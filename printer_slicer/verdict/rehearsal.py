@@ -174,7 +174,7 @@ def _by_express(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
 
 def _endless(rig: _Rig) -> Halted:
     """What ends a print that would never end by itself."""
-    at = max(rig.comparison.executed - 1, 0)
+    at = max(rig.comparison.due - 1, 0)
     said = rig.job.commands[at].decode("latin-1")[:_SHOWN]
     return Halted(f"line {rig.job.line_of(at)} is not done after a day, or the print after 30: {said}", at)
 
