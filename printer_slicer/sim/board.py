@@ -48,6 +48,7 @@ class Board:
         retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
         homed: x, y, z.
+        loose: axes whose motors were off since they were homed.
         guarded: all axes are homed and the soft endstops are on.
         heaters: all of them.
         hot: the hotend is known to stay hot enough until something changes.
@@ -64,9 +65,7 @@ class Board:
     """
 
     def __init__(self, machine: Machine, front_end: FrontEnd, tally: Tally, card: Card, now: float) -> None:
-        self.machine = machine
-        self.front_end = front_end
-        self.tally = tally
+        self.machine, self.front_end, self.tally = machine, front_end, tally
         self.now = now
         self.out: list[str] = []
         self.last_line = 0
@@ -97,6 +96,7 @@ class Board:
         self.retraction = (0.0, 25.0, 25.0, 0.0)
         self.speed_ratio = self.flow_ratio = 1.0
         self.homed = [False, False, False]
+        self.loose: set[int] = set()
         self.soft_endstops = True
         self.guarded = self.warned_unhomed = self.waiting = False
         self.stops = self.muted = 0

@@ -9,7 +9,6 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.heating import TABLE as HEATING
-from printer_slicer.sim.moves import TABLE as MOVES
 from printer_slicer.sim.moves import goal_of
 from printer_slicer.sim.moves import straight as go
 
@@ -152,6 +151,13 @@ def _dwelling(board: Board, seconds: float) -> Steps:
         yield from board.until(board.now + seconds)
 
 
+def _motors_off(board: Board, _: Command) -> Steps:
+    """M84 and M18: all motors, whatever else it says; no axis is homed any more."""
+    yield from board.drained()
+    board.homed = [False, False, False]
+    board.guard()
+
+
 def _tell(board: Board, command: Command) -> None:
     """M118."""
     board.say(f"echo: {command.rest}")
@@ -193,8 +199,8 @@ TABLE: Final = {
     "G0": _move,
     "G1": _move,
     "G4": _dwell,
-    "M84": MOVES["M400"],
-    "M18": MOVES["M400"],
+    "M84": _motors_off,
+    "M18": _motors_off,
     "M112": _stop,
     "M118": _tell,
     "FIRMWARE_RESTART": _restart,

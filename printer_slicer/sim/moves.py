@@ -84,7 +84,7 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
     low, high = board.machine.box_min, board.machine.box_max
     over = 0.0 if board.guarded else FARTHEST
     x, y, z, e = goal
-    if not board.guarded and not board.warned_unhomed and not all(board.homed):
+    if not board.guarded and not board.warned_unhomed and not all(board.homed) and goal[:3] != old[:3]:
         board.warned_unhomed = True
         board.violated("moved before homing")
     if not (
@@ -107,6 +107,9 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
             board.spool_ended()
         if block is not None and (dx or dy):
             board.tally.laid(old, goal)
+            if board.loose:
+                board.loose.clear()  # once is enough
+                board.violated("moved before homing, after the motors were off")
             rate = de / block.length * block.speed
             board.tally.peak_feed = max(board.tally.peak_feed, rate)
     elif de < 0.0:
@@ -232,6 +235,7 @@ def _home(board: Board, command: Command) -> Steps:
         position[axis] = machine.home[axis]
         offset[axis] = 0.0
         board.homed[axis] = True
+        board.loose.discard(axis)
         board.position = (position[0], position[1], position[2], position[3])
         board.offset = (offset[0], offset[1], offset[2])
         board.mover.place((position[0], position[1], position[2], board.filament))
@@ -267,13 +271,20 @@ def _probing(board: Board) -> Steps:
 
 
 def _finish(board: Board, _: Command) -> Steps:
-    """M400, M84, M18, M900: go on when everything planned was executed."""
+    """M400, M900: go on when everything planned was executed."""
     yield from board.drained()
 
 
 def _motors_off(board: Board, command: Command) -> Steps | None:
     """M84 and M18; with S they only set a time limit."""
-    return None if "S" in command.words else _finish(board, command)
+    return None if "S" in command.words else _loosening(board, command)
+
+
+def _loosening(board: Board, command: Command) -> Steps:
+    """Switch motors off, those named or all. Marlin then knows that they may be anywhere, and moves all the same."""
+    yield from board.drained()
+    named = [axis for axis, letter in enumerate(AXES) if letter in command.words]
+    board.loose.update(axis for axis in named or range(3) if AXES[axis] != "E")
 
 
 def _quick_stop(board: Board, _: Command) -> Steps | None:

@@ -218,6 +218,8 @@ def _allowed(position: Float, delta: Float, is_plain: Bool, board: Board) -> Boo
     if not (board.guarded or board.warned_unhomed or all(board.homed)):
         good = ~is_plain
     feeds = delta[:, 3] != 0
+    if board.loose:
+        good &= ~feeds
     if not board.hot:
         return np.asarray(good & ~feeds)
     return np.asarray(good & ~(feeds & (np.abs(delta[:, 3]) > board.machine.longest_extrusion)))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sim_console import COLD_OK, NIMBLE, Console
 
 from printer_slicer.motion.rules import Block, make_block, plan
-from printer_slicer.sim.front_end import MARLIN_2_1_ADVANCED
+from printer_slicer.sim.front_end import KLIPPER, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.tally import Tally
 
@@ -286,6 +286,43 @@ def test_moving_before_homing_is_noted_once_and_done() -> None:
 
     assert place(console)["X"] == 260.0
     assert console.printer.report().violations == ((1, "moved before homing: G1 X250"),)
+
+
+@pytest.mark.parametrize(
+    ("off", "again", "noted"),
+    [
+        ("M84", [], True),
+        ("M18", [], True),
+        ("M84 X", ["G28 Y"], True),
+        ("M84 S60", [], False),
+        ("M84 E", [], False),
+        ("M84 X Y", ["G28 X", "G28 Y"], False),
+        ("M84", ["G28"], False),
+    ],
+)
+def test_laying_plastic_after_the_motors_were_off_is_noted_once(
+    off: str, again: list[str], noted: bool
+) -> None:
+    console = Console(machine=COLD_OK)
+    console.do("M302 P1", "G28", "G1 X10 E1", off, "G1 Z50", *again, "G1 X20 E2", "G1 X30 E3", "M400")
+    texts = [one.text for one in console.printer.report().violations]
+
+    assert texts == (["moved before homing, after the motors were off: G1 X20 E2"] if noted else [])
+
+
+def test_klipper_forgets_the_homing_with_the_motors() -> None:
+    console = Console(KLIPPER)
+    console.do("G28", "G1 X10 Y10 Z5 F3000", "M84 X")
+
+    assert console.do("G1 Y20") == ["!! Must home axis first: 10.000 20.000 5.000 [0.000]", "ok"]
+    assert console.do("G28", "G1 Y20") == ["ok", "ok"]
+
+
+def test_turning_the_extruder_is_no_move_that_needs_homing() -> None:
+    console = Console(machine=COLD_OK)
+    console.do("M302 P1", "G1 E-2")
+
+    assert console.printer.report().n_violations == 0
 
 
 def test_an_unbelievably_long_extrusion_is_refused() -> None:
