@@ -214,8 +214,18 @@ def _simulate(
 
     chosen = getattr(arguments, "firmware", None)
     front_end = firmware_of(arguments, profile.printer) if chosen else None
+    extruders, one_hotend = getattr(arguments, "extruders", None), getattr(arguments, "one_hotend", False)
     with progress(arguments, job, events=events) as tell:
-        return dry_run(job, profile, on_event=tell, baud=baud, front_end=front_end, faults=faults)
+        return dry_run(
+            job,
+            profile,
+            on_event=tell,
+            baud=baud,
+            front_end=front_end,
+            faults=faults,
+            extruders=extruders,
+            one_hotend=one_hotend,
+        )
 
 
 def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:

@@ -13,6 +13,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.sim.faults import Faults
 from printer_slicer.sim.front_end import FrontEnd
 from printer_slicer.sim.link import VirtualPort
+from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.flight import QUESTION_ROOM
@@ -44,6 +45,7 @@ class _Rig:
     asked: bool
     front_end: FrontEnd | None
     trouble: Faults | None
+    machine: Machine
     comparison: Comparison = field(init=False)
     materials: Materials = field(init=False)
     printer: SimulatedPrinter = field(init=False)
@@ -53,7 +55,7 @@ class _Rig:
         self.comparison = Comparison(self.job.commands)
         self.materials = Materials(self.job, self.profile, self.comparison)
         self.printer = SimulatedPrinter(
-            machine_of(self.profile.printer),
+            self.machine,
             self.front_end or front_end_of(self.profile.printer),
             faults=self.trouble,
             on_executed=self.comparison,
@@ -76,7 +78,7 @@ class _Rig:
             self.comparison,
             Seen(
                 self.materials.account(),
-                {"nozzle": board.hotend.target, "bed": board.bed.target},
+                {"nozzle": max(one.target for one in board.heaters.hotends), "bed": board.bed.target},
                 (self.baud, self.asked),
                 end,
                 total_seconds,
@@ -93,6 +95,8 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
     every_byte: bool = False,
     front_end: FrontEnd | None = None,
     faults: Faults | None = None,
+    extruders: int | None = None,
+    one_hotend: bool = False,
 ) -> Verdict:
     """Print a job on the simulated printer that the profile describes.
 
@@ -106,6 +110,8 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
         front_end: the firmware; None takes one that understands what the printer's profile writes. With one, and with
             faults, every byte is sent.
         faults: what shall go wrong.
+        extruders: how many the printer has; None: up to the tool that its profile prints with.
+        one_hotend: they share one.
 
     Raises:
         VerificationError: the job would take more than 30 days.
@@ -115,7 +121,8 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
             f"{job.name}: {job.seconds / 86400:.0f} days of motion and waiting are not simulated",
             remedy="look for dwells (G4) and speed limits (M203, M220) that are far too large or small",
         )
-    rig = _Rig(job, profile, baud or profile.printer.baud, baud is not None, front_end, faults)
+    machine = machine_of(profile.printer, extruders, one_hotend=one_hotend)
+    rig = _Rig(job, profile, baud or profile.printer.baud, baud is not None, front_end, faults, machine)
     if every_byte or front_end is not None or faults is not None:
         return _over_the_wire(rig, on_event)
     return _by_express(rig, on_event)

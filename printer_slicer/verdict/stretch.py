@@ -80,8 +80,8 @@ def _kind(text: str) -> str:
     if code in _SILENT or code == _ACCELERATION:
         return code
     if code in _TIMED:
-        # Only the plainest forms: what else they can say is the firmware's business.
-        return code if code == "M107" or Command(text).value("S") is not None else ""
+        # Only the plainest forms: what else they can say is the firmware's business, such as whose heater T means.
+        return code if code == "M107" or list(Command(text).words) == ["S"] else ""
     if code == _SETS_E:
         words = Command(text).words
         return code if list(words) == ["E"] and words["E"] else ""
