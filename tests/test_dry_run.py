@@ -313,6 +313,8 @@ def test_a_file_that_halts_the_printer_says_so(tmp_path: Path) -> None:
     assert not verdict.ok
     assert not verdict.identical
     assert any("halted" in problem for problem in verdict.problems)
+    line = (READY + "M112").count("\n") + 1
+    assert f"line {line}: emergency stop: M112" in verdict.problems
 
 
 @pytest.mark.parametrize("text", ["M0\n", "M1 press the button\n", "M0 S0\n"])

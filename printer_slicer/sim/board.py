@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import inf
+from math import inf, pi
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.motion.counting import COUNTING, Counting
@@ -44,6 +44,9 @@ class Board:
         offset: what G92 adds to x, y, z as the program sees them, mm.
         filament: mm fed since power-on, as planned.
         unit: mm per unit of the program.
+        volumetric: E counts cubes of the program's unit, of a filament of `diameter` mm.
+        flow_ratio: of M221.
+        e_ratio: mm of filament for a unit of E that is a length; see `reckon_e`.
         feed: mm/s asked for last.
         retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
@@ -92,13 +95,13 @@ class Board:
         self.counting = Counting(COUNTING[front_end.flavour])
         self.relative = self.relative_e = self.retracted = False
         self.unit = 1.0
-        self.feed = 25.0
+        self.feed, self.diameter = 25.0, machine.filament_diameter
         self.retraction = (0.0, 25.0, 25.0, 0.0)
-        self.speed_ratio = self.flow_ratio = 1.0
+        self.speed_ratio = self.flow_ratio = self.e_ratio = 1.0
         self.homed = [False, False, False]
         self.loose: set[int] = set()
         self.soft_endstops = True
-        self.guarded = self.warned_unhomed = self.waiting = False
+        self.guarded = self.warned_unhomed = self.waiting = self.volumetric = False
         self.stops = self.muted = 0
         self.busy_seconds = front_end.busy_seconds
         self.busy_with = "processing"
@@ -234,6 +237,11 @@ class Board:
     def guard(self) -> None:
         """Find out anew whether moves are kept inside the machine."""
         self.guarded = self.soft_endstops and all(self.homed)
+
+    def reckon_e(self) -> None:
+        """Find out anew how much filament an E feeds."""
+        area = pi * self.diameter**2 / 4.0
+        self.e_ratio = self.flow_ratio * (self.unit**2 / area if self.volumetric else 1.0)
 
     def set_limits(self, limits: Limits) -> None:
         """Move by other limits from the next command on."""

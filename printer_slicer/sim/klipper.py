@@ -112,7 +112,7 @@ def _out_of_reach(board: Board, goal: Axes) -> str:
 
 def _not_to_extrude(board: Board, goal: Axes) -> str:
     """Why the extruder would not turn so; empty if it would."""
-    fed = (goal[3] - board.position[3]) * board.flow_ratio
+    fed = (goal[3] - board.position[3]) * board.e_ratio
     if not fed:
         return ""
     if not board.hot and not board.warm_enough():
@@ -164,7 +164,8 @@ def _tell(board: Board, command: Command) -> None:
 
 
 def _stop(board: Board, _: Command) -> None:
-    """M112, when nothing saw it earlier."""
+    """M112, which has acted when the line was queued."""
+    board.violated("emergency stop")
     if not board.shut_down:
         board.kill("M112 Shutdown")
 

@@ -95,7 +95,7 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
         x, y, z, e = goal = _clamped(board, goal, over)
     board.position = goal
     dx, dy, dz = x - old[0], y - old[1], z - old[2]
-    de = (e - old[3]) * board.flow_ratio
+    de = (e - old[3]) * board.e_ratio
     if de and ((not board.hot and not board.warm_enough()) or abs(de) > board.machine.longest_extrusion):
         _refuse_extrusion(board)
         de = 0.0
@@ -188,17 +188,17 @@ def _chords(board: Board, points: Iterator[Axes]) -> Steps:
 
 
 def firmware_retraction(board: Board, command: Command) -> Steps | None:
-    """G10 and G11: turn the extruder, unless it is turned so already; E stays what it was."""
+    """G10 and G11: turn the extruder by mm of filament, unless it is turned so already; E stays what it was."""
     back = command.code == "G10"
     if command.words or back == board.retracted:
         return None
     board.retracted = back
     length, out, forward, extra = board.retraction
-    feed, position = board.feed, board.position
-    board.feed = out if back else forward
+    feed, position, ratio = board.feed, board.position, board.e_ratio
+    board.feed, board.e_ratio = out if back else forward, 1.0
     x, y, z, e = position
     block = _prepared(board, (x, y, z, e - length if back else e + length + extra))
-    board.feed, board.position = feed, position
+    board.feed, board.position, board.e_ratio = feed, position, ratio
     board.mover.advance(board.now)
     return None if block is None else _pushed_later(board, block, (x, y, z, board.filament))
 
@@ -337,6 +337,7 @@ def _counts(board: Board, command: Command) -> None:
 
 def _units(board: Board, command: Command) -> None:
     board.unit = 25.4 if command.code == "G20" else 1.0
+    board.reckon_e()
 
 
 TABLE: Final = {

@@ -155,7 +155,7 @@ class Stretch:
             return None
         others = [(place - begin, kind, text) for place, kind, text in others if place < end]
         position, delta = _ways(chunk.words[begin:end], board, others)
-        delta[:, 3] *= board.flow_ratio
+        delta[:, 3] *= board.e_ratio
         allowed = _allowed(position, delta, chunk.is_plain[begin:end], board)
         count = len(allowed) if allowed.all() else int(allowed.argmin())
         if count == 0:

@@ -190,6 +190,46 @@ def test_feed_and_flow_ratios_and_new_limits_change_time_and_filament() -> None:
     assert console.printer.report().filament == pytest.approx(1.0)
 
 
+AREA = pi * 1.75**2 / 4
+
+
+@pytest.mark.parametrize(
+    ("before", "fed"),
+    [
+        (["M200 D1.75"], 10 / AREA),
+        (["M200 D1.75", "M200 S0"], 10),
+        (["M200 D1.75", "M200 D0"], 10),
+        (["M200 D1.75", "M200 D0", "M200 S1"], 10 / AREA),
+        (["M200 S1"], 10 / AREA),
+        (["M200"], 10),
+        (["M200 D1.75", "M221 S50"], 5 / AREA),
+        (["G20", "M200 S1"], 10 * 25.4**3 / AREA),
+        (["M200 S1", "G20", "G21"], 10 / AREA),
+    ],
+    ids=str,
+)
+def test_e_may_be_a_volume(before: list[str], fed: float) -> None:
+    console = Console(machine=replace(COLD_OK, longest_extrusion=1e9))
+    console.do(*before, "G1 E10 F100000", "M400")
+
+    assert console.printer.report().filament_fed == pytest.approx(fed)
+
+
+def test_firmware_retraction_is_a_length_whatever_e_is() -> None:
+    console = Console(machine=COLD_OK)
+    console.do("M207 S4", "M200 D1.75", "M221 S50", "G10", "G11", "M400")
+
+    assert console.printer.report().filament_retracted == pytest.approx(4)
+
+
+def test_klipper_does_not_know_e_as_a_volume() -> None:
+    console = Console(replace(MARLIN_2_1_ADVANCED, flavour="klipper"), COLD_OK)
+    console.do("M200 D1.75", "G1 E10", "M400")
+
+    assert console.printer.report().filament_fed == 10
+    assert console.printer.report().violation_counts["unknown command"] == 1
+
+
 def test_a_larger_junction_deviation_makes_corners_faster() -> None:
     def seconds(*setup: str) -> float:
         console = Console(machine=NIMBLE)
