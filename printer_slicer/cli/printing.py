@@ -377,13 +377,15 @@ def _repaired(job: Job) -> list[str]:
 
 def sim_command(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
-    from printer_slicer.verdict import Comparison, judge
+    from printer_slicer.verdict import Comparison, judge, layer_counter
 
     _look_at_sim_flags(arguments)
     faults = faults_of(arguments)
     profile = profile_from(arguments, slices=bool(arguments.models) and not _has_gcode(arguments))
     job, known = _job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
+    if faults and job:
+        faults.layer_now = layer_counter(job, comparison)
     report = serve_printer(arguments, profile, comparison, faults)
     result = {
         **asdict(report),

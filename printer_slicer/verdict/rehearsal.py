@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -27,7 +28,7 @@ from printer_slicer.verdict.machines import front_end_of, machine_of
 from printer_slicer.verdict.materials import Materials
 from printer_slicer.verdict.pace import Link
 
-__all__ = ["dry_run"]
+__all__ = ["dry_run", "layer_counter"]
 
 _PLACE = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
 _LATENCY = 0.001  # s that an answer takes over USB
@@ -61,6 +62,8 @@ class _Rig:
             on_executed=self.comparison,
             track=self.materials.track,
         )
+        if self.trouble is not None:
+            self.trouble.layer_now = layer_counter(self.job, self.comparison)
         self.port = VirtualPort(self.printer, baud=self.baud, latency=_LATENCY, faults=self.trouble)
 
     def streamer(self, commands: Sequence[bytes]) -> Streamer:
@@ -84,6 +87,20 @@ class _Rig:
                 total_seconds,
             ),
         )
+
+
+def layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
+    """What tells the layer that is executed, as the comments of the job have it; None without such comments."""
+    if not job.marks:
+        return None
+    begins, numbers = list(job.marks), list(job.marks.values())
+
+    def layer_now() -> int:
+        """That of the command begun last; 0 before the first."""
+        at = bisect_right(begins, comparison.due - 1)
+        return numbers[at - 1] if at else 0
+
+    return layer_now
 
 
 def dry_run(  # noqa: PLR0913 - all but two have a good default
