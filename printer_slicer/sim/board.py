@@ -170,6 +170,11 @@ class Board:
         """Warms the bed."""
         return self.heaters.bed
 
+    @property
+    def busy_report(self) -> str:
+        """What is said while a command takes its time."""
+        return f"echo:busy: {self.busy_with}"
+
     def settle(self) -> None:
         """Let the plastic that was fed since the last time take its heat along, evenly."""
         if not self.heaters.steady:

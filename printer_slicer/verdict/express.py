@@ -175,7 +175,8 @@ class Express:
         if stretch is None:
             return 0
         cut = slice(at, at + len(stretch))
-        before = Before(limits, planned, board.filament, self._wire)
+        told = board.busy_seconds, len(board.busy_report) + 1
+        before = Before(limits, planned, board.filament, self._wire, *told)
         paced = pace(stretch, (chunk.sizes[cut], chunk.rooms[cut]), before, self._link)
         count = paced.done
         if count and paced.executed[-1] >= self._printer.undisturbed_until:

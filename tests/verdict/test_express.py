@@ -188,6 +188,16 @@ def test_any_job_is_executed_as_over_the_wire(
     same(quick, slow, seconds=2e-3)
 
 
+def test_an_answer_may_come_behind_a_line_that_says_busy(tmp_path: Path) -> None:
+    """A command that waits for a place for some milliseconds more than twelve seconds is answered late."""
+    first, then = ["G1 X60.00 Y60.00", *["G1 X100.1 Y100"] * 20], ["G1 X100 Y100 E0.01"] * 2
+    lines = [*READY, *first, "G1 X500", *[*then, "G1 X100.1 Y100"] * 20]
+    job = job_of_lines(tmp_path, lines, PROFILE)
+    quick, slow = (dry_run(job, PROFILE, baud=19200, every_byte=every) for every in (False, True))
+
+    same(quick, slow)
+
+
 def test_the_host_is_told_how_it_goes(tmp_path: Path) -> None:
     job = job_of_lines(tmp_path, [*READY, *curve(1.5, 20_000, 6000), "M104 S0"], PROFILE)
     heard: list[Event] = []
