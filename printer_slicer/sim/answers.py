@@ -278,10 +278,11 @@ def nothing(_: Board, __: Command) -> None:
 def _volumetric(board: Board, command: Command) -> None:
     """M200: E counts volume of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
     diameter, switch = command.value("D"), command.value("S")
-    if diameter:
-        board.diameter = abs(diameter) * board.unit
+    new = positive(command, "D")
+    if new:
+        board.diameter = new["D"] * board.unit
     if diameter is not None or switch is not None:
-        board.volumetric = bool(diameter if switch is None else switch)
+        board.volumetric = bool(new) if switch is None else bool(switch)
     board.reckon_e()
 
 
