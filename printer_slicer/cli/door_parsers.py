@@ -152,6 +152,15 @@ def add_firmware(parser: argparse.ArgumentParser) -> None:
         help=f"how it answers: {', '.join(FIRMWARES)}; default: marlin 2.1 with the meanings of the printer's flavour",
     )
     group.add_argument(
+        "--extruders",
+        metavar="N",
+        type=positive,
+        help="how many it has; default: 1, or up to the tool that the printer's profile prints with",
+    )
+    group.add_argument(
+        "--one-hotend", action="store_true", help="the extruders share one, as with a changer of filaments"
+    )
+    group.add_argument(
         "--faults", metavar="FILE.toml", type=Path, help="what shall go wrong, see docs/simulator.md"
     )
     group.add_argument(
@@ -197,7 +206,6 @@ def add_sim_flags(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="a memory card with these files; default: no reader",
     )
-    parser.add_argument("--extruders", metavar="N", type=positive, default=1, help="how many; default: 1")
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
     )

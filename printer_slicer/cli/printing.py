@@ -214,8 +214,18 @@ def _simulate(
 
     chosen = getattr(arguments, "firmware", None)
     front_end = firmware_of(arguments, profile.printer) if chosen else None
+    extruders, one_hotend = getattr(arguments, "extruders", None), getattr(arguments, "one_hotend", False)
     with progress(arguments, job, events=events) as tell:
-        return dry_run(job, profile, on_event=tell, baud=baud, front_end=front_end, faults=faults)
+        return dry_run(
+            job,
+            profile,
+            on_event=tell,
+            baud=baud,
+            front_end=front_end,
+            faults=faults,
+            extruders=extruders,
+            one_hotend=one_hotend,
+        )
 
 
 def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
@@ -367,13 +377,15 @@ def _repaired(job: Job) -> list[str]:
 
 def sim_command(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
-    from printer_slicer.verdict import Comparison, judge
+    from printer_slicer.verdict import Comparison, judge, layer_counter
 
     _look_at_sim_flags(arguments)
     faults = faults_of(arguments)
     profile = profile_from(arguments, slices=bool(arguments.models) and not _has_gcode(arguments))
     job, known = _job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
+    if faults and job:
+        faults.layer_now = layer_counter(job, comparison)
     report = serve_printer(arguments, profile, comparison, faults)
     result = {
         **asdict(report),

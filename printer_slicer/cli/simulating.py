@@ -90,8 +90,10 @@ def serve_printer(
 
     firmware = firmware_of(arguments, profile.printer)
     files = _card(arguments)
-    extruders = arguments.extruders
-    machine = replace(machine_of(profile.printer), card=files is not None, extruders=extruders)
+    machine = replace(
+        machine_of(profile.printer, arguments.extruders, one_hotend=arguments.one_hotend),
+        card=files is not None,
+    )
 
     def make() -> SimulatedPrinter:
         """The printer, switched on."""

@@ -63,6 +63,7 @@ def _line_number(board: Board, command: Command) -> None:
 
 def _kill(board: Board, _: Command) -> None:
     """M112, when nothing saw it earlier."""
+    board.violated("emergency stop")
     board.kill("M112 Shutdown")
 
 
@@ -220,6 +221,7 @@ def _flow_ratio(board: Board, command: Command) -> None:
         board.say(f"echo:E0 Flow: {board.flow_ratio * 100:.0f}%")
     else:
         board.flow_ratio = max(percent, 0.0) / 100.0
+        board.reckon_e()
 
 
 def _settings(board: Board, command: Command) -> None:
@@ -274,9 +276,14 @@ def nothing(_: Board, __: Command) -> None:
 
 
 def _volumetric(board: Board, command: Command) -> None:
-    """M200: E in mm of filament stays as it is; E in mm³ this printer does not know."""
-    if command.value("D") != 0:
-        board.unknown(command.text)
+    """M200: E counts volume of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
+    diameter, switch = command.value("D"), command.value("S")
+    new = positive(command, "D")
+    if new:
+        board.diameter = new["D"] * board.unit
+    if diameter is not None or switch is not None:
+        board.volumetric = bool(new) if switch is None else bool(switch)
+    board.reckon_e()
 
 
 TABLE: Final = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import inf
+from math import inf, pi
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.motion.counting import COUNTING, Counting
@@ -44,10 +44,14 @@ class Board:
         offset: what G92 adds to x, y, z as the program sees them, mm.
         filament: mm fed since power-on, as planned.
         unit: mm per unit of the program.
+        volumetric: E counts cubes of the program's unit, of a filament of `diameter` mm.
+        flow_ratio: of M221.
+        e_ratio: mm of filament for a unit of E that is a length; see `reckon_e`.
         feed: mm/s asked for last.
         retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
         homed: x, y, z.
+        loose: axes whose motors were off since they were homed.
         guarded: all axes are homed and the soft endstops are on.
         heaters: all of them.
         hot: the hotend is known to stay hot enough until something changes.
@@ -64,9 +68,7 @@ class Board:
     """
 
     def __init__(self, machine: Machine, front_end: FrontEnd, tally: Tally, card: Card, now: float) -> None:
-        self.machine = machine
-        self.front_end = front_end
-        self.tally = tally
+        self.machine, self.front_end, self.tally = machine, front_end, tally
         self.now = now
         self.out: list[str] = []
         self.last_line = 0
@@ -93,12 +95,13 @@ class Board:
         self.counting = Counting(COUNTING[front_end.flavour])
         self.relative = self.relative_e = self.retracted = False
         self.unit = 1.0
-        self.feed = 25.0
+        self.feed, self.diameter = 25.0, machine.filament_diameter
         self.retraction = (0.0, 25.0, 25.0, 0.0)
-        self.speed_ratio = self.flow_ratio = 1.0
+        self.speed_ratio = self.flow_ratio = self.e_ratio = 1.0
         self.homed = [False, False, False]
+        self.loose: set[int] = set()
         self.soft_endstops = True
-        self.guarded = self.warned_unhomed = self.waiting = False
+        self.guarded = self.warned_unhomed = self.waiting = self.volumetric = False
         self.stops = self.muted = 0
         self.busy_seconds = front_end.busy_seconds
         self.busy_with = "processing"
@@ -167,6 +170,11 @@ class Board:
         """Warms the bed."""
         return self.heaters.bed
 
+    @property
+    def busy_report(self) -> str:
+        """What is said while a command takes its time."""
+        return f"echo:busy: {self.busy_with}"
+
     def settle(self) -> None:
         """Let the plastic that was fed since the last time take its heat along, evenly."""
         if not self.heaters.steady:
@@ -234,6 +242,11 @@ class Board:
     def guard(self) -> None:
         """Find out anew whether moves are kept inside the machine."""
         self.guarded = self.soft_endstops and all(self.homed)
+
+    def reckon_e(self) -> None:
+        """Find out anew how much filament an E feeds."""
+        area = pi * self.diameter**2 / 4.0
+        self.e_ratio = self.flow_ratio * (self.unit**2 / area if self.volumetric else 1.0)
 
     def set_limits(self, limits: Limits) -> None:
         """Move by other limits from the next command on."""

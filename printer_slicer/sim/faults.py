@@ -16,7 +16,7 @@ endstop      printer    the endstop of an `axis` never closes
 clog         printer    a `share` of the filament that is fed does not come out
 runout       printer    the filament ends
 
-A fault strikes when the printer begins the line with a number, lays plastic at its n-th layer or above a z, at a
+A fault strikes when the printer begins the line with a number, begins its n-th layer or lays plastic above a z, at a
 time, or from the beginning; what lasts does so for `seconds`, or for ever. All chance comes from one source that is
 given, so the same seed, faults and host make the same run.
 """
@@ -54,7 +54,7 @@ class Fault:
     Attributes:
         kind: see the table above.
         line: number of the line, as the host counts them; of a host that does not, how many it has sent.
-        layer: how many heights plastic was laid at.
+        layer: of those that comments of the file tell, else how many heights plastic was laid at.
         z: mm, at or above which plastic was laid.
         time: s since the printer was switched on.
         seconds: how long it lasts; infinity: for ever.
@@ -107,12 +107,14 @@ class Faults:
         due: when the next one strikes or ends without the printer doing anything, s.
         unplugged: the cable carries nothing.
         happened: what struck so far, in order.
+        layer_now: in which layer the printer is; None counts the heights at which it has laid plastic.
     """
 
     def __init__(self, faults: Sequence[Fault], chance: Chance) -> None:
         self.due = inf
         self.unplugged = False
         self.happened: list[Happening] = []
+        self.layer_now: Callable[[], int] | None = None
         self._chance = chance
         self._waiting = list(faults)
         self._ends: list[tuple[float, Fault]] = []
@@ -132,12 +134,12 @@ class Faults:
         def executed(text: str) -> None:
             printer = self._printer
             assert printer is not None
-            layers, z = printer.laid
+            if on_executed is not None:
+                on_executed(text)
+            layers, z = self._laid(printer)
             if printer.line >= self._line or layers >= self._layer or z >= self._z:
                 self.due = printer.board.now
                 printer.interrupt()
-            if on_executed is not None:
-                on_executed(text)
 
         return executed
 
@@ -145,7 +147,7 @@ class Faults:
         """Let everything strike, and end, whose time has come."""
         printer = self._printer
         assert printer is not None
-        layers, z = printer.laid
+        layers, z = self._laid(printer)
         line = printer.line
         come = [one for one in self._waiting if self._has_come(one, now, line, layers, z)]
         self._waiting = [one for one in self._waiting if not self._has_come(one, now, line, layers, z)]
@@ -169,6 +171,11 @@ class Faults:
             if fault.way in ("both", direction) and data:
                 data = self._changed(fault, data, direction)
         return data
+
+    def _laid(self, printer: SimulatedPrinter) -> tuple[int, float]:
+        """The layer, and the height at which plastic was laid last, mm."""
+        layers, z = printer.laid
+        return (layers if self.layer_now is None else self.layer_now()), z
 
     def _has_come(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
         """Whether it is time for a fault."""

@@ -104,6 +104,7 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "M907": nothing,
     },
     "klipper": {
+        "M200": lambda board, command: board.unknown(command.text),
         "PAUSE": ask_person,
         "SET_RETRACTION": _retraction,
         "SET_VELOCITY_LIMIT": _velocity_limit,

@@ -41,6 +41,8 @@ class Heaters:
 
     def __init__(self, machine: Machine, now: float) -> None:
         self.hotends = [Heater(machine.hotend, machine.ambient) for _ in range(machine.extruders)]
+        if machine.one_hotend:
+            self.hotends = self.hotends[:1] * machine.extruders
         self.tool = 0
         self.hotend = self.hotends[0]
         self.bed = Heater(machine.bed, machine.ambient)

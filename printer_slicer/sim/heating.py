@@ -73,7 +73,7 @@ def _aim_and_wait(board: Board, heater: Heater, command: Command) -> Steps | Non
     cools_too = command.value("S") is None
     if not _aim(board, heater, command, "SR"):
         return None
-    if not cools_too and heater.temperature(board.now) > heater.target:
+    if not cools_too and heater.reading(board.now) > heater.target:
         return None
     return _waited(board, heater)
 
@@ -127,13 +127,13 @@ def _report(board: Board, rest: str) -> None:
 
 
 def _arrival(heater: Heater, now: float) -> float:
-    """When the temperature comes within the window around the target; infinite when it never does."""
-    if heater.disturbed:
-        return inf
-    missing = heater.target - heater.temperature(now)
+    """When the sensor reads what lies within the window around the target; infinite when it never does."""
+    missing = heater.target - heater.reading(now)
     window = heater.spec.window
     if abs(missing) < window:
         return now
+    if heater.stuck_at is not None:
+        return inf
     edge = heater.target - window if missing > 0.0 else heater.target + window
     return now + heater.seconds_until(edge, now)
 

@@ -9,7 +9,6 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.heating import TABLE as HEATING
-from printer_slicer.sim.moves import TABLE as MOVES
 from printer_slicer.sim.moves import goal_of
 from printer_slicer.sim.moves import straight as go
 
@@ -113,7 +112,7 @@ def _out_of_reach(board: Board, goal: Axes) -> str:
 
 def _not_to_extrude(board: Board, goal: Axes) -> str:
     """Why the extruder would not turn so; empty if it would."""
-    fed = (goal[3] - board.position[3]) * board.flow_ratio
+    fed = (goal[3] - board.position[3]) * board.e_ratio
     if not fed:
         return ""
     if not board.hot and not board.warm_enough():
@@ -152,13 +151,21 @@ def _dwelling(board: Board, seconds: float) -> Steps:
         yield from board.until(board.now + seconds)
 
 
+def _motors_off(board: Board, _: Command) -> Steps:
+    """M84 and M18: all motors, whatever else it says; no axis is homed any more."""
+    yield from board.drained()
+    board.homed = [False, False, False]
+    board.guard()
+
+
 def _tell(board: Board, command: Command) -> None:
     """M118."""
     board.say(f"echo: {command.rest}")
 
 
 def _stop(board: Board, _: Command) -> None:
-    """M112, when nothing saw it earlier."""
+    """M112, which has acted when the line was queued."""
+    board.violated("emergency stop")
     if not board.shut_down:
         board.kill("M112 Shutdown")
 
@@ -193,8 +200,8 @@ TABLE: Final = {
     "G0": _move,
     "G1": _move,
     "G4": _dwell,
-    "M84": MOVES["M400"],
-    "M18": MOVES["M400"],
+    "M84": _motors_off,
+    "M18": _motors_off,
     "M112": _stop,
     "M118": _tell,
     "FIRMWARE_RESTART": _restart,

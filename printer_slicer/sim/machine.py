@@ -60,6 +60,7 @@ class Machine:
         homing_bump: s per axis for backing off and touching again.
         steps: per mm of x, y, z, e; only for the step counts of M114.
         hotend, bed: the heaters; every extruder has a hotend like this.
+        one_hotend: the extruders share one.
         hotend_guard, bed_guard: what the firmware takes for a heater out of control.
         melting: J that a mm³ of filament takes along for each °C between hotend and room.
         extruders: how many, T0 first.
@@ -91,6 +92,7 @@ class Machine:
     bed_guard: GuardSpec = field(default_factory=_bed_guard)
     melting: float = 0.0022
     extruders: int = 1
+    one_hotend: bool = False
     tool_change: float = 2.0
     coldest_extrusion: float = 170.0
     longest_extrusion: float = 200.0

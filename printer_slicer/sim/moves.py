@@ -20,10 +20,13 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.words import Command
 
-__all__ = ["STOP_SECONDS", "TABLE", "firmware_retraction", "goal_of", "probe", "straight"]
+__all__ = ["FARTHEST", "STOP_SECONDS", "TABLE", "firmware_retraction", "goal_of", "probe", "straight"]
 
 LARGEST_RADIUS: Final = 10_000.0
 """mm; an arc of a larger circle has more chords than a firmware can count."""
+
+FARTHEST: Final = 1000.0
+"""mm outside the machine where nothing guards its edges: a number beyond is a slip, and no frame lets it come true."""
 
 HOMING_REACH: Final = 1.5
 
@@ -79,16 +82,20 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
     """The block to `goal` as the firmware allows it, with everything but its motion accounted for."""
     old = board.position
     low, high = board.machine.box_min, board.machine.box_max
+    over = 0.0 if board.guarded else FARTHEST
     x, y, z, e = goal
-    if board.guarded:
-        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]):
-            x, y, z, e = goal = _clamped(board, goal)
-    elif not board.warned_unhomed and not all(board.homed):
+    if not board.guarded and not board.warned_unhomed and not all(board.homed) and goal[:3] != old[:3]:
         board.warned_unhomed = True
         board.violated("moved before homing")
+    if not (
+        low[0] - over <= x <= high[0] + over
+        and low[1] - over <= y <= high[1] + over
+        and low[2] - over <= z <= high[2] + over
+    ):
+        x, y, z, e = goal = _clamped(board, goal, over)
     board.position = goal
     dx, dy, dz = x - old[0], y - old[1], z - old[2]
-    de = (e - old[3]) * board.flow_ratio
+    de = (e - old[3]) * board.e_ratio
     if de and ((not board.hot and not board.warm_enough()) or abs(de) > board.machine.longest_extrusion):
         _refuse_extrusion(board)
         de = 0.0
@@ -100,6 +107,9 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
             board.spool_ended()
         if block is not None and (dx or dy):
             board.tally.laid(old, goal)
+            if board.loose:
+                board.loose.clear()  # once is enough
+                board.violated("moved before homing, after the motors were off")
             rate = de / block.length * block.speed
             board.tally.peak_feed = max(board.tally.peak_feed, rate)
     elif de < 0.0:
@@ -115,10 +125,10 @@ def _refuse_extrusion(board: Board) -> None:
     board.violated(f"{what} prevented")
 
 
-def _clamped(board: Board, goal: Axes) -> Axes:
-    """`goal` moved to the nearest place inside the machine."""
+def _clamped(board: Board, goal: Axes, over: float) -> Axes:
+    """`goal` moved to the nearest place not more than `over` mm outside the machine."""
     box = zip(goal[:3], board.machine.box_min, board.machine.box_max, strict=True)
-    x, y, z = (min(max(at, low), high) for at, low, high in box)
+    x, y, z = (min(max(at, low - over), high + over) for at, low, high in box)
     for letter, at, kept in zip("XYZ", goal, (x, y, z), strict=False):
         if at != kept:
             board.violated(f"out of the machine: {letter} {at:.3f}, stopped at {kept:.3f}")
@@ -178,17 +188,17 @@ def _chords(board: Board, points: Iterator[Axes]) -> Steps:
 
 
 def firmware_retraction(board: Board, command: Command) -> Steps | None:
-    """G10 and G11: turn the extruder, unless it is turned so already; E stays what it was."""
+    """G10 and G11: turn the extruder by mm of filament, unless it is turned so already; E stays what it was."""
     back = command.code == "G10"
     if command.words or back == board.retracted:
         return None
     board.retracted = back
     length, out, forward, extra = board.retraction
-    feed, position = board.feed, board.position
-    board.feed = out if back else forward
+    feed, position, ratio = board.feed, board.position, board.e_ratio
+    board.feed, board.e_ratio = out if back else forward, 1.0
     x, y, z, e = position
     block = _prepared(board, (x, y, z, e - length if back else e + length + extra))
-    board.feed, board.position = feed, position
+    board.feed, board.position, board.e_ratio = feed, position, ratio
     board.mover.advance(board.now)
     return None if block is None else _pushed_later(board, block, (x, y, z, board.filament))
 
@@ -225,6 +235,7 @@ def _home(board: Board, command: Command) -> Steps:
         position[axis] = machine.home[axis]
         offset[axis] = 0.0
         board.homed[axis] = True
+        board.loose.discard(axis)
         board.position = (position[0], position[1], position[2], position[3])
         board.offset = (offset[0], offset[1], offset[2])
         board.mover.place((position[0], position[1], position[2], board.filament))
@@ -260,13 +271,20 @@ def _probing(board: Board) -> Steps:
 
 
 def _finish(board: Board, _: Command) -> Steps:
-    """M400, M84, M18, M900: go on when everything planned was executed."""
+    """M400, M900: go on when everything planned was executed."""
     yield from board.drained()
 
 
 def _motors_off(board: Board, command: Command) -> Steps | None:
     """M84 and M18; with S they only set a time limit."""
-    return None if "S" in command.words else _finish(board, command)
+    return None if "S" in command.words else _loosening(board, command)
+
+
+def _loosening(board: Board, command: Command) -> Steps:
+    """Switch motors off, those named or all. Marlin then knows that they may be anywhere, and moves all the same."""
+    yield from board.drained()
+    named = [axis for axis, letter in enumerate(AXES) if letter in command.words]
+    board.loose.update(axis for axis in named or range(3) if AXES[axis] != "E")
 
 
 def _quick_stop(board: Board, _: Command) -> Steps | None:
@@ -319,6 +337,7 @@ def _counts(board: Board, command: Command) -> None:
 
 def _units(board: Board, command: Command) -> None:
     board.unit = 25.4 if command.code == "G20" else 1.0
+    board.reckon_e()
 
 
 TABLE: Final = {

@@ -255,7 +255,7 @@ class SimulatedPrinter:
         if self._steps is not None and max(self._resume_at, self._ready) <= now:
             self._resume(self._steps)
         if self._steps is not None and self._next_busy <= now:
-            board.report(f"echo:busy: {board.busy_with}")
+            board.report(board.busy_report)
             self._next_busy = now + board.busy_seconds
         if board.due <= now:
             board.ring()

@@ -8,7 +8,7 @@ from typing import Final
 __all__ = ["SIMPLE_MOVE", "Command"]
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
-_SHORT = r"[-+]?(?:[0-9]{1,9}\.?[0-9]*|\.[0-9]+)"
+_SHORT = r"[-+]?(?:[0-9]{1,9}(?:\.[0-9]*)?|\.[0-9]+)"
 
 _LARGEST: Final = 1e9
 """No firmware counts further than this; without a limit a line of digits would be infinite."""

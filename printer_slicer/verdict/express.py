@@ -24,7 +24,13 @@ from printer_slicer.stream.session import run
 from printer_slicer.verdict.pace import Before, Link, Paced, Wire, pace
 from printer_slicer.verdict.stretch import GREETING, Chunk, Stretch, limits_at
 
-__all__ = ["Express"]
+__all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "Express", "NeverDoneError"]
+
+LONGEST_COMMAND: Final = 86400.0
+"""s; what a printer has not done by then it never will, or somebody wrote far too large a number."""
+
+LONGEST_PRINT: Final = 30 * LONGEST_COMMAND
+"""s; no print takes that long, but a slip in a file may."""
 
 _AT_ONCE: Final = 8192  # commands that are read at once
 _WORTH: Final = 48  # commands in a stretch from which on it is worth the way
@@ -35,6 +41,10 @@ _ROW: Final = 9
 
 class _MetError(Exception):
     """Host and printer know each other now."""
+
+
+class NeverDoneError(Exception):
+    """A command, or the whole print, takes longer than anybody would wait."""
 
 
 class Express:
@@ -85,7 +95,11 @@ class Express:
         return heard
 
     def execute(self, commands: Sequence[bytes], on_progress: Callable[[int], None]) -> int:
-        """Execute a job; how many of its commands were, before the printer halted."""
+        """Execute a job; how many of its commands were, before the printer halted.
+
+        Raises:
+            NeverDoneError: one of them takes longer than a day, or all of them longer than 30.
+        """
         done = 0
         while done < len(commands) and not self._printer.board.killed:
             chunk = Chunk(commands[done : done + _AT_ONCE], self._number - GREETING)
@@ -94,7 +108,11 @@ class Express:
         return done
 
     def close(self) -> str:
-        """Wait for the end of the motion and ask where the printer is, as the host does; what it says."""
+        """Wait for the end of the motion and ask where the printer is, as the host does; what it says.
+
+        Raises:
+            NeverDoneError: the motion does not end.
+        """
         said = ""
         for command in _CLOSING:
             # Each of these questions waits for the answer to what was said before.
@@ -129,19 +147,21 @@ class Express:
             wire.say(len(printer.send(due)), due, link)
         self._number += 1
         printer.hear(self._number, chunk.texts[at], now)
-        said = b""
+        said, latest = [], min(now + LONGEST_COMMAND, LONGEST_PRINT)
         while True:
             if new := printer.send(now):
                 wire.say(len(new), now, link)
-                said += new
+                said.append(new)
             if not printer.working:
                 break
             due = printer.wakeup()
             if due is None:
                 break
+            if due > latest:
+                raise NeverDoneError
             now = due
         wire.hear(now, link)
-        return said.decode("latin-1")
+        return b"".join(said).decode("latin-1")
 
     def _leap(self, chunk: Chunk, at: int) -> int:
         """Execute as many commands at once as can be; how many that were."""
@@ -155,7 +175,8 @@ class Express:
         if stretch is None:
             return 0
         cut = slice(at, at + len(stretch))
-        before = Before(limits, planned, board.filament, self._wire)
+        told = board.busy_seconds, len(board.busy_report) + 1
+        before = Before(limits, planned, board.filament, self._wire, *told)
         paced = pace(stretch, (chunk.sizes[cut], chunk.rooms[cut]), before, self._link)
         count = paced.done
         if count and paced.executed[-1] >= self._printer.undisturbed_until:

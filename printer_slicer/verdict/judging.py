@@ -190,6 +190,10 @@ def _problems(
     if comparison.executed != len(job.commands):
         problems.append(f"{comparison.executed} of {len(job.commands)} commands were executed")
     problems += [f"executed out of turn after command {after}: {text}" for after, text in comparison.strays]
+    problems += [
+        f"line {job.line_of(at)} was never executed: {job.commands[at].decode('latin-1')}"
+        for at in comparison.missed
+    ]
     if not (explained or _same_heights(job, report.layers)):
         problems.append(
             f"the printer laid plastic at {len(report.layers)} heights, the job has {len(job.heights)}"

@@ -20,8 +20,14 @@ _OVER: Final = (
 _PROBED: Final = 16  # points that a machine with a probe touches
 
 
-def machine_of(printer: Printer) -> Machine:
-    """The machine that a printer's profile describes; what profiles do not say is that of a common printer."""
+def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bool = False) -> Machine:
+    """The machine that a printer's profile describes; what profiles do not say is that of a common printer.
+
+    Args:
+        printer: the profile.
+        extruders: how many it has; None: the tool of the profile and those below it.
+        one_hotend: they share one, as with a changer of filaments.
+    """
     (left, front), (right, back) = printer.corners
     over = 0.0 if printer.firmware.ends_beyond else _OVER
     return Machine(
@@ -31,6 +37,8 @@ def machine_of(printer: Printer) -> Machine:
         home=(left, front, 0.0),
         person_seconds=_PERSON,
         probe_points=_PROBED if printer.probe else 0,
+        extruders=printer.tool + 1 if extruders is None else extruders,
+        one_hotend=one_hotend,
         hotend=HeaterSpec(
             power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=printer.max_nozzle_temperature
         ),

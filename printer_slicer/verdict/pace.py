@@ -7,8 +7,9 @@
 
 While the planner is never short of moves, the moves do not depend on the lines: `motion.ahead` gives their times. The
 lines depend on the moves and on each other; from the earliest that each could be they are put off until nothing
-changes any more. Then it is looked at whether the planner was indeed never short; what comes before the first line
-that was late is so, and the rest is left to the firmware itself.
+changes any more. Then it is looked at whether the planner was indeed never short, and whether no answer had to wait
+for a line that says that the machine is busy; what comes before the first line that was late is so, and the rest is
+left to the firmware itself.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Int
+from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.motion.ahead import seconds_ahead
 from printer_slicer.motion.rules import Block, Limits
 from printer_slicer.motion.whole import Blocks, corner_squares, make_blocks, moving_of
@@ -30,6 +31,7 @@ __all__ = ["Before", "Link", "Paced", "Wire", "pace"]
 _BITS: Final = 10  # of a byte on the wire
 _ROUNDS: Final = 24  # in which lines may put each other off
 _SAME: Final = 1e-11  # s
+_NEAR: Final = 1e-6  # s; moments this near each other may change places by rounding
 
 
 class Link(NamedTuple):
@@ -117,12 +119,16 @@ class Before(NamedTuple):
         planned: what is being made, and what waits.
         filament: mm fed when the plan so far ends.
         wire: how the conversation stands.
+        busy: s after which, and again and again, a command that waits is told of; 0: never.
+        busy_bytes: of that.
     """
 
     limits: Limits
     planned: Planned
     filament: float
     wire: Wire
+    busy: float
+    busy_bytes: int
 
 
 def pace(stretch: Stretch, sizes: tuple[Int, Int], before: Before, link: Link) -> Paced:
@@ -134,7 +140,7 @@ def pace(stretch: Stretch, sizes: tuple[Int, Int], before: Before, link: Link) -
         before: how things stand.
         link: what it goes over.
     """
-    limits, planned, filament, wire = before
+    limits, planned, filament, wire = before[:4]
     moving, length = moving_of(np.ascontiguousarray(stretch.delta.T))
     fresh = make_blocks(
         np.ascontiguousarray(stretch.delta[moving].T),
@@ -154,7 +160,8 @@ def pace(stretch: Stretch, sizes: tuple[Int, Int], before: Before, link: Link) -
     place_at = np.where(last > following - 1, _at(ends, last - places + 1, -np.inf), -np.inf)
     in_time = ends[np.clip(following - places + 2, 0, len(ends) - 1)]
     talk = _conversation(stretch, sizes, place_at, wire, link)
-    late = np.maximum(talk.arrived, np.append(wire.executed, talk.executed[:-1])) >= in_time
+    begun = np.maximum(talk.arrived, np.append(wire.executed, talk.executed[:-1]))
+    late = (begun >= in_time) | _told_of_late(talk.executed - begun, before, link)
     count = min(int(late.argmax()) if late.any() else len(stretch), talk.sure)
     if count == 0:
         return Paced(0, ends[:0], wire, planned, 0, seconds[:0], moving, fresh)
@@ -170,6 +177,16 @@ def pace(stretch: Stretch, sizes: tuple[Int, Int], before: Before, link: Link) -
         seconds[:began],
         moving,
         fresh,
+    )
+
+
+def _told_of_late(waits: Float, before: Before, link: Link) -> Bool:
+    """(n,) before which answers the machine said so late that it is busy that the answer comes behind that."""
+    if before.busy <= 0:
+        return np.zeros(len(waits), np.bool_)
+    rest = (waits + _NEAR) % before.busy
+    return np.asarray(
+        (waits + _NEAR >= before.busy) & (rest < before.busy_bytes * link.byte_seconds + 2 * _NEAR)
     )
 
 

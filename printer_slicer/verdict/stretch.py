@@ -19,6 +19,7 @@ from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.motion.rules import Limits
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.commands import run
+from printer_slicer.sim.moves import FARTHEST
 from printer_slicer.sim.words import Command
 
 __all__ = ["GREETING", "Chunk", "Stretch", "limits_at"]
@@ -79,8 +80,8 @@ def _kind(text: str) -> str:
     if code in _SILENT or code == _ACCELERATION:
         return code
     if code in _TIMED:
-        # Only the plainest forms: what else they can say is the firmware's business.
-        return code if code == "M107" or Command(text).value("S") is not None else ""
+        # Only the plainest forms: what else they can say is the firmware's business, such as whose heater T means.
+        return code if code == "M107" or list(Command(text).words) == ["S"] else ""
     if code == _SETS_E:
         words = Command(text).words
         return code if list(words) == ["E"] and words["E"] else ""
@@ -154,7 +155,7 @@ class Stretch:
             return None
         others = [(place - begin, kind, text) for place, kind, text in others if place < end]
         position, delta = _ways(chunk.words[begin:end], board, others)
-        delta[:, 3] *= board.flow_ratio
+        delta[:, 3] *= board.e_ratio
         allowed = _allowed(position, delta, chunk.is_plain[begin:end], board)
         count = len(allowed) if allowed.all() else int(allowed.argmin())
         if count == 0:
@@ -211,13 +212,14 @@ def _ways(words: Float, board: Board, others: _Others) -> tuple[Float, Float]:
 
 def _allowed(position: Float, delta: Float, is_plain: Bool, board: Board) -> Bool:
     """(n,) which commands the firmware executes as they are written."""
-    good = np.ones(len(position), np.bool_)
-    if board.guarded:
-        low, high = np.array(board.machine.box_min), np.array(board.machine.box_max)
-        good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
-    elif not board.warned_unhomed and not all(board.homed):
+    over = 0.0 if board.guarded else FARTHEST
+    low, high = np.array(board.machine.box_min) - over, np.array(board.machine.box_max) + over
+    good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
+    if not (board.guarded or board.warned_unhomed or all(board.homed)):
         good = ~is_plain
     feeds = delta[:, 3] != 0
+    if board.loose:
+        good &= ~feeds
     if not board.hot:
         return np.asarray(good & ~feeds)
     return np.asarray(good & ~(feeds & (np.abs(delta[:, 3]) > board.machine.longest_extrusion)))

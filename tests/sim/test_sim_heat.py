@@ -129,6 +129,25 @@ def test_a_heater_that_is_at_its_target_is_not_waited_for() -> None:
     assert console.say("M109 S60")[-1] == "ok"
 
 
+def test_a_heater_whose_sensor_reads_the_target_is_not_waited_for() -> None:
+    console = Console()
+    heater = console.printer.board.hotend
+    heater.upset(0.0, stuck_at=200.4)
+
+    assert console.do("M109 S200") == ["ok"]
+    assert heater.temperature(console.now) < 30.0
+    assert console.do("M109 S180") == ["ok"]  # it seems too hot, and S waits for heating only
+
+
+def test_a_dead_heater_that_cools_to_its_target_has_arrived() -> None:
+    console = Console()
+    console.do("M109 S200")
+    console.printer.board.hotend.upset(console.now, element="off")
+    console.do("M109 R100")
+
+    assert console.printer.board.hotend.temperature(console.now) < 101.0
+
+
 def test_s_does_not_wait_for_cooling_and_r_does() -> None:
     console = Console()
     console.do("M109 S100")

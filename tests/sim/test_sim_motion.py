@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from sim_console import COLD_OK, NIMBLE, Console
 
 from printer_slicer.motion.rules import Block, make_block, plan
-from printer_slicer.sim.front_end import MARLIN_2_1_ADVANCED
+from printer_slicer.sim.front_end import KLIPPER, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.tally import Tally
 
@@ -190,6 +190,47 @@ def test_feed_and_flow_ratios_and_new_limits_change_time_and_filament() -> None:
     assert console.printer.report().filament == pytest.approx(1.0)
 
 
+AREA = pi * 1.75**2 / 4
+
+
+@pytest.mark.parametrize(
+    ("before", "fed"),
+    [
+        (["M200 D1.75"], 10 / AREA),
+        (["M200 D1.75", "M200 S0"], 10),
+        (["M200 D1.75", "M200 D0"], 10),
+        (["M200 D1.75", "M200 D0", "M200 S1"], 10 / AREA),
+        (["M200 S1"], 10 / AREA),
+        (["M200 D0." + 200 * "0" + "1"], 10),
+        (["M200"], 10),
+        (["M200 D1.75", "M221 S50"], 5 / AREA),
+        (["G20", "M200 S1"], 10 * 25.4**3 / AREA),
+        (["M200 S1", "G20", "G21"], 10 / AREA),
+    ],
+    ids=str,
+)
+def test_e_may_be_a_volume(before: list[str], fed: float) -> None:
+    console = Console(machine=replace(COLD_OK, longest_extrusion=1e9))
+    console.do(*before, "G1 E10 F100000", "M400")
+
+    assert console.printer.report().filament_fed == pytest.approx(fed)
+
+
+def test_firmware_retraction_is_a_length_whatever_e_is() -> None:
+    console = Console(machine=COLD_OK)
+    console.do("M207 S4", "M200 D1.75", "M221 S50", "G10", "G11", "M400")
+
+    assert console.printer.report().filament_retracted == pytest.approx(4)
+
+
+def test_klipper_does_not_know_e_as_a_volume() -> None:
+    console = Console(replace(MARLIN_2_1_ADVANCED, flavour="klipper"), COLD_OK)
+    console.do("M200 D1.75", "G1 E10", "M400")
+
+    assert console.printer.report().filament_fed == 10
+    assert console.printer.report().violation_counts["unknown command"] == 1
+
+
 def test_a_larger_junction_deviation_makes_corners_faster() -> None:
     def seconds(*setup: str) -> float:
         console = Console(machine=NIMBLE)
@@ -260,6 +301,18 @@ def test_a_move_out_of_the_machine_stops_at_its_edge_and_is_noted() -> None:
     )
 
 
+@pytest.mark.parametrize("before", [[], ["G28", "M211 S0"]])
+def test_without_guard_a_slip_of_a_number_ends_all_the_same(before: list[str]) -> None:
+    console = Console()
+    console.do(*before)
+    console.do("G1 X" + 90 * "1", "M400")
+
+    assert console.do("M114")[0].startswith("X:1200.00 Y:0.00")
+    assert "out of the machine: X 1000000000.000, stopped at 1200.000" in str(
+        console.printer.report().violations
+    )
+
+
 def test_soft_endstops_can_be_switched_off() -> None:
     console = Console()
     console.do("G28", "M211 S0", "G1 X250")
@@ -274,6 +327,43 @@ def test_moving_before_homing_is_noted_once_and_done() -> None:
 
     assert place(console)["X"] == 260.0
     assert console.printer.report().violations == ((1, "moved before homing: G1 X250"),)
+
+
+@pytest.mark.parametrize(
+    ("off", "again", "noted"),
+    [
+        ("M84", [], True),
+        ("M18", [], True),
+        ("M84 X", ["G28 Y"], True),
+        ("M84 S60", [], False),
+        ("M84 E", [], False),
+        ("M84 X Y", ["G28 X", "G28 Y"], False),
+        ("M84", ["G28"], False),
+    ],
+)
+def test_laying_plastic_after_the_motors_were_off_is_noted_once(
+    off: str, again: list[str], noted: bool
+) -> None:
+    console = Console(machine=COLD_OK)
+    console.do("M302 P1", "G28", "G1 X10 E1", off, "G1 Z50", *again, "G1 X20 E2", "G1 X30 E3", "M400")
+    texts = [one.text for one in console.printer.report().violations]
+
+    assert texts == (["moved before homing, after the motors were off: G1 X20 E2"] if noted else [])
+
+
+def test_klipper_forgets_the_homing_with_the_motors() -> None:
+    console = Console(KLIPPER)
+    console.do("G28", "G1 X10 Y10 Z5 F3000", "M84 X")
+
+    assert console.do("G1 Y20") == ["!! Must home axis first: 10.000 20.000 5.000 [0.000]", "ok"]
+    assert console.do("G28", "G1 Y20") == ["ok", "ok"]
+
+
+def test_turning_the_extruder_is_no_move_that_needs_homing() -> None:
+    console = Console(machine=COLD_OK)
+    console.do("M302 P1", "G1 E-2")
+
+    assert console.printer.report().n_violations == 0
 
 
 def test_an_unbelievably_long_extrusion_is_refused() -> None:
