@@ -12,7 +12,7 @@ import numpy as np
 from printer_slicer.geometry import Float, Int
 from printer_slicer.ledger.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
 from printer_slicer.ledger.executed import FAT, Account, Layer, Marks
-from printer_slicer.ledger.mishaps import PLUNGE, Watch
+from printer_slicer.ledger.mishaps import DEEP, Watch
 from printer_slicer.ledger.relief import Relief
 
 __all__ = ["Keeper"]
@@ -47,7 +47,7 @@ class Keeper:
         self._fed = self._reached = 0.0  # mm of filament, and the most that it was
         self._waiting: list[tuple[Float, Float, Float]] = []
         self._waits = 0
-        self._z = np.nan
+        self._z, self._laid, self._low = np.nan, np.nan, False
         self._layers: dict[int, Layer] = {}
         self._heights: dict[float, int] = {}
         self._seconds = np.zeros(len(marks.spoken))
@@ -78,8 +78,11 @@ class Keeper:
             if name not in self._firsts and which.any():
                 self._firsts[name] = int(rows[which.argmax(), COMMAND])
         z = rows[:, 6]
-        # Cut where something is laid at another height than before, or the nozzle sinks into what was laid just now.
-        sinks = (z < rows[:, 3] - PLUNGE) & (z < np.fmax.accumulate(np.where(lays, z, self._z)) - PLUNGE)
+        # Cut where something is laid at another height than before, or the nozzle goes under what was laid just now.
+        laid = np.where(lays, z, np.nan)
+        low = np.minimum(z, rows[:, 3]) < _latest(laid, self._laid) - DEEP
+        sinks = low & ~np.append(self._low, low[:-1])
+        self._low, self._laid = bool(low[-1]), float(_latest(np.append(laid, 0.0), self._laid)[-1])
         at = np.flatnonzero(lays | sinks)
         begin = 0
         for first, height in zip(*runs_of(at, z[at], self._z), strict=True):
@@ -180,6 +183,13 @@ class Keeper:
             layer.peak_flow = max(layer.peak_flow, float(batch.flow[laid].max(initial=0.0)))
             if length > layer._longest:  # noqa: SLF001 - a layer is this file's own
                 layer._longest, layer.z = length, float(batch.end[laid, 2].max())  # noqa: SLF001
+
+
+def _latest(values: Float, before: float) -> Float:
+    """(n,) the last value in front of each that is a number."""
+    values = np.append(before, values[:-1])
+    known = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+    return np.asarray(values[known])
 
 
 def _median(bins: Float) -> float:
