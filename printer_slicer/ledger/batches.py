@@ -31,6 +31,7 @@ class Batch:
     command: Int
     start: Float
     end: Float
+    fed: Float
     seconds: Float
     volume: Float
     flat: Float
@@ -47,7 +48,12 @@ class Batch:
         lays = (fresh > NOTHING) & (flat > NOTHING)
         flow = np.zeros(len(rows))
         flow[lays] = flow_of(fresh[lays], seconds[lays])
-        return cls(command, start, end, seconds, fresh, flat, lays, marks.role(command), flow)
+        return cls(command, start, end, rows[:, FED], seconds, fresh, flat, lays, marks.role(command), flow)
+
+    @property
+    def empty(self) -> Bool:
+        """(n,) whether filament is pushed and nothing comes out."""
+        return (self.fed > NOTHING) & ~self.lays
 
     @property
     def thread(self) -> Float:
