@@ -55,7 +55,7 @@ class Cause:
 
 def causes_of(job: Job, report: Report, comparison: Comparison, account: Account) -> list[Cause]:
     """What the firmware refused or clipped, layer by layer."""
-    inches = b"G20" in job.commands
+    inches = bool(report.violations) and b"G20" in job.commands
     found: dict[tuple[str, int], Cause] = {}
     # What is beyond the list may lie in any layer.
     cut = len(report.violations) < report.n_violations

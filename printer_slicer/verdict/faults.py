@@ -150,7 +150,7 @@ class Places:
 def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Fault]]:
     """What the firmware refused or clipped; the same thing in several commands is told once."""
     told: set[str] = set()
-    inches = b"G20" in job.commands
+    inches = bool(report.violations) and b"G20" in job.commands
     for violation in report.violations:
         what = violation.text
         kind = kind_of(what)
