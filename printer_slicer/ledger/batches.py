@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
 NOTHING: Final = 1e-9
 """mm³ or mm: less is rounding."""
 
+_FLATTEST: Final = 3.0  # times as thick as its bead is the thread of the flattest: six times as wide as high
 _LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
 
 
@@ -29,6 +31,7 @@ class Batch:
     command: Int
     start: Float
     end: Float
+    fed: Float
     seconds: Float
     volume: Float
     flat: Float
@@ -45,7 +48,34 @@ class Batch:
         lays = (fresh > NOTHING) & (flat > NOTHING)
         flow = np.zeros(len(rows))
         flow[lays] = flow_of(fresh[lays], seconds[lays])
-        return cls(command, start, end, seconds, fresh, flat, lays, marks.role(command), flow)
+        return cls(command, start, end, rows[:, FED], seconds, fresh, flat, lays, marks.role(command), flow)
+
+    @property
+    def empty(self) -> Bool:
+        """(n,) whether filament is pushed and nothing comes out."""
+        return (self.fed > NOTHING) & ~self.lays
+
+    @property
+    def thread(self) -> Float:
+        """(n,) mm, how thick what leaves the nozzle is before it is pressed flat."""
+        return np.asarray(2.0 * np.sqrt(self.volume / np.maximum(self.flat, NOTHING) / pi))
+
+    @property
+    def sideways(self) -> Float:
+        """(n, 2) across each move, of length 1."""
+        way = (self.end - self.start)[:, :2] / np.maximum(self.flat, NOTHING)[:, None]
+        return np.stack([-way[:, 1], way[:, 0]], axis=1)
+
+    def width(self, room: Float) -> Float:
+        """(n,) mm from bead to bead where they lie side by side as wide as these.
+
+        Args:
+            room: mm, how far down plastic or bed are under some places of them.
+        """
+        free = room[room > _LEVEL]
+        height = float(np.median(free)) if len(free) else 0.0
+        thread = np.maximum(self.thread, NOTHING)
+        return np.asarray(thread**2 * (pi / 4) / np.clip(height, thread / _FLATTEST, thread))
 
     def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Mishap:
         """What went wrong at one of the moves, where it ends."""

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from printer_slicer.geometry import Int
 from printer_slicer.ledger.relief import Plate
 
-__all__ = ["FAT", "Account", "Layer", "Marks", "Mishap"]
-
-FAT: Final = 3.0
-"""mm²; no nozzle lays a bead like that."""
+__all__ = ["Account", "Drought", "Layer", "Marks", "Mishap"]
 
 
 class Mishap(NamedTuple):
@@ -51,6 +48,10 @@ class Layer:
         volume: mm³ laid while moving.
         peak_flow: mm³/s.
         length: mm of beads.
+        empty: mm that the nozzle went and filament was pushed, but none came out: it had been pulled back farther.
+        back: mm that it went while filament was pulled back.
+        wrong: the first command of what is `empty`; None without any.
+        middle, thick: mm², cross-sections of beads that half of the length at height z exceeds, and a twentieth.
     """
 
     number: int
@@ -60,7 +61,35 @@ class Layer:
     volume: float = 0.0
     peak_flow: float = 0.0
     length: float = 0.0
+    empty: float = 0.0
+    back: float = 0.0
+    wrong: int | None = None
+    middle: float = 0.0
+    thick: float = 0.0
     _longest: float = 0.0
+
+
+class Drought(NamedTuple):
+    """A stretch in which the nozzle climbs layer by layer, or filament is pushed, but nothing is laid.
+
+    Attributes:
+        command, last: its first and its last.
+        shows: the command by which there was no doubt; 0 before that.
+        length: mm gone in the plane.
+        low, high: mm, the heights gone through.
+        pushed, back: mm of the length on which filament is pushed, in vain, and pulled back.
+        wrong: the first command that pushes in vain; 0 without any.
+    """
+
+    command: int
+    last: int
+    shows: int
+    length: float
+    low: float
+    high: float
+    pushed: float = 0.0
+    back: float = 0.0
+    wrong: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +102,8 @@ class Marks:
         names: (R,) index into `spoken` of each.
         spoken: names; the first is that of beads without one.
         loose: names of what is taken off the part again.
+        changes: (T,) commands that choose a tool.
+        tools: (T,) the tool of each; before the first it is 0.
     """
 
     layers: Int = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -80,6 +111,8 @@ class Marks:
     names: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     spoken: tuple[str, ...] = ("printing",)
     loose: frozenset[int] = frozenset()
+    changes: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    tools: Int = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def told(self) -> bool:
@@ -90,6 +123,10 @@ class Marks:
         """(n,) the name of what each command lays."""
         at = np.searchsorted(self.roles, command, side="right")
         return np.append(0, self.names)[at]
+
+    def tool(self, command: Int) -> Int:
+        """(n,) the tool of each command."""
+        return np.append(0, self.tools)[np.searchsorted(self.changes, command, side="right")]
 
     def layer(self, command: Int) -> Int:
         """(n,) the layer of each command, counted from 1; 0 before the first."""
@@ -107,15 +144,13 @@ class Account:
         volume: mm³ laid while moving.
         standing: mm³ that came out while standing.
         length: mm of beads.
-        pushed: mm of filament pushed forward while moving over the plate.
-        area: mm² of the filament.
-        section: mm², of the bead in the middle of all length.
         speed: mm/s, that half of all length is laid slower than.
         peak: the highest flow, as a mishap tells it; None without any.
         mishaps: the worst of each kind in each layer, in order.
         counts: how many layers have each kind of them.
-        laid, backward, fat: the first command that lays, that pulls back while moving over the plate, that lays a bead
-            of more than `FAT`; None if none does.
+        laid: the first command that lays; None if none does.
+        lost: the first command of whose filament some did not come out; None if there is none.
+        drought: the first long stretch in which the print goes on but nothing is laid; None without.
         plate: what stands on it at the end.
     """
 
@@ -126,14 +161,11 @@ class Account:
     volume: float
     standing: float
     length: float
-    pushed: float
-    area: float
-    section: float
     speed: float
     peak: Mishap | None
     mishaps: Sequence[Mishap]
     counts: Mapping[str, int]
     laid: int | None
-    backward: int | None
-    fat: int | None
+    lost: int | None
+    drought: Drought | None
     plate: Plate = field(compare=False)

@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Int
+from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.ledger.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
-from printer_slicer.ledger.executed import FAT, Account, Layer, Marks
-from printer_slicer.ledger.mishaps import PLUNGE, Watch
+from printer_slicer.ledger.droughts import Droughts
+from printer_slicer.ledger.executed import Account, Layer, Marks
+from printer_slicer.ledger.mishaps import DEEP, Watch
 from printer_slicer.ledger.relief import Relief
 
 __all__ = ["Keeper"]
@@ -20,8 +21,9 @@ __all__ = ["Keeper"]
 _MOST: Final = 65_536  # moves that are kept before they are looked at
 _MOST_LAYERS: Final = 20_000
 
+_MIDDLE, _THICK = 0.5, 0.05
 _BINS: Final = np.geomspace(1e-3, 1e4, 1400)
-"""mm² and mm/s, finely enough for a median."""
+"""mm/s, finely enough for a median."""
 
 
 class Keeper:
@@ -44,42 +46,54 @@ class Keeper:
         self._relief = Relief(*box)
         self._watch = Watch(self._relief, max_flow, marks)
         self._area, self._marks = area, marks
-        self._fed = self._reached = 0.0  # mm of filament, and the most that it was
+        self._reached: dict[
+            int, tuple[float, float]
+        ] = {}  # mm of filament of each tool, and the most that it was
         self._waiting: list[tuple[Float, Float, Float]] = []
         self._waits = 0
-        self._z = np.nan
+        self._z, self._laid, self._low = np.nan, np.nan, False
         self._layers: dict[int, Layer] = {}
         self._heights: dict[float, int] = {}
+        self._number = 0
         self._seconds = np.zeros(len(marks.spoken))
         self._travel = self._extruder = self._volume = self._standing = 0.0
-        self._sections = np.zeros(len(_BINS) + 1)
         self._speeds = np.zeros(len(_BINS) + 1)
-        self._pushed = 0.0
-        self._firsts: dict[str, int] = {}
+        self._laid_first: int | None = None
+        self._lost: int | None = None
+        self._droughts = Droughts()
 
-    def feed(self, rows: Float, seconds: Float) -> None:
+    def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
         """Some more moves.
 
         Args:
             rows: (n, 9) as `sim.track` has them.
             seconds: (n,) that each takes.
+            kept_back: share of what is fed that does not come out of the nozzle.
         """
-        fresh = self._fresh(rows[:, FED]) * self._area
+        pushed = self._pushed(rows) * self._area
+        fresh = pushed * (1.0 - kept_back)
         flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
         lays = (fresh > NOTHING) & (flat > NOTHING)
         self._standing += float(fresh[~lays].sum())
-        over = flat > NOTHING
-        self._pushed += float(rows[over, FED].clip(0).sum())
-        for name, which in (
-            ("laid", lays),
-            ("backward", over & (rows[:, FED] < -NOTHING)),
-            ("fat", lays & (fresh > FAT * flat)),
-        ):
-            if name not in self._firsts and which.any():
-                self._firsts[name] = int(rows[which.argmax(), COMMAND])
+        if self._laid_first is None and lays.any():
+            self._laid_first = int(rows[lays.argmax(), COMMAND])
+        if self._lost is None and kept_back and (pushed > NOTHING).any():
+            self._lost = int(rows[(pushed > NOTHING).argmax(), COMMAND])
+        if kept_back:
+            rows = rows.copy()
+            rows[:, FED] *= 1.0 - kept_back
+        self._droughts.feed(rows, lays)
+        self._share_out(rows, seconds, (fresh, lays))
+
+    def _share_out(self, rows: Float, seconds: Float, laid: tuple[Float, Bool]) -> None:
+        """Moves into batches of one height; what they lay, mm³, and whether they do."""
+        fresh, lays = laid
         z = rows[:, 6]
-        # Cut where something is laid at another height than before, or the nozzle sinks into what was laid just now.
-        sinks = (z < rows[:, 3] - PLUNGE) & (z < np.fmax.accumulate(np.where(lays, z, self._z)) - PLUNGE)
+        # Cut where something is laid at another height than before, or the nozzle goes under what was laid just now.
+        heights = np.where(lays, z, np.nan)
+        low = np.minimum(z, rows[:, 3]) < _latest(heights, self._laid) - DEEP
+        sinks = low & ~np.append(self._low, low[:-1])
+        self._low, self._laid = bool(low[-1]), float(_latest(np.append(heights, 0.0), self._laid)[-1])
         at = np.flatnonzero(lays | sinks)
         begin = 0
         for first, height in zip(*runs_of(at, z[at], self._z), strict=True):
@@ -101,27 +115,34 @@ class Keeper:
             volume=self._volume,
             standing=self._standing,
             length=sum(layer.length for layer in self._layers.values()),
-            pushed=self._pushed,
-            area=self._area,
-            section=_median(self._sections),
             speed=_median(self._speeds),
             peak=self._watch.peak,
             mishaps=tuple(self._watch.mishaps),
             counts=dict(self._watch.counts),
-            laid=self._firsts.get("laid"),
-            backward=self._firsts.get("backward"),
-            fat=self._firsts.get("fat"),
+            laid=self._laid_first,
+            lost=self._lost,
+            drought=self._droughts.first,
             plate=self._relief.plate(),
         )
 
-    def _fresh(self, fed: Float) -> Float:
-        """(n,) mm of filament that leave the nozzle: what goes beyond the farthest that it was."""
-        total = np.round(self._fed + np.cumsum(fed), 7)
-        peak = np.maximum.accumulate(np.maximum(total, self._reached))
-        fresh = np.diff(peak, prepend=self._reached)
+    def _pushed(self, rows: Float) -> Float:
+        """(n,) mm of filament that leave the nozzle; each tool has its own."""
+        if not len(self._marks.tools):
+            return self._fresh(rows[:, FED], 0)
+        tool = self._marks.tool(rows[:, COMMAND].astype(np.int64))
+        result = np.zeros(len(rows))
+        for one in np.unique(tool).tolist():
+            result[tool == one] = self._fresh(rows[tool == one, FED], one)
+        return result
+
+    def _fresh(self, fed: Float, tool: int) -> Float:
+        """(n,) mm of the filament of a tool that leave the nozzle: what goes beyond the farthest that it was."""
+        before, reached = self._reached.get(tool, (0.0, 0.0))
+        total = np.round(before + np.cumsum(fed), 7)
+        peak = np.maximum.accumulate(np.maximum(total, reached))
         if len(total):
-            self._fed, self._reached = float(total[-1]), float(peak[-1])
-        return np.asarray(fresh)
+            self._reached[tool] = float(total[-1]), float(peak[-1])
+        return np.asarray(np.diff(peak, prepend=reached))
 
     def _wait(self, rows: Float, seconds: Float, fresh: Float) -> None:
         """Keep moves until all that lie at their height have come."""
@@ -147,11 +168,12 @@ class Keeper:
         if len(self._marks.layers):
             return self._marks.layer(batch.command)
         if not batch.lays.any():
-            return np.full(len(batch.command), max(self._heights.values(), default=0))
+            return np.full(len(batch.command), self._number)
         z = round(float(batch.end[batch.lays, 2].max()), 3)
         if len(self._heights) < _MOST_LAYERS:
             self._heights.setdefault(z, len(self._heights) + 1)
-        return np.full(len(batch.command), self._heights.get(z, len(self._heights)))
+        self._number = self._heights.get(z, len(self._heights))
+        return np.full(len(batch.command), self._number)
 
     def _add(self, batch: Batch, numbers: Int) -> None:
         """Count times and volumes."""
@@ -163,23 +185,46 @@ class Keeper:
         self._extruder += float(batch.seconds[alone].sum())
         self._travel += float(batch.seconds[~lays & ~alone].sum())
         self._volume += float(batch.volume[lays].sum())
-        section = batch.volume[lays] / batch.flat[lays]
-        self._sections += np.bincount(np.searchsorted(_BINS, section), batch.flat[lays], len(_BINS) + 1)
         pace = batch.flat[lays] / np.maximum(batch.seconds[lays], 1e-9)
         self._speeds += np.bincount(np.searchsorted(_BINS, pace), batch.flat[lays], len(_BINS) + 1)
         for number in np.unique(numbers).tolist():
-            if number not in self._layers and len(self._layers) >= _MOST_LAYERS:
-                continue
-            own = numbers == number
-            layer = self._layers.setdefault(number, Layer(number, int(batch.command[own.argmax()])))
-            laid = own & lays
-            length = float(batch.flat[laid].sum())
-            layer.seconds += float(batch.seconds[own].sum())
-            layer.volume += float(batch.volume[laid].sum())
-            layer.length += length
-            layer.peak_flow = max(layer.peak_flow, float(batch.flow[laid].max(initial=0.0)))
-            if length > layer._longest:  # noqa: SLF001 - a layer is this file's own
-                layer._longest, layer.z = length, float(batch.end[laid, 2].max())  # noqa: SLF001
+            if number in self._layers or len(self._layers) < _MOST_LAYERS:
+                self._add_to(number, batch, numbers == number)
+
+    def _add_to(self, number: int, batch: Batch, own: Bool) -> None:
+        """Count what was done in a layer."""
+        layer = self._layers.setdefault(number, Layer(number, int(batch.command[own.argmax()])))
+        laid = own & batch.lays
+        lengths, volumes = batch.flat[laid], batch.volume[laid]
+        length = float(lengths.sum())
+        layer.seconds += float(batch.seconds[own].sum())
+        layer.volume += float(volumes.sum())
+        layer.length += length
+        layer.peak_flow = max(layer.peak_flow, float(batch.flow[laid].max(initial=0.0)))
+        goes = own & (batch.flat > NOTHING)
+        layer.back += float(batch.flat[goes & (batch.fed < -NOTHING)].sum())
+        empty = goes & batch.empty
+        if empty.any():
+            layer.empty += float(batch.flat[empty].sum())
+            layer.wrong = layer.wrong or int(batch.command[empty.argmax()])
+        if length > layer._longest:  # noqa: SLF001 - a layer is this file's own
+            layer._longest, layer.z = length, float(batch.end[laid, 2].max())  # noqa: SLF001
+            layer.middle, layer.thick = _exceeded(volumes / lengths, lengths, (_MIDDLE, _THICK))
+
+
+def _exceeded(values: Float, weights: Float, shares: tuple[float, ...]) -> list[float]:
+    """The values that such shares of all weight exceed."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    places = np.searchsorted(total, (1.0 - np.array(shares)) * total[-1])
+    return list(values[order][np.minimum(places, len(values) - 1)].tolist())
+
+
+def _latest(values: Float, before: float) -> Float:
+    """(n,) the last value in front of each that is a number."""
+    values = np.append(before, values[:-1])
+    known = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+    return np.asarray(values[known])
 
 
 def _median(bins: Float) -> float:

@@ -9,7 +9,6 @@ too much            more plastic per second than the material melts
 
 from __future__ import annotations
 
-from math import pi
 from typing import Final
 
 import numpy as np
@@ -20,16 +19,16 @@ from printer_slicer.ledger.batches import NOTHING, Batch
 from printer_slicer.ledger.executed import Marks, Mishap
 from printer_slicer.ledger.relief import Cut, Relief, cut_up
 
-__all__ = ["PLUNGE", "Watch"]
+__all__ = ["DEEP", "Watch"]
 
-PLUNGE: Final = 0.5
-"""mm straight down into what stands there that are a crash."""
+DEEP: Final = 0.12
+"""mm lower than the plastic in its way that are a crash."""
 
 _THREAD: Final = 1.15  # of its thickness a thread may sink
 _CONTACT: Final = 0.32  # mm that slicers leave between what is taken off again and the part
 _LIP: Final = 5.0  # mm that plastic may stand out over air, bead beside bead
 _WORTH: Final = 3.0  # mm in the air or through the print, of one height, that are worth telling
-_DEEP: Final = 0.12  # mm lower than the plastic in its way
+_PLUNGE: Final = 0.5  # mm straight down into what stands there, or to the side of it
 _SCRAPES: Final = 0.04  # mm over the bed
 _OVER: Final = 1.01
 _STRAIGHT: Final = 0.95  # chord by length, from which what rests at both ends is a bridge
@@ -65,7 +64,7 @@ class Watch:
         self._crash(batch, cut, cell, numbers)
         laid = np.flatnonzero(batch.lays[cut.move])
         if len(laid):
-            some = Cut(cut.move[laid], cut.x[laid], cut.y[laid], cut.z[laid], cut.length[laid])
+            some = cut.take(laid)
             self._air(batch, some, cell[laid], numbers)
             self._lay(batch, some, cell[laid])
 
@@ -89,9 +88,11 @@ class Watch:
         depth = self._relief.depth(cell, cut.z)
         upright = cut.length <= NOTHING
         sinks = (batch.end[:, 2] < batch.start[:, 2] - NOTHING)[cut.move]
-        down = np.flatnonzero(upright & sinks)
-        depth[down] = self._relief.deepest(cell[down], cut.z[down])
-        hit = np.flatnonzero((~upright & (depth > _DEEP)) | (upright & sinks & (depth > PLUNGE)))
+        low = np.flatnonzero((cut.z < self._relief.highest - _PLUNGE) & (~upright | sinks))
+        if len(low):  # the deeper, the wider a nozzle is
+            beside = self._relief.deepest(cell[low], cut.z[low])
+            depth[low] = np.where(beside > _PLUNGE, beside, depth[low])
+        hit = np.flatnonzero((~upright & (depth > DEEP)) | (upright & sinks & (depth > _PLUNGE)))
         if not len(hit):
             return
         through = float(cut.length[hit].sum())
@@ -108,8 +109,7 @@ class Watch:
             self._tell(batch.mishap("bed", first, numbers, float(batch.end[first, 2])))
         if not numbers.any() and len(self._marks.layers):
             return  # what primes the nozzle may do so in the air
-        thread = 2.0 * np.sqrt(batch.volume / np.maximum(batch.flat, NOTHING) / pi)
-        lowest = cut.z - thread[cut.move] * _THREAD
+        lowest = cut.z - batch.thread[cut.move] * _THREAD
         spare = _CONTACT
         if not self._marks.told:
             lowest = lowest - _CONTACT  # what lies below may be there to be taken off
@@ -129,12 +129,13 @@ class Watch:
             self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))
 
     def _lay(self, batch: Batch, cut: Cut, cell: Int) -> None:
-        """Put the beads into the relief."""
+        """Put the beads into the relief, as wide as they are."""
+        width = batch.width(-self._relief.depth(cell, cut.z))
         loose = np.isin(batch.role[cut.move], self._loose)
         for kind in (True, False):
-            own = loose == kind
-            if own.any():
-                self._relief.lay(cell[own], cut.z[own], loose=kind)
+            own = np.flatnonzero(loose == kind)
+            if len(own):
+                self._relief.lay(cut.take(own), batch.sideways, width, loose=kind)
 
     def _tell(self, mishap: Mishap) -> None:
         """Keep a mishap, one of each kind in a layer."""

@@ -1,8 +1,8 @@
 """The plate as a relief: how high plastic stands in every cell, who goes through it, and what hangs over air.
 
-Cells are 0.25 mm wide. A bead marks the cells on its centre line, so that what only brushes its side does not count as
-going through it. It rests where something stands under it, or within a bead's width beside that, no farther down than
-the thread that leaves the nozzle is thick.
+Cells are 0.25 mm wide. A bead marks the cells whose middle it covers, as wide as its spacing, so that neighbours leave
+no gap and what only brushes its side does not count as going through it. It rests where something stands under it, or
+in a cell beside that, no farther down than the thread that leaves the nozzle is thick.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ __all__ = ["CELL", "Cut", "Plate", "Relief", "cut_up"]
 CELL: Final = 0.25
 """mm."""
 
-_REACH: Final = 2  # cells to all sides within which a bead may rest
+_REACH: Final = 1  # cells to all sides within which a bead may rest
+_WIDEST: Final = 2.0  # mm that a bead marks at most, however much is fed
 _SPARE: Final = 2.0  # mm around what machines reach
 
 
@@ -39,6 +40,17 @@ class Cut:
     y: Float
     z: Float
     length: Float
+
+    def take(self, which: Int) -> Cut:
+        """Some of the pieces."""
+        return Cut(self.move[which], self.x[which], self.y[which], self.z[which], self.length[which])
+
+    def beside(self, side: Float) -> Cut:
+        """The same pieces, moved with their moves by (n, 2) mm in the plane."""
+        x, y = (np.ascontiguousarray(side[:, axis])[self.move] for axis in (0, 1))
+        x += self.x
+        y += self.y
+        return Cut(self.move, x, y, self.z, self.length)
 
 
 def cut_up(start: Float, end: Float) -> Cut:
@@ -81,6 +93,9 @@ class Relief:
 
     Args:
         low, high: corners of what the nozzle can reach, x and y, mm; what lies outside is not looked at.
+
+    Attributes:
+        highest: mm, of everything laid.
     """
 
     def __init__(self, low: tuple[float, float], high: tuple[float, float]) -> None:
@@ -91,11 +106,13 @@ class Relief:
         self._outside = self._wide * self._deep
         self._top = np.zeros(self._outside + 1, np.float32)
         self._loose = np.zeros(self._outside + 1, np.bool_)
+        self.highest = 0.0
 
     def cells(self, cut: Cut) -> Int:
         """(P,) the cell of each piece."""
-        column = np.floor((cut.x - self._left) / CELL).astype(np.int64)
-        row = np.floor((cut.y - self._front) / CELL).astype(np.int64)
+        # Rounded towards 0, which is cheap: what lies less than a cell outside goes to the edge, where nothing is.
+        column = ((cut.x - self._left) * (1 / CELL)).astype(np.int64)
+        row = ((cut.y - self._front) * (1 / CELL)).astype(np.int64)
         inside = (column >= 0) & (column < self._wide) & (row >= 0) & (row < self._deep)
         return np.where(inside, row * self._wide + column, self._outside)
 
@@ -129,11 +146,26 @@ class Relief:
                 missing = missing[~found]
         return result
 
-    def lay(self, cell: Int, z: Float, *, loose: bool) -> None:
-        """Plastic reaches up to z in these cells now; loose is what the part is taken off again."""
-        np.maximum.at(self._top, cell, z.astype(np.float32))
-        self._loose[cell] = loose
+    def lay(self, cut: Cut, sideways: Float, width: Float, *, loose: bool) -> None:
+        """Plastic reaches up to these pieces of beads now.
+
+        Args:
+            cut: the pieces.
+            sideways: (n, 2) across each move.
+            width: (n,) mm of each.
+            loose: whether the part is taken off these again.
+        """
+        spread = np.clip(width - CELL, 0.0, _WIDEST)  # between the outermost cells
+        rows = np.ceil(spread / CELL)
+        least, most = (int(count) for count in (rows[cut.move].min(), rows[cut.move].max()))
+        for k in range(most + 1):
+            some = cut if k <= least else cut.take(np.flatnonzero((rows >= k)[cut.move]))
+            step = np.where(rows > 0, k / np.maximum(rows, 1) - 0.5, 0.0) * spread
+            cell = self.cells(some.beside(sideways * step[:, None]))
+            np.maximum.at(self._top, cell, some.z.astype(np.float32))
+            self._loose[cell] = loose
         self._top[self._outside], self._loose[self._outside] = 0.0, False
+        self.highest = max(self.highest, float(cut.z.max()))
 
     def plate(self, most: int = 260) -> Plate:
         """What stands on the plate, in at most so many cells to a side."""

@@ -333,6 +333,8 @@ class Board:
         fed = self.tally.filament_fed
         self.tally.filament_missing += (fed - self._clogged_from) * self.clogged
         self._clogged_from, self.clogged = fed, share
+        if self.tally.track is not None:
+            self.tally.track.keep_back(share)
 
     def spool_ended(self) -> None:
         """The filament has run out: a sensor has it changed, without one the nozzle lays nothing from now on."""

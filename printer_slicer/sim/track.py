@@ -17,8 +17,9 @@ mm of filament fed; the cruise speed, mm/s."""
 
 ROWS: Final = 8192
 
-Taker: TypeAlias = Callable[["array[float]", "array[float]"], None]
-"""Is given rows of moves that have begun, one after the other, and how long each takes, s."""
+Taker: TypeAlias = Callable[["array[float]", "array[float]", float], None]
+"""Is given rows of moves that have begun, one after the other, how long each takes, s, and which share of the filament
+they feed does not come out."""
 
 
 class Track:
@@ -28,10 +29,11 @@ class Track:
         take: is given them, some thousand at a time.
     """
 
-    __slots__ = ("_rows", "_seconds", "_take")
+    __slots__ = ("_kept_back", "_rows", "_seconds", "_take")
 
     def __init__(self, take: Taker) -> None:
         self._take = take
+        self._kept_back = 0.0
         self._rows = array("d")
         self._seconds = array("d")
 
@@ -53,6 +55,12 @@ class Track:
         if len(self._seconds) >= ROWS:
             self.flush()
 
+    def keep_back(self, share: float) -> None:
+        """From now on so much of the filament that moves feed does not come out."""
+        if share != self._kept_back:
+            self.flush()
+            self._kept_back = share
+
     def forget(self) -> None:
         """What was planned and has not begun never will."""
         del self._rows[len(self._seconds) * COLUMNS :]
@@ -63,4 +71,4 @@ class Track:
         if count:
             rows, self._rows = self._rows[: count * COLUMNS], self._rows[count * COLUMNS :]
             seconds, self._seconds = self._seconds, array("d")
-            self._take(rows, seconds)
+            self._take(rows, seconds, self._kept_back)

@@ -10,25 +10,23 @@ from typing import Final, NamedTuple
 
 from printer_slicer.commands import lines_of
 from printer_slicer.jobs import Job
-from printer_slicer.ledger.executed import FAT, Account, Mishap
+from printer_slicer.ledger.executed import Account, Mishap
 from printer_slicer.policy.motion import MELTS
 from printer_slicer.profile import Profile
 from printer_slicer.sim.tally import Report, kind_of
 from printer_slicer.verdict.comparison import Comparison
 
-__all__ = ["Fault", "Places", "left_on", "of_machine", "of_material", "sentence", "starved"]
+__all__ = ["Fault", "Places", "left_on", "of_machine", "of_material", "rule_of", "sentence", "starved"]
 
-_LOST: Final = 0.5  # of the filament pushed while moving that at least comes out
 _SLOW: Final = 2.0  # mm/s; nobody prints like that
-_ENOUGH: Final = 50.0  # mm of beads before a whole file is judged
-_PUSHED: Final = 5.0  # mm³ likewise
+_ENOUGH: Final = 50.0  # mm of beads before a whole file is judged by how fast they are laid
 _STANDS: Final = 0.25  # s in all that a machine may stand still for want of lines
 _SHOWN_COMMAND: Final = 60
 
 _KNOWN: Final = re.compile(
     r"G(?:[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-2])\b"
     r"|M(?:\d|1\d|2[0-9]|3[0-4]|4[238]|7[2-8]|8[0-6]|92|9[38]|1[0-6]\d|19[1-3]|2\d\d|30[0-9]|3[567]\d|38[0-2]|4[0-3]\d"
-    r"|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d)\b|T\d|@"
+    r"|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d|100\d)\b|T\d|@"
 )
 """Commands that some firmware has: what the simulated one does not know of them, real ones may, or pass over."""
 
@@ -105,6 +103,13 @@ _RULES: Final[Mapping[str, _Rule]] = {
     "arc without a centre": _Rule("arc", "switch arcs off in the slicer"),
 }
 
+_MACHINE: Final = _Rule("machine", "")
+
+
+def rule_of(what: str) -> str:
+    """The kind of fault that a violation is."""
+    return _RULES.get(kind_of(what), _MACHINE).kind
+
 
 class Places:
     """Where in its text a command of a job stands, and in which layer at which height.
@@ -145,11 +150,11 @@ class Places:
 def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Fault]]:
     """What the firmware refused or clipped; the same thing in several commands is told once."""
     told: set[str] = set()
-    inches = b"G20" in job.commands
+    inches = bool(report.violations) and b"G20" in job.commands
     for violation in report.violations:
         what = violation.text
         kind = kind_of(what)
-        rule = _RULES.get(kind, _Rule("machine", ""))
+        rule = _RULES.get(kind, _MACHINE)
         code = what.rpartition(": ")[2].partition(" ")[0]
         key = f"{kind} {code}" if rule.kind == "unknown" else kind
         if key in told or not comparison.of_job(violation.line):
@@ -167,10 +172,14 @@ def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tup
         )
 
 
-def of_material(profile: Profile, account: Account) -> Iterator[tuple[int, Fault]]:
-    """The first fault of each kind, and in how many layers there are such."""
-    whole = list(_of_whole(account))
-    yield from whole
+def of_material(profile: Profile, account: Account, mishaps: Sequence[Mishap]) -> Iterator[tuple[int, Fault]]:
+    """The first fault of each kind, and in how many layers there are such.
+
+    Args:
+        profile: with the material.
+        account: of it.
+        mishaps: those of the account that follow from nothing else.
+    """
     say: Mapping[str, Callable[[Mishap], tuple[str, str]]] = {
         "air": lambda one: (
             f"{one.amount:.0f} mm of beads lie in the air, at x {one.x:.1f} y {one.y:.1f}: nothing there holds them",
@@ -186,21 +195,28 @@ def of_material(profile: Profile, account: Account) -> Iterator[tuple[int, Fault
         ),
     }
     for kind, words in say.items():
-        own = [one for one in account.mishaps if one.kind == kind]
+        own = [one for one in mishaps if one.kind == kind]
         if own:
             what, remedy = words(own[0])
-            count = account.counts[kind]
+            count = _how_often(account, own)
             yield (
                 own[0].command - 1,
                 Fault(kind, what, remedy, z=own[0].z, times=count, place=(own[0].x, own[0].y)),
             )
-    if not whole:
-        yield from _of_flow(profile, account)
+    yield from _of_flow(profile, [one for one in mishaps if one.kind == "flow"])
+    if account.length > _ENOUGH and 0 < account.speed < _SLOW and account.laid is not None:
+        what = f"half of everything is laid slower than {account.speed:.2g} mm/s: F counts mm/min"
+        yield account.laid - 1, Fault("speed", what, "does the file count F in mm/s?")
 
 
-def _of_flow(profile: Profile, account: Account) -> Iterator[tuple[int, Fault]]:
+def _how_often(account: Account, own: Sequence[Mishap]) -> int:
+    """How many layers have mishaps of one kind: more than are listed, if none of the list is left out."""
+    listed = sum(one.kind == own[0].kind for one in account.mishaps)
+    return account.counts[own[0].kind] if len(own) == listed else len(own)
+
+
+def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fault]]:
     """More plastic per second than the material melts."""
-    own = [one for one in account.mishaps if one.kind == "flow"]
     if not own:
         return
     most = profile.material.max_flow
@@ -215,20 +231,6 @@ def _of_flow(profile: Profile, account: Account) -> Iterator[tuple[int, Fault]]:
             "flow", what, remedy, z=first.z, times=len(far or own), place=(first.x, first.y), harmless=not far
         ),
     )
-
-
-def _of_whole(account: Account) -> Iterator[tuple[int, Fault]]:
-    """What is wrong with a file as a whole."""
-    pushed, long = account.pushed * account.area, account.length > _ENOUGH
-    if pushed > _PUSHED and account.volume < _LOST * pushed and account.backward is not None:
-        what = "the filament goes back and forth as beads are laid: E is what each move adds, but read as a total"
-        yield account.backward - 1, Fault("extrusion", what, "put M83 at the start, or M82 in the slicer")
-    elif long and account.section > FAT and account.fat is not None:
-        what = f"beads of {account.section:.3g} mm2: E is a total, but read as what each move adds"
-        yield account.fat - 1, Fault("extrusion", what, "put M82 at the start, or M83 in the slicer")
-    if long and 0 < account.speed < _SLOW and account.laid is not None:
-        what = f"half of everything is laid slower than {account.speed:.2g} mm/s: F counts mm/min"
-        yield account.laid - 1, Fault("speed", what, "does the file count F in mm/s?")
 
 
 def left_on(job: Job, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault]]:

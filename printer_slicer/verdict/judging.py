@@ -14,8 +14,10 @@ from printer_slicer.profile import Profile
 from printer_slicer.showing import Card, Drawn
 from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
+from printer_slicer.verdict.causes import Cause, causes_of, explained, layer_of, left_over
 from printer_slicer.verdict.comparison import Comparison
 from printer_slicer.verdict.faults import Fault, Places, left_on, of_machine, of_material, sentence, starved
+from printer_slicer.verdict.feeding import clogged, misread, short_of
 
 __all__ = ["Seen", "Verdict", "judge"]
 
@@ -125,11 +127,9 @@ def judge(
     account, targets, link, end, total_seconds = seen or Seen()
     waited = report.homing_seconds + report.heating_seconds
     before = set(_heights_before(job))
-    found: list[tuple[int, Fault]] = list(of_machine(job, report, comparison))
+    found = list(of_machine(job, report, comparison))
     if account is not None:
-        # What a command that was clipped or refused then lays is no fault of its own.
-        known = {command for command, _ in found}
-        found += [one for one in of_material(profile, account) if one[0] not in known]
+        found = _with_material(job, profile, report, comparison, (account, found))
     if not report.killed and comparison.executed == len(job.commands):
         found += left_on(job, targets)
     if link is not None:
@@ -153,6 +153,39 @@ def judge(
         faults=faults,
         problems=(*said, *_problems(job, report, comparison, end, explained=bool(said))),
     )
+
+
+def _with_material(
+    job: Job,
+    profile: Profile,
+    report: Report,
+    comparison: Comparison,
+    known: tuple[Account, list[tuple[int, Fault]]],
+) -> list[tuple[int, Fault]]:
+    """What the firmware did not do, and what is wrong with the material and does not follow from that."""
+    account, of_firmware = known
+    causes = causes_of(job, report, comparison, account)
+    found: list[tuple[int, Fault]] = []
+    for several in (
+        clogged(job, profile, account, report.filament_missing),
+        misread(job, account),
+        short_of(job, profile, account),
+    ):
+        for one in several:
+            if not explained(causes, one.fault.kind, one.shows, layer_of(account, one.command)):
+                found.append((one.command, one.fault))
+                causes.append(Cause(one.fault.kind, one.since, one.last + 1))
+    # What is refused for being too long comes of E that is misread, too.
+    misreads = [command for command, fault in found if fault.kind == "extrusion"]
+    of_firmware = [
+        (command, fault)
+        for command, fault in of_firmware
+        if fault.kind != "extrusion" or not any(since <= command for since in misreads)
+    ]
+    # What a command that was clipped or refused then lays is no fault of its own.
+    told = {command for command, _ in of_firmware}
+    left = [one for one in left_over(account.mishaps, causes) if one.command - 1 not in told]
+    return [*of_firmware, *found, *of_material(profile, account, left)]
 
 
 def _same_heights(job: Job, seen: tuple[float, ...]) -> bool:
@@ -185,7 +218,7 @@ def _problems(
     problems = [f"the host gave up: {end.reason}"] if isinstance(end, Halted) else []
     if report.killed:
         problems.append(f"the printer halted: {report.killed}")
-    if report.filament_missing:
+    if report.filament_missing and not explained:
         problems.append(f"{report.filament_missing:.1f} mm of filament were fed and did not come out")
     if comparison.executed != len(job.commands):
         problems.append(f"{comparison.executed} of {len(job.commands)} commands were executed")

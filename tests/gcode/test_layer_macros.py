@@ -25,7 +25,7 @@ from tests.parts import box, plain, profile
 from tests.tiny_gcode import commands
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "gcode.md"
-PARK = "G91\nM82\nG1 Z5 F600\nG90\nG1 X0 Y0 F9000\nG1 E0 F300\nG4 P100"
+PARK = "G91\nM82\nG1 Z5 F600\nG90\nG1 X0 Y0 F9000\nG92 E0\nG1 E0 F300\nG4 P100"
 
 
 @cache
