@@ -147,19 +147,8 @@ def cura_presets(
                 f"{entry.place}: {key}: Cura has no such setting", remedy="look up its name in the definition"
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
-    try:
-        entries = from_cura(machine.value, machine.where)
-        entries |= {key: entry for key, entry in changes.items() if key not in machine.consulted}
-    except Unreadable as error:
-        raise ProfileError(
-            f"{path}: {error}", remedy="give the definition of a machine, not one that others build on"
-        ) from None
-    except (TypeError, ValueError, ArithmeticError):
-        key = machine.asked
-        raise ProfileError(
-            f"{machine.where(key)}: {key}: its value makes no sense",
-            remedy=f"change it with --cura {key}=VALUE",
-        ) from None
+    entries = _translated(machine)
+    entries |= {key: entry for key, entry in changes.items() if key not in machine.consulted}
     names = {
         "printer": machine.name,
         "material": f"{name or machine.name} material",
@@ -169,6 +158,27 @@ def cura_presets(
         Preset(kind, name, "cura", machine.place, entries, CURA_DEFAULTS, mixed=True)
         for kind, name in names.items()
     ]
+
+
+def _translated(machine: Definition) -> dict[str, Entry]:
+    """The settings of a machine under PrusaSlicer's names.
+
+    Raises:
+        ProfileError: it has too few, or one of a value that nothing can be made of.
+    """
+    try:
+        return from_cura(machine.value, machine.where)
+    except Unreadable as error:
+        raise ProfileError(
+            f"{machine.place}: {error}",
+            remedy="give the definition of a machine, not one that others build on",
+        ) from None
+    except (TypeError, ValueError, ArithmeticError):
+        key = machine.asked
+        raise ProfileError(
+            f"{machine.where(key)}: {key}: its value makes no sense",
+            remedy=f"change it with --cura {key}=VALUE",
+        ) from None
 
 
 def _chain(
