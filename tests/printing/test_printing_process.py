@@ -375,16 +375,15 @@ def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Pa
 
 
 def test_a_print_that_runs_is_not_resumed_besides(tmp_path: Path) -> None:
+    told = r"^job\.gcode: is being printed\n  see `printer-slicer control status`$"
     with served(tmp_path / "port"):
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
         until(lambda: printing.accepted > 20)
-        running = shelves.find(tmp_path / "prints", "", running=True)
-        with pytest.raises(UsageError) as caught:
-            resume_print(running, job_in(tmp_path))
+        with pytest.raises(UsageError, match=told):
+            resume_print(shelves.find(tmp_path / "prints", "", running=True), job_in(tmp_path))
         printing.controls.cancel()
         printing.ended()
 
-    assert str(caught.value) == ("job.gcode: is being printed\n  see `printer-slicer control status`")
     assert isinstance(printing.error, Cancelled)
 
 
