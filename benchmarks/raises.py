@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 import pytest
@@ -68,7 +69,8 @@ def main(arguments: list[str]) -> int:
         told.touch()
         hook = _HOOK.format(told=str(told))
         # For this process, and for those that tests start.
-        (Path(folder) / "sitecustomize.py").write_text(hook)
+        anywhere = "from contextlib import suppress\nwith suppress(ImportError):\n" + indent(hook, "    ")
+        (Path(folder) / "sitecustomize.py").write_text(anywhere)
         _Hooked.folder = folder
         subprocess.Popen = _Hooked  # type: ignore[misc]
         exec(hook, {})
