@@ -10,9 +10,13 @@ from __future__ import annotations
 
 import ast
 import os
+import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from textwrap import indent
+from typing import Any
 
 import pytest
 
@@ -47,6 +51,17 @@ def sites() -> dict[tuple[str, int], str]:
     return found
 
 
+class _Hooked(subprocess.Popen):
+    """Processes that tests start, whatever environment they give them."""
+
+    folder = ""
+
+    def __init__(self, *given: Any, env: Mapping[str, str] | None = None, **named: Any) -> None:
+        known = dict(os.environ if env is None else env)
+        paths = [self.folder, *filter(None, [known.get("PYTHONPATH")])]
+        super().__init__(*given, env=known | {"PYTHONPATH": os.pathsep.join(paths)}, **named)
+
+
 def main(arguments: list[str]) -> int:
     """Run the tests and print what they left out; the exit code says whether they left out anything."""
     with tempfile.TemporaryDirectory() as folder:
@@ -54,10 +69,10 @@ def main(arguments: list[str]) -> int:
         told.touch()
         hook = _HOOK.format(told=str(told))
         # For this process, and for those that tests start.
-        (Path(folder) / "sitecustomize.py").write_text(hook)
-        os.environ["PYTHONPATH"] = os.pathsep.join([folder, os.environ.get("PYTHONPATH", "")]).rstrip(
-            os.pathsep
-        )
+        anywhere = "from contextlib import suppress\nwith suppress(ImportError):\n" + indent(hook, "    ")
+        (Path(folder) / "sitecustomize.py").write_text(anywhere)
+        _Hooked.folder = folder
+        subprocess.Popen = _Hooked  # type: ignore[misc]
         exec(hook, {})
         code = pytest.main(arguments)
         reached = set(told.read_text().split("\n"))

@@ -196,7 +196,7 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
     if done.verified is False:
         raise VerificationError(
             f"{job.name}: the printer took every command, but it is not where the job ends",
-            remedy="look at the part; lines were lost or changed on the cable",
+            remedy="look at the part: lines were lost on the cable, or led beyond where the printer moves",
         )
     return 0
 

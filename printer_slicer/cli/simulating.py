@@ -59,7 +59,7 @@ def faults_of(arguments: argparse.Namespace) -> Faults | None:
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{arguments.faults} is no text in UTF-8", remedy="--faults wants a TOML file"
+            f"{arguments.faults}: no text in UTF-8", remedy="--faults wants a TOML file"
         ) from error
     faults, seed = read_script(text, str(arguments.faults))
     chosen = next((one for one in (arguments.seed, seed) if one is not None), 0)
@@ -151,12 +151,14 @@ def _card(arguments: argparse.Namespace) -> dict[str, bytes] | None:
     files: dict[str, bytes] = {}
     for path in arguments.card:
         try:
-            data = path.read_bytes()
+            with path.open("rb") as file:
+                data = file.read(_MOST + 1)
         except OSError as error:
             raise UsageError(f"{path}: {error.strerror}", remedy="--card wants G-code files") from error
         if len(data) > _MOST:
             raise UsageError(
-                f"{path} has {len(data)} bytes", remedy=f"a file on the card has at most {_MOST}"
+                f"{path}: over {_MOST >> 20} MiB",
+                remedy="the card of a simulated printer takes smaller files",
             )
         files[path.name] = data
     return files

@@ -18,9 +18,8 @@ from printer_slicer.importing.unpacking import unpacked
 
 __all__ = ["Definition", "cura_presets", "cura_profile", "is_definition"]
 
-_DEEPEST: Final = 30
 _SUFFIX: Final = ".def.json"
-_LARGEST: Final = 5_000_000
+_LARGEST: Final = 5_000_000  # bytes
 
 
 def is_definition(values: Mapping[str, Any]) -> bool:
@@ -39,6 +38,7 @@ class Definition:
         changes: key -> value that a person gave.
         changed_at: where.
         own: keys that the machine's own files change.
+        asked: the setting that was asked for last, not counting those that it hangs on.
     """
 
     name: str
@@ -48,6 +48,7 @@ class Definition:
     changed_at: dict[str, str] = field(default_factory=dict)
     own: list[str] = field(default_factory=list)
     unread: dict[str, str] = field(default_factory=dict)
+    asked: str = ""
     _values: dict[str, Any] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
 
@@ -66,6 +67,8 @@ class Definition:
         Raises:
             Unreadable: there is no such setting, or it hangs on itself.
         """
+        if not self._open:
+            self.asked = key
         if key in self._values:
             return self._values[key]
         if key in self._open:
@@ -144,13 +147,8 @@ def cura_presets(
                 f"{entry.place}: {key}: Cura has no such setting", remedy="look up its name in the definition"
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
-    try:
-        entries = from_cura(machine.value, machine.where)
-        entries |= {key: entry for key, entry in changes.items() if key not in machine.consulted}
-    except (Unreadable, TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        raise ProfileError(
-            f"{path}: a value that makes no sense: {error}", remedy="change the setting with --cura KEY=VALUE"
-        ) from None
+    entries = _translated(machine)
+    entries |= {key: entry for key, entry in changes.items() if key not in machine.consulted}
     names = {
         "printer": machine.name,
         "material": f"{name or machine.name} material",
@@ -162,6 +160,27 @@ def cura_presets(
     ]
 
 
+def _translated(machine: Definition) -> dict[str, Entry]:
+    """The settings of a machine under PrusaSlicer's names.
+
+    Raises:
+        ProfileError: it has too few, or one of a value that nothing can be made of.
+    """
+    try:
+        return from_cura(machine.value, machine.where)
+    except Unreadable as error:
+        raise ProfileError(
+            f"{machine.place}: {error}",
+            remedy="give the definition of a machine, not one that others build on",
+        ) from None
+    except (TypeError, ValueError, ArithmeticError):
+        key = machine.asked
+        raise ProfileError(
+            f"{machine.where(key)}: {key}: its value makes no sense",
+            remedy=f"change it with --cura {key}=VALUE",
+        ) from None
+
+
 def _chain(
     values: dict[str, Any], path: Path, folders: Sequence[Path]
 ) -> Iterator[tuple[dict[str, Any], Path]]:
@@ -170,11 +189,12 @@ def _chain(
     yield values, path
     while parent := values.get("inherits"):
         name = f"{parent}{_SUFFIX}"
-        if name in seen or len(seen) > _DEEPEST or "/" in name:
+        if name in seen:
             raise ProfileError(
                 f"{path}: inherits from itself: {' -> '.join([*seen, name])}", remedy="break the circle"
             )
-        found = next((folder / name for folder in folders if (folder / name).is_file()), None)
+        near = [] if "/" in name else [folder / name for folder in folders]
+        found = next((one for one in near if one.is_file()), None)
         if found is None:
             raise ProfileError(
                 f"{path}: inherits {parent!r}: {name} is not beside it",
@@ -188,7 +208,10 @@ def _chain(
 def _read(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _LARGEST:
-            raise ProfileError(f"{path}: over {_LARGEST} bytes", remedy="this is no definition")
+            raise ProfileError(
+                f"{path}: over {_LARGEST // 1_000_000} MB, more than any definition",
+                remedy="name the folder of Cura's definitions with --folder",
+            )
         return read_json(path.read_text(encoding="utf-8", errors="replace"), str(path))
     except OSError as error:
         raise ProfileError(

@@ -9,7 +9,10 @@ from typing import Final
 
 from printer_slicer.errors import ProfileError
 
-__all__ = ["Entry", "Section", "read_sections", "split_texts", "unescaped"]
+__all__ = ["GIVE", "Entry", "Section", "read_sections", "split_texts", "unescaped"]
+
+GIVE: Final = "give an exported config.ini, a bundle, G-code, a 3MF file or a JSON preset"
+"""The remedy for files that are something else."""
 
 _HEADING: Final = re.compile(r"\[(.+)\]\s*(?:[;#].*)?")
 _MOST: Final = 200_000  # lines
@@ -60,7 +63,7 @@ def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[Sect
     for number, line in enumerate(lines, first):
         text = line.strip().lstrip("\ufeff")
         if number - first > _MOST:
-            raise ProfileError(f"{place}: more than {_MOST} lines", remedy="this is no file of settings")
+            raise ProfileError(f"{place}: over {_MOST} lines, more than any file of settings", remedy=GIVE)
         if not text or text[0] in ";#":
             continue
         heading = _HEADING.fullmatch(text)
@@ -72,7 +75,7 @@ def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[Sect
             shown = text if len(text) <= 60 else f"{text[:57]}..."
             raise ProfileError(
                 f"{place}:{number}: {shown!r} is neither [section], setting nor comment",
-                remedy="give an exported config.ini, a bundle, or G-code or a 3MF file that holds the settings",
+                remedy=GIVE,
             )
         entry = Entry(name.strip(), value.strip(), f"{place}:{number}")
         sections[-1].entries[entry.name] = entry

@@ -12,7 +12,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing.bundle import Bundle, bundle_of
 from printer_slicer.importing.cura import cura_presets, cura_profile, is_definition
 from printer_slicer.importing.embedded import config_in_3mf, config_in_gcode
-from printer_slicer.importing.ini import Entry, Section, read_sections, split_texts, unescaped
+from printer_slicer.importing.ini import GIVE, Entry, Section, read_sections, split_texts, unescaped
 from printer_slicer.importing.native import is_native, native_profiles
 from printer_slicer.importing.objects import own_in_3mf
 from printer_slicer.importing.orca import OrcaFolder, orca_presets, read_json
@@ -107,12 +107,12 @@ def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry
             section.entries[key.strip()] = Entry(key.strip(), value.strip(), f"{path}:{number}")
         return _flat(section, path)
     if path.stat().st_size > _LARGEST:
-        raise ProfileError(f"{path}: over {_LARGEST} bytes", remedy="this is no file of settings")
+        raise ProfileError(
+            f"{path}: over {_LARGEST // 1_000_000} MB, more than any file of settings", remedy=GIVE
+        )
     data = path.read_bytes()
     if b"\x00" in data[:1000]:
-        raise ProfileError(
-            f"{path}: no text", remedy="give config.ini, a bundle, G-code, a 3MF file or a JSON preset"
-        )
+        raise ProfileError(f"{path}: no text", remedy=GIVE)
     return _from_text(data.decode("utf-8", "replace"), str(path), path, folders, changes)
 
 
@@ -168,7 +168,7 @@ def _flat(section: Section, path: Path, dialect: str = "") -> list[Preset]:
     if not presets:
         raise ProfileError(
             f"{path}: no settings of a printer, a filament or a print",
-            remedy="give an exported config.ini, a bundle, G-code, a 3MF file or a JSON preset",
+            remedy=GIVE,
         )
     return presets
 

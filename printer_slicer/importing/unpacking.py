@@ -37,5 +37,8 @@ def _text(path: Path, archive: zipfile.ZipFile, name: str) -> str:
     with archive.open(name) as member:
         data = member.read(_LARGEST + 1)  # whatever its directory says
     if len(data) > _LARGEST:
-        raise ProfileError(f"{path}: {name}: over {_LARGEST} bytes", remedy="this is no file of settings")
+        raise ProfileError(
+            f"{path}: {name}: over {_LARGEST // 1_000_000} MB, more than any file of settings",
+            remedy="save the file again",
+        )
     return data.decode("utf-8", "replace")

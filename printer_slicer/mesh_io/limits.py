@@ -33,6 +33,7 @@ class Limits:
         names: different names of elements and attributes in an XML document.
         xml_depth: elements in elements.
         xml_token: bytes of one tag or comment.
+        step_seconds: that turning a STEP file into facets may take.
     """
 
     facets: int = 20_000_000
@@ -47,6 +48,7 @@ class Limits:
     names: int = 10_000
     xml_depth: int = 64
     xml_token: int = MIB
+    step_seconds: float = 600.0
 
 
 LIMITS: Final = Limits()

@@ -26,8 +26,8 @@ STEP_TOLERANCE: Final = 0.01
 """mm that facets may be off the surface they stand for; contours are simplified by about as much."""
 STEP_ANGLE: Final = 0.2
 """rad between the normals of neighbouring facets of a curved surface, at most."""
-PATIENCE: Final = 600.0
-"""s before a conversion is given up."""
+
+_SHOWN: Final = 200  # characters of what it says
 
 CONVERT: Final = """
 import sys
@@ -60,7 +60,7 @@ def read_step(data: bytes, path: Path, limits: Limits) -> tuple[Float, str, list
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
         given, made = Path(folder, "part.step"), Path(folder, "part.glb")
         given.write_bytes(data)
-        _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path)
+        _convert([str(given), str(made), str(STEP_TOLERANCE), str(STEP_ANGLE)], path, limits)
         if not made.is_file() or not (converted := made.read_bytes()):
             raise MeshError(f"{path}: not a sound STEP file, or one without solids", remedy=COPY_AGAIN)
     # Told by trying: it writes metres as glTF wants, but leaves z up.
@@ -76,21 +76,29 @@ def _is_installed(name: str) -> bool:
         return False
 
 
-def _convert(arguments: list[str], path: Path) -> None:
-    """STEP to GLB, in a process of its own."""
+def _convert(arguments: list[str], path: Path, limits: Limits) -> None:
+    """STEP to GLB, in a process of its own.
+
+    Raises:
+        MeshError: it takes too long, or it fails.
+    """
     try:
         done = subprocess.run(  # noqa: S603 - ourselves, and names that we made
             [sys.executable, "-c", CONVERT, *arguments],
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=PATIENCE,
+            timeout=limits.step_seconds,
             check=False,
         )
     except subprocess.TimeoutExpired as error:
         raise MeshError(
-            f"{path}: no facets after {PATIENCE:g} s", remedy="Export the part as STL or 3MF from CAD."
+            f"{path}: no facets after {limits.step_seconds:g} s",
+            remedy="Export the part as STL or 3MF from CAD.",
         ) from error
     if done.returncode:
+        words = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        why = words[-1][:_SHOWN] if words else f"it ended with {done.returncode}"
         raise MeshError(
-            f"{path}: not a sound STEP file: OpenCASCADE ended with {done.returncode}", remedy=COPY_AGAIN
+            f"{path}: OpenCASCADE makes nothing of it: {why}",
+            remedy="Export the part as STL or 3MF from CAD.",
         )

@@ -50,5 +50,6 @@ def send(
     """
     if kind not in SERVERS:
         raise UsageError(f"--to {kind}: no such kind of server", remedy=f"kinds are {', '.join(SERVERS)}")
+    upload.open().close()  # before anybody is asked for a session
     with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
         return SERVERS[kind](connection, upload)

@@ -122,8 +122,11 @@ class Connection:
     def __init__(self, url: str, kind: str, *, key: str = "", user: str = "", timeout: float = 30.0) -> None:
         whole = url if "://" in url else f"http://{url}"
         self.kind, self.url, self.key, self.user = kind, whole.rstrip("/"), key, user
-        if not key.isascii() or not key.isprintable():
-            raise UsageError("the key holds letters that no key has", remedy="look at the file it comes from")
+        if odd := next((one for one in key if not (one.isascii() and one.isprintable())), ""):
+            raise UsageError(
+                f"the key holds {odd!r}, which no key does",
+                remedy="look at the file, the flag or the variable PRINTER_SLICER_KEY that it is from",
+            )
         try:
             parsed = httpx.URL(self.url)
         except (httpx.InvalidURL, ValueError, TypeError):

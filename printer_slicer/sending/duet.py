@@ -34,7 +34,7 @@ def send_to_duet(connection: Connection, upload: Upload) -> str:
         raise refused(connection, answer, "asked for a session")
     told = connection.said(answer)
     if told.get("err") != 0:
-        raise _no_session(connection, int(told.get("err", -1)))
+        raise _no_session(connection, told.get("err"))
     if "sessionKey" in told:
         connection.head({"X-Session-Key": str(told["sessionKey"])})
     try:
@@ -83,7 +83,7 @@ def _checksum(upload: Upload) -> int:
     return total
 
 
-def _no_session(connection: Connection, code: int) -> PortError:
+def _no_session(connection: Connection, code: object) -> PortError:
     if code == 1:
         return PortError(
             f"{connection.url}: the password is wrong", remedy="give it with --key-file or PRINTER_SLICER_KEY"
@@ -92,4 +92,4 @@ def _no_session(connection: Connection, code: int) -> PortError:
         return PortError(
             f"{connection.url}: has no session left", remedy="close some of its pages, or wait a little"
         )
-    return PortError(f"{connection.url}: gives no session ({code})", remedy="look at its page")
+    return PortError(f"{connection.url}: gives no session (err {code})", remedy="look at its page")

@@ -21,8 +21,8 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
     info = connection.ask("GET", "/server/info")
     if info.status_code != 200:
         raise refused(connection, info, "asked who it is")
-    state = connection.said(info).get("result", {})
-    if "klippy_state" not in state:
+    state = connection.said(info).get("result")
+    if not isinstance(state, dict) or "klippy_state" not in state:
         raise PortError(f"{connection.url}: what answers there is no Moonraker", remedy="check --to")
     if upload.start and state["klippy_state"] != "ready":
         raise PortError(

@@ -84,6 +84,16 @@ def test_the_log_holds_both_sides(tmp_path: Path) -> None:
     assert (tmp_path / "log").read_text(encoding="utf-8") == "> M118 hello\n< hello\n< ok\n"
 
 
+def test_a_log_that_cannot_be_written_is_told_before_the_port_is_opened(tmp_path: Path) -> None:
+    log = tmp_path / "missing" / "log"
+    outcome = typed("console", tmp_path / "nowhere", "--log", log)
+
+    assert (outcome.code, outcome.err) == (
+        2,
+        f"printer-slicer: {log}: cannot be written: No such file or directory\n  name another file\n",
+    )
+
+
 def test_an_emergency_stop_waits_for_nothing_and_a_dead_printer_ends_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,6 +162,10 @@ def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) ->
         assert outcome.code == 2
         assert is_message(outcome, "takes box to", "choose a smaller factor")
         assert "Warning" not in outcome.err
+    assert outcome.err == (
+        "printer-slicer: scale 1,1,1e+09: takes box to 1e+10 mm from the origin of its file\n"
+        "  choose a smaller factor: parts up to 10 km are read\n"
+    )
 
 
 def test_a_plate_is_printed_by_the_simulated_printer(tmp_path: Path) -> None:

@@ -343,6 +343,20 @@ def test_a_checkpoint_of_an_earlier_failure_is_gone_after_a_good_print(tmp_path:
     assert not (tmp_path / "job.checkpoint.json").exists()
 
 
+def test_a_printer_that_is_not_where_the_job_ends_fails_with_7(tmp_path: Path) -> None:
+    """It took every line, but its firmware stops at the end of the axis."""
+    (tmp_path / "low.gcode").write_text("G28\nG90\nG1 X-20 F3000\n", encoding="utf-8")
+    with printer(tmp_path / "port"):
+        outcome = typed("print", tmp_path / "low.gcode", "--port", tmp_path / "port", "--allow", "box")
+
+    assert outcome.code == 7
+    assert "the printer is NOT where the job ends" in outcome.out
+    assert outcome.err.endswith(
+        "printer-slicer: low.gcode: the printer took every command, but it is not where the job ends\n"
+        "  look at the part: lines were lost on the cable, or led beyond where the printer moves\n"
+    )
+
+
 # The served printer refuses what cannot be
 
 

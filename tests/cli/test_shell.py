@@ -123,8 +123,10 @@ def test_what_stdin_cannot_be_is_told(arguments: list[str], message: str, tmp_pa
 def test_an_empty_stdin_is_told(tmp_path: Path) -> None:
     done = piped(b"", "dry-run", "-", cwd=tmp_path)
 
-    assert done.returncode == 2
-    assert b"-: nothing came from stdin" in done.stderr
+    assert (done.returncode, done.stderr) == (
+        2,
+        b"printer-slicer: -: nothing came from stdin\n  pipe a model or G-code into it, or name a file\n",
+    )
 
 
 PROFILE = b'inherits = "standard"\nname = "mine"\nperimeters = 5\n'

@@ -130,6 +130,28 @@ def test_doors_that_make_no_sense_are_refused(
     assert said in capsys.readouterr().err
 
 
+NET = ("--tcp", "127.0.0.1:0")
+
+
+def test_files_and_flags_that_cannot_be_are_refused_before_anybody_is_served(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    faults, large = tmp_path / "f.toml", tmp_path / "large.gcode"
+    faults.write_bytes("# Störung".encode("latin-1"))
+    with large.open("wb") as file:
+        file.truncate((64 << 20) + 1)
+    for arguments, said in (
+        (["--report", "-", "--json"], "--report - and --json both want stdout\n  leave one of them out\n"),
+        (["--faults", str(faults)], f"{faults}: no text in UTF-8\n  --faults wants a TOML file\n"),
+        (
+            ["--card", str(large)],
+            f"{large}: over 64 MiB\n  the card of a simulated printer takes smaller files\n",
+        ),
+    ):
+        assert main(["sim", *NET, *arguments]) == 2
+        assert capsys.readouterr().err == f"printer-slicer: {said}"
+
+
 @contextmanager
 def served(*arguments: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """`sim` in a process of its own; the address it names."""

@@ -91,6 +91,17 @@ def test_the_suffix_decides_the_format(name: str, tmp_path: Path) -> None:
     assert f"{stack.plan.n_layers} layers" in text
 
 
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    """A link that leads nowhere has its name."""
+    (tmp_path / "slices").symlink_to("nowhere/at/all")
+    error = refused(PARTS / "box.stl", f"{tmp_path}/slices/")
+
+    assert isinstance(error, OutputError)
+    assert str(error) == (
+        f"{tmp_path}/slices: the folder cannot be made: File exists\n  check name and permissions"
+    )
+
+
 def test_binary_cli_is_asked_for_with_a_flag(tmp_path: Path) -> None:
     path = tmp_path / "a.cli"
     _, facts = done(PARTS / "box.stl", path, binary=True)

@@ -18,7 +18,7 @@ from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 from zlib import crc32
 
-__all__ = ["Seen", "duet", "prusalink"]
+__all__ = ["Seen", "duet", "fixed", "prusalink"]
 
 _REALM, _NONCE = "Administrator", "d4c6a9"
 
@@ -34,6 +34,8 @@ class Seen:
         user: whose password the key is, for digest; "" for an API key.
         full: it has no room.
         by_computer: a Duet with a single-board computer.
+        no_session: why a Duet gives no session, as it numbers its reasons.
+        says: path -> status and object, for a server that always says the same.
     """
 
     url: str = ""
@@ -41,6 +43,8 @@ class Seen:
     user: str = ""
     full: bool = False
     by_computer: bool = False
+    no_session: int = 0
+    says: dict[str, tuple[int, Any]] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
     started: list[str] = field(default_factory=list)
     requests: list[str] = field(default_factory=list)
@@ -148,7 +152,8 @@ class Duet(Handler):
         if self.seen.by_computer:
             self.machine(unquote(parts.path), query, data)
         elif parts.path == "/rr_connect":
-            self.say(200, {"err": 0 if query.get("password") == self.seen.key else 1, "sessionTimeout": 8000})
+            wrong = self.seen.no_session or int(query.get("password") != self.seen.key)
+            self.say(200, {"err": wrong, "sessionTimeout": 8000})
         elif parts.path == "/rr_upload" and self.command == "POST":
             good = not self.seen.full and int(query["crc32"], 16) == crc32(data)
             if good:
@@ -176,6 +181,16 @@ class Duet(Handler):
             self.say(404)
 
 
+class Fixed(Handler):
+    """The same answers, whatever is asked."""
+
+    def handle_all(self) -> None:
+        """One request."""
+        self.body()
+        self.seen.requests.append(f"{self.command} {self.path}")
+        self.say(*self.seen.says.get(self.path, (404, None)))
+
+
 @contextmanager
 def _served(kind: type[Handler], seen: Seen) -> Iterator[Seen]:
     handler = type("Own", (kind,), {"seen": seen})
@@ -199,3 +214,8 @@ def prusalink(**how: Any) -> Any:
 def duet(**how: Any) -> Any:
     """A Duet board."""
     return _served(Duet, Seen(**how))
+
+
+def fixed(says: dict[str, tuple[int, Any]]) -> Any:
+    """A server with a fixed answer to each path."""
+    return _served(Fixed, Seen(says=says))

@@ -15,7 +15,7 @@ from printer_slicer.errors import PortError, UsageError
 from printer_slicer.sending import SERVERS, Upload, send
 from tests.cli.command_line import is_message, typed
 from tests.hosts.others import KEY, moonraker, octoprint
-from tests.hosts.small_servers import duet, prusalink
+from tests.hosts.small_servers import duet, fixed, prusalink
 
 
 @pytest.fixture(autouse=True)
@@ -208,7 +208,98 @@ def test_duet_without_room(gcode: Path) -> None:
         assert seen.requests[-1] == "GET /rr_disconnect"
 
 
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (2, "has no session left\n  close some of its pages, or wait a little"),
+        (7, "gives no session (err 7)\n  look at its page"),
+    ],
+)
+def test_duet_says_why_it_gives_no_session(code: int, said: str, gcode: Path) -> None:
+    with duet(no_session=code) as seen:
+        done = typed("send", gcode, "--to", "duet", seen.url, "--key", "secret")
+
+        assert (done.code, done.err) == (4, f"printer-slicer: {seen.url}: {said}\n")
+        assert seen.files == {}
+
+
+# Servers that are another one, or do not print
+
+
+READY = {"/server/info": (200, {"result": {"klippy_state": "ready"}})}
+API = {"/api/version": (200, {"api": "0.1"})}
+
+
+@pytest.mark.parametrize(
+    ("kind", "says", "said"),
+    [
+        ("moonraker", {"/server/info": (200, {})}, "what answers there is no Moonraker\n  check --to"),
+        (
+            "moonraker",
+            {"/server/info": (200, {"result": None})},
+            "what answers there is no Moonraker\n  check --to",
+        ),
+        (
+            "moonraker",
+            {"/server/info": (200, {"result": {"klippy_state": "startup"}})},
+            (
+                "Klipper is not ready (startup), so nothing can be printed\n"
+                "  look at its page; without --print the file is only uploaded"
+            ),
+        ),
+        (
+            "moonraker",
+            READY | {"/server/files/upload": (201, {"item": {"path": "b.gcode"}, "print_started": False})},
+            "b.gcode is there, but is not printed\n  is another print running?",
+        ),
+        ("octoprint", {"/api/version": (200, {})}, "what answers there is no OctoPrint\n  check --to"),
+        (
+            "octoprint",
+            API
+            | {"/api/files/local": (201, {"files": {"local": {"path": "b.gcode"}}, "effectivePrint": False})},
+            (
+                "b.gcode is there, but is not printed\n"
+                "  connect OctoPrint to its printer, and start it on its page"
+            ),
+        ),
+    ],
+)
+def test_what_is_not_printed_is_told_with_the_reason(
+    kind: str, says: dict[str, tuple[int, object]], said: str, tmp_path: Path
+) -> None:
+    job = tmp_path / "b.gcode"
+    job.write_text("G28\n", encoding="ascii")
+    with fixed(says) as seen:
+        done = typed("send", job, "--to", kind, seen.url, "--print")
+
+    assert (done.code, done.err) == (4, f"printer-slicer: {seen.url}: {said}\n")
+
+
 # All of them
+
+
+def test_a_key_that_is_none_is_refused_without_being_shown(gcode: Path) -> None:
+    done = typed("send", gcode, "--to", "octoprint", "there", "--key", "schlüssel")
+
+    assert (done.code, done.err) == (
+        2,
+        (
+            "printer-slicer: the key holds 'ü', which no key does\n"
+            "  look at the file, the flag or the variable PRINTER_SLICER_KEY that it is from\n"
+        ),
+    )
+
+
+@pytest.mark.parametrize("kind", sorted(SERVERS))
+def test_a_file_that_cannot_be_read_is_told_before_the_server_is_asked(kind: str, tmp_path: Path) -> None:
+    gone = tmp_path / "gone.gcode"
+    with fixed({}) as seen, pytest.raises(UsageError) as caught:
+        send(Upload(gone, "a.gcode"), kind, seen.url)
+
+    assert str(caught.value) == (
+        f"{gone}: cannot be read: No such file or directory\n  check name and permissions"
+    )
+    assert seen.requests == []
 
 
 def test_progress_goes_from_nothing_to_all_of_it(gcode: Path) -> None:

@@ -6,6 +6,8 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+import pytest
+
 from printer_slicer.importing import Imported, Refused, Wanted, import_profiles, profile_text
 from printer_slicer.profile import Profile, load_profile
 
@@ -101,4 +103,16 @@ def loaded(made: Mapping[str, Imported], folder: Path) -> Profile:
 def json_file(path: Path, values: object) -> Path:
     """A JSON file."""
     path.write_text(json.dumps(values), encoding="utf-8")
+    return path
+
+
+needs_proc = pytest.mark.skipif(
+    not Path("/proc/self/mem").exists(), reason="no file here that nobody can read"
+)
+
+
+def unreadable(path: Path) -> Path:
+    """A file that can be opened and not be read, by root neither: memory at an address that nobody has."""
+    path.unlink(missing_ok=True)
+    path.symlink_to("/proc/self/mem")
     return path

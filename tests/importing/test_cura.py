@@ -15,7 +15,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Wanted, import_profiles
 from printer_slicer.importing.cura_values import evaluate_cura
 from printer_slicer.importing.foreign import Unreadable
-from tests.importing.files import imported, json_file, loaded, refused
+from tests.importing.files import imported, json_file, loaded, needs_proc, refused, unreadable
 
 LITERALS: dict[str, Any] = {
     "machine_width": 200, "machine_depth": 210, "machine_height": 220, "machine_center_is_zero": False,
@@ -172,6 +172,79 @@ def test_a_machine_that_measures_its_bed_as_those_of_prusa_is_one(folder: Path) 
     for text, flavour in (("G28\nG80\nG1 Z5", "prusa"), ("G28\nG29\nG1 Z5", "marlin_legacy")):
         made = imported(folder / "acme.def.json", cura={"machine_start_gcode": text})["printer"]
         assert made.values["flavour"] == flavour
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("material_flow", "much"), ("machine_width", []), ("ironing_flow", None)]
+)
+def test_a_value_that_nothing_can_be_made_of_is_named_and_can_be_changed(
+    folder: Path, key: str, value: object
+) -> None:
+    machine = {"version": 2, "inherits": "fdmbase", "overrides": {key: {"default_value": value}}}
+    path = json_file(folder / "bad.def.json", machine)
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(path)
+
+    assert str(caught.value) == (
+        f"{path}: {key}: its value makes no sense\n  change it with --cura {key}=VALUE"
+    )
+    assert imported(path, cura={key: "100"})
+
+
+def test_a_definition_that_is_no_machine_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
+    path = json_file(tmp_path / "part.def.json", {"version": 2, "overrides": {}})
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(path)
+
+    assert str(caught.value) == (
+        f"{path}: machine_width is no setting of this machine\n"
+        "  give the definition of a machine, not one that others build on"
+    )
+
+
+def test_definitions_that_inherit_in_a_circle_are_told_in_their_order(folder: Path) -> None:
+    first, second = folder / "first.def.json", folder / "second.def.json"
+    json_file(first, {"version": 2, "inherits": "second", "overrides": {}})
+    json_file(second, {"version": 2, "inherits": "first", "overrides": {}})
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(first)
+
+    assert str(caught.value) == (
+        f"{second}: inherits from itself: first.def.json -> second.def.json -> first.def.json\n  break the circle"
+    )
+
+
+def test_a_definition_is_inherited_only_from_the_folders_that_are_looked_into(folder: Path) -> None:
+    (folder / "below").mkdir()
+    path = json_file(folder / "below" / "it.def.json", {"version": 2, "inherits": "../acme", "overrides": {}})
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(path)
+
+    assert str(caught.value) == (
+        f"{path}: inherits '../acme': ../acme.def.json is not beside it\n"
+        "  name the folder of Cura's definitions with --folder"
+    )
+
+
+def test_a_base_that_is_far_too_large_is_not_read(folder: Path) -> None:
+    base = folder / "fdmbase.def.json"
+    with base.open("r+b") as file:
+        file.truncate(5_000_001)
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(folder / "acme.def.json")
+
+    assert str(caught.value) == (
+        f"{base}: over 5 MB, more than any definition\n  name the folder of Cura's definitions with --folder"
+    )
+
+
+@needs_proc
+def test_a_base_that_cannot_be_read_is_named_and_not_the_file_that_builds_on_it(folder: Path) -> None:
+    base = unreadable(folder / "fdmbase.def.json")
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(folder / "acme.def.json")
+
+    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check the file's permissions"
 
 
 def setting(name: str) -> Any:

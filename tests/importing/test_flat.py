@@ -262,3 +262,29 @@ def test_what_is_no_pressure_advance_is_left_out_and_told(tmp_path: Path) -> Non
 
     assert "pressure_advance" not in made.values
     assert "'M900 K30' is no pressure advance in seconds" in made.notes[0].text
+
+
+GIVE = "give an exported config.ini, a bundle, G-code, a 3MF file or a JSON preset"
+
+
+def test_a_part_without_settings_is_refused_with_how_to_get_them(tmp_path: Path) -> None:
+    path = tmp_path / "part.3mf"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", "<model/>")
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(path)
+
+    assert str(caught.value) == (
+        f"{path}: no settings in it\n  save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio"
+    )
+
+
+def test_a_file_of_far_too_many_bytes_or_lines_is_no_file_of_settings(tmp_path: Path) -> None:
+    heavy, long = tmp_path / "heavy.ini", tmp_path / "long.ini"
+    with heavy.open("wb") as file:
+        file.truncate(50_000_001)
+    long.write_text("\n" * 200_002, encoding="utf-8")
+    for path, size in ((heavy, "50 MB"), (long, "200000 lines")):
+        with pytest.raises(ProfileError) as caught:
+            import_profiles(path)
+        assert str(caught.value) == f"{path}: over {size}, more than any file of settings\n  {GIVE}"

@@ -10,7 +10,7 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Wanted, import_profiles
-from tests.importing.files import imported, json_file, loaded
+from tests.importing.files import imported, json_file, loaded, needs_proc, unreadable
 
 MACHINE = {
     "type": "machine",
@@ -300,3 +300,12 @@ def test_its_macros_may_speak_of_pressure_advance(tmp_path: Path) -> None:
     made = imported(json_file(tmp_path / "machine.json", MACHINE | own))["printer"]
 
     assert made.values["start_gcode"].splitlines()[0] == "SET_PRESSURE_ADVANCE ADVANCE={pressure_advance}"
+
+
+@needs_proc
+def test_a_base_that_cannot_be_read_is_named_and_not_the_file_that_builds_on_it(tmp_path: Path) -> None:
+    base = unreadable(tmp_path / "acme_common.json")
+    with pytest.raises(ProfileError) as caught:
+        import_profiles(json_file(tmp_path / "machine.json", MACHINE))
+
+    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check the file's permissions"

@@ -61,3 +61,16 @@ def test_files_that_end_early_are_read_or_refused(name: str, tmp_path: Path) -> 
 
     for end in range(0, len(content), max(len(content) // 40, 1)):
         judge(tmp_path, name, content[:end])
+
+
+WRITE_ONLY = Path("/proc/sys/vm/compact_memory")
+
+
+@pytest.mark.skipif(not WRITE_ONLY.exists(), reason="no file here that may be written only, whoever asks")
+def test_a_file_that_may_not_be_read_is_told_as_that(tmp_path: Path) -> None:
+    path = tmp_path / "secret.stl"
+    path.symlink_to(WRITE_ONLY)
+    with pytest.raises(UsageError) as caught:
+        load_mesh(path)
+
+    assert str(caught.value) == f"{path}: reading it is not allowed\n  Check its permissions."

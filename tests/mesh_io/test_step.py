@@ -6,6 +6,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from signal import SIGABRT
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tiny_files import write
 from tiny_step import step_box
 
 from printer_slicer.errors import MeshError, UsageError
-from printer_slicer.mesh_io import load_model
+from printer_slicer.mesh_io import Limits, load_mesh, load_model
 
 needs_cascadio = pytest.mark.skipif(find_spec("cascadio") is None, reason="the extra step is not installed")
 
@@ -49,6 +50,45 @@ def test_the_unit_of_a_step_file_is_doubted_with_a_flag_that_it_takes(tmp_path: 
     doubts = load_model(write(tmp_path, step_box(1, 2, 2), "part.step")).doubts()
 
     assert "in inches? --scale 25.4 makes it 25.4 x 50.8 x 50.8 mm" in doubts
+
+
+def with_package(folder: Path, code: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package of that name which does something else, here and in processes that are started."""
+    (folder / "cascadio.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+
+
+@pytest.mark.parametrize(
+    ("code", "why"),
+    [
+        ("import os\nos.abort()", f"it ended with {-SIGABRT}"),
+        ("raise ImportError('libGL.so.1: no such file')", "ImportError: libGL.so.1: no such file"),
+    ],
+    ids=["crash", "half installed"],
+)
+def test_a_conversion_that_fails_says_why(
+    code: str, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_package(tmp_path, code, monkeypatch)
+    path = write(tmp_path, step_box(2, 3, 4), "part.step")
+    with pytest.raises(MeshError) as caught:
+        load_mesh(path)
+
+    assert str(caught.value) == (
+        f"{path}: OpenCASCADE makes nothing of it: {why}\n  Export the part as STL or 3MF from CAD."
+    )
+
+
+def test_a_conversion_that_takes_too_long_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with_package(tmp_path, "import time\ntime.sleep(99)", monkeypatch)
+    path = write(tmp_path, step_box(2, 3, 4), "part.step")
+    with pytest.raises(MeshError) as caught:
+        load_mesh(path, limits=Limits(step_seconds=0.01))
+
+    assert str(caught.value) == f"{path}: no facets after 0.01 s\n  Export the part as STL or 3MF from CAD."
 
 
 def test_without_the_package_the_command_that_installs_it_is_told(tmp_path: Path) -> None:

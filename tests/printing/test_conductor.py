@@ -12,6 +12,7 @@ from rig import SETUP, Rig, laid
 
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
+from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.phases import Phase
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1
@@ -411,3 +412,31 @@ def test_nonsense_is_refused_with_a_remedy(line: str) -> None:
     with pytest.raises(UsageError) as caught:
         wishes.read_wish(line)
     assert caught.value.remedy
+
+
+def test_what_is_paused_or_prints_already_says_so() -> None:
+    rig = Rig(LINES)
+    rig.connect()
+    left = [wishes.Resume(), wishes.Pause(), wishes.Pause(), wishes.Resume()]
+
+    def turn(_: float) -> None:
+        ready = rig.streamer.acknowledged >= 50
+        if ready and left and (len(left) > 2 or rig.conductor.phase is Phase.WAITING):
+            rig.wish(left.pop(0))
+
+    rig.run(turn)
+
+    assert [str(answer) for answer in rig.answers] == [
+        "it cannot resume: it is streaming\n  see `status`",
+        "pausing behind the planned moves",
+        "it cannot pause: it is paused\n  wait, or see `status`",
+        "resuming",
+    ]
+    assert isinstance(rig.events[-1], Finished)
+
+
+def test_a_wish_that_nobody_hears_is_given_up() -> None:
+    with pytest.raises(UsageError) as caught:
+        Controls().ask(wishes.Pause(), timeout=0.01)
+
+    assert str(caught.value) == "the print does not answer\n  is the printer connected?"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import select
 import socket
 import subprocess
@@ -355,23 +356,61 @@ def test_an_unfinished_print_is_forgotten_only_when_that_is_said(tmp_path: Path)
     assert list((tmp_path / "prints").iterdir()) == []
 
 
-def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path) -> None:
+def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Path) -> None:
+    with served(tmp_path / "port"):
+        printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints", reconnect=15.0)
+        until(lambda: printing.accepted > 60)
+    until(lambda: any(isinstance(event, Note) and "waiting" in event.text for event in printing.events))
+    with served(tmp_path / "port") as executed:
+        printing.ended()
+
+    assert isinstance(printing.error, PrintError)
+    assert re.fullmatch(
+        rf"job\.gcode: {tmp_path}/port is gone: [^;]+; it is back, but it took line 0 last, and line \d+ is on record"
+        r" \(after \d+ of 604 commands\)\n  look at the printer, [^;]+; the part is not finished; printer-slicer resume"
+        r" goes on with it",
+        str(printing.error),
+    )
+    assert not any(line.startswith("G") for line in executed)
+
+
+def test_a_print_that_runs_is_not_resumed_besides(tmp_path: Path) -> None:
+    told = r"^job\.gcode: is being printed\n  see `printer-slicer control status`$"
     with served(tmp_path / "port"):
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
-        until(lambda: printing.accepted > 60)
+        until(lambda: printing.accepted > 20)
+        with pytest.raises(UsageError, match=told):
+            resume_print(shelves.find(tmp_path / "prints", "", running=True), job_in(tmp_path))
+        printing.controls.cancel()
+        printing.ended()
+
+    assert isinstance(printing.error, Cancelled)
+
+
+def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path) -> None:
+    text = tower(40)
+    with served(tmp_path / "port", speed=100.0):
+        printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
+        until(lambda: printing.accepted > 100)
     printing.ended()
     left = shelves.find(tmp_path / "prints", "", running=False)
     asked: list[str] = []
-    with served(tmp_path / "port") as executed, pytest.raises(PrintError):
-        resume_print(left, job_in(tmp_path), recover=lambda why: bool(asked.append(why)))
+    with served(tmp_path / "port") as executed, pytest.raises(PrintError) as caught:
+        resume_print(left, job_in(tmp_path, text), recover=lambda why: bool(asked.append(why)))
 
+    assert re.fullmatch(
+        r"job\.gcode: not resumed: it took line 0 last, and line \d+ is on record\n"
+        r"  printer-slicer resume --recover does what was told",
+        str(caught.value),
+    )
+    assert "home x and y only" in asked[0]
     assert not any(line.startswith("G") for line in executed)
     assert not left.running
 
 
 def test_with_consent_a_printer_that_was_reset_is_brought_back_and_goes_on(tmp_path: Path) -> None:
-    text = tower(8)
-    with served(tmp_path / "port"):
+    text = tower(40)
+    with served(tmp_path / "port", speed=100.0):
         printing = Background(job_in(tmp_path, text), tmp_path / "port", tmp_path / "prints")
         until(lambda: printing.accepted > 100)
     printing.ended()

@@ -167,6 +167,22 @@ def test_the_origin_of_the_program_is_where_it_was(tmp_path: Path) -> None:
     assert script.index("G28 X Y") < next(i for i, line in enumerate(script) if line.startswith("G92 X"))
 
 
+def test_an_origin_that_was_moved_from_an_unknown_place_cannot_be_recovered(tmp_path: Path) -> None:
+    """A job that calls the place where it finds the nozzle zero, as some do without homing."""
+    text = tower(3).replace("G28\n", "G92 X100 Y100\n")
+    _, print_ = lose_power(text, tmp_path, 40)
+    job = job_of_text(
+        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
+    )
+    with pytest.raises(PrintError) as caught:
+        recovery(print_, job)
+
+    assert str(caught.value) == (
+        "part.gcode: where its G92 moved the origin to is not known\n"
+        "  print it anew: printer-slicer print --discard-unfinished"
+    )
+
+
 def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path) -> None:
     text = tower(3)
     job = job_of_text(
