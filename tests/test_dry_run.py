@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.cli.verdicts import verdict_facts
-from printer_slicer.errors import ProfileError
+from printer_slicer.errors import ProfileError, VerificationError
 from printer_slicer.jobs import Job, job_from
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
@@ -434,3 +434,14 @@ def test_a_job_can_be_rehearsed_on_a_bed_so_large_that_it_heats_slowly(tmp_path:
     job: Job = job_from(scaled(tmp_path, 8, 8, 0.6), large)
 
     assert dry_run(job, large).problems == ()
+
+
+def test_a_job_of_weeks_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "slip.gcode"
+    path.write_text("G28\nG4 S3000000\nM104 S0\n")
+    profile = load_profile()
+
+    with pytest.raises(VerificationError, match="slip.gcode: 35 days of motion and waiting") as caught:
+        dry_run(job_from(path, profile), profile)
+
+    assert "dwells" in caught.value.remedy

@@ -15,7 +15,7 @@ from typing import IO, Final
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["inputs", "refuse_other_text"]
+__all__ = ["inputs", "kept", "refuse_other_text"]
 
 _STDIN: Final = Path("-")
 _PROFILES: Final = ("printer", "material", "quality")
@@ -59,7 +59,8 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
         return
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
         suffix = ".gcode" if gcode == _STDIN else ".toml" if "-" in profiles else ""
-        path = _kept(Path(folder), suffix)
+        stream: IO[bytes] = sys.stdin.buffer if sys.stdin else open("/dev/null", "rb")  # noqa: PTH123, SIM115 - `<&-`
+        path = kept(stream, Path(folder), suffix)
         arguments.hidden = f"{folder}{os.sep}"
         if gcode == _STDIN:
             arguments.gcode = path
@@ -116,23 +117,26 @@ def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> 
         raise UsageError("-: G-code of a model from stdin has no name", remedy="name it with -o; - is stdout")
 
 
-def _kept(folder: Path, suffix: str) -> Path:
-    """Stdin as a file, named after what it holds if nothing is said.
+def kept(stream: IO[bytes], folder: Path, suffix: str = "", most: int = _MOST) -> Path:
+    """What comes from stdin as a file, named after what it holds if nothing is said.
+
+    Args:
+        stream: stdin.
+        folder: where the file is written.
+        suffix: of its name; empty: as what is in it looks.
+        most: bytes.
 
     Raises:
         UsageError: there is nothing in it, or too much.
     """
-    stream: IO[bytes] = sys.stdin.buffer if sys.stdin else open("/dev/null", "rb")  # noqa: PTH123, SIM115 - `<&-`
     if stream.isatty():
         print("printer-slicer: reading stdin, as - says; Ctrl-D ends it", file=sys.stderr)
     path, length = folder / "stdin", 0
     with path.open("wb") as file:
         while chunk := stream.read(_CHUNK):
             length += len(chunk)
-            if length > _MOST:
-                raise UsageError(
-                    f"-: more than {_MOST >> 30} GiB in stdin", remedy="give the file by its name"
-                )
+            if length > most:
+                raise UsageError(f"-: over {most} bytes in stdin", remedy="give the file by its name")
             file.write(chunk)
     if not length:
         raise UsageError("-: nothing came from stdin", remedy="pipe a file into it, or name one")
