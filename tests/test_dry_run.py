@@ -441,7 +441,7 @@ def test_a_job_of_weeks_is_refused(tmp_path: Path) -> None:
     path.write_text("G28\nG4 S3000000\nM104 S0\n")
     profile = load_profile()
 
-    with pytest.raises(VerificationError, match="slip.gcode: 35 days of motion and waiting") as caught:
+    with pytest.raises(VerificationError, match=r"slip\.gcode: 35 days of motion and waiting") as caught:
         dry_run(job_from(path, profile), profile)
 
     assert "dwells" in caught.value.remedy
