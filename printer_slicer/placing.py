@@ -224,6 +224,7 @@ def _outlined(items: Sequence[Item], triangles: Float) -> tuple[Item, ...]:
     """The same things after their facets have been moved about."""
     made = []
     for item in items:
-        facets = triangles[item.first : item.first + item.count]
+        # Facets of the only thing are all there are, also after a repair.
+        facets = triangles if len(items) == 1 else triangles[item.first : item.first + item.count]
         made.append(Item.of(item.name, Mesh(facets).bounds, item.first, item.count))
     return tuple(made)

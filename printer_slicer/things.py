@@ -20,7 +20,8 @@ __all__ = ["apart", "side_by_side", "things_of"]
 def things_of(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     """What is sliced with the same settings, and these; all of the part where no object has any of its own.
 
-    Objects are named as in their file, or, where several have one name, with a number: `lid_2`.
+    Objects are named as in their file, or, where several have one name, with a number: `lid_2`; the only one also as
+    the part.
 
     Raises:
         UsageError: no object has that name, or which facets are whose is not known any more.
@@ -29,6 +30,8 @@ def things_of(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     if not named:
         return [(part, profile)]
     called = _called([item.name for item in part.items] or [part.name])
+    if len(called) == 1:
+        called = [called[0] | {part.name}]
     _refuse_unknown(named, called)
     if len(called) == 1:
         return [(part, for_object(profile, called[0]))]

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from parts import box, joined, layers, plain, pyramid, step_pyramid
 
-from printer_slicer import Mesh, Stages, gcode_of, load_profile, slice_stages
+from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, slice_stages, transformed
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.layered import by_layer
 from printer_slicer.ledger import ledger_of, stack_of
 from printer_slicer.model import Heat, Item, Role
 from printer_slicer.profile import Profile
+from printer_slicer.things import things_of
 
 FILAMENT = np.pi * 1.75**2 / 4  # mm²
 SIDE = 16.0  # mm
@@ -336,3 +337,23 @@ def test_overrides_are_written_as_text_and_read_back() -> None:
 
     assert dict(settings_text(profile))["quality.overrides"] == text
     assert attempt(str(dict(settings_text(profile))["quality.overrides"])) == profile
+
+
+@pytest.mark.parametrize("name", ["lid", "part"])
+def test_the_only_object_goes_by_its_name_and_that_of_the_part(name: str) -> None:
+    mesh = box((10, 10, 2))
+    named = replace(mesh, items=(Item.of("lid", mesh.bounds, 0, 0),))
+    profile = profile_with(load_profile(), {"overrides": [{"object": name, "set": {"perimeters": 5}}]})
+
+    ((_, own),) = things_of(replace(named, name="part"), profile)
+
+    assert own.quality.perimeters == 5
+
+
+def test_the_only_object_is_scaled_though_its_facets_were_mended() -> None:
+    mesh = box((10, 10, 2))
+    named = replace(mesh, items=(Item.of("lid", mesh.bounds, 0, 0),))
+
+    (one,) = transformed(named, scale=2.0).items
+
+    assert np.subtract(one.high, one.low).tolist() == [20, 20, 4]

@@ -29,7 +29,8 @@ _MODELS: Final = re.compile(rb"\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|
 _HEAD: Final = 1 << 16  # bytes of a file that tell what it is
 # A word with a number, maybe behind a line number; a macro alone or with KEY=VALUE; what some controllers know.
 _COMMAND: Final = re.compile(
-    rb"(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*{]", re.IGNORECASE
+    rb"(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*]|\{(?!\s*[\"}])",
+    re.IGNORECASE,
 )
 
 

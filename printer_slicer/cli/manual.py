@@ -17,7 +17,7 @@ __all__ = ["as_man", "as_markdown", "completion_command", "man_command"]
 _FILES = (
     "A model, G-code or a profile named - is stdin, once in a command; such a profile inherits by name. -o - of slice, "
     "draw and profiles new, --picture - and --report - are stdout; contours and schemas need names. Patterns such as "
-    "'*.stl' are expanded where the shell did not: those of models, G-code and profiles check."
+    "'*.stl' are expanded where the shell did not: those of models, G-code, profiles check and profiles import."
 )
 _ENVIRONMENT = {
     "NO_COLOR": "no colours, even on a terminal",

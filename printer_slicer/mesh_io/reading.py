@@ -143,9 +143,9 @@ def load_model(
 
 
 def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[Item, ...]:
-    """The things in a file, if there are several; those without a name are called as the file."""
+    """The things in a file, if there are several, or one with a name; others are called as the file."""
     begin, items = 0, []
-    for label, count in shares if len(shares) > 1 else []:
+    for label, count in shares if len(shares) > 1 or (shares and shares[0][0]) else []:
         bounds = Mesh(triangles[begin : begin + count]).bounds
         items.append(Item.of(label or name, bounds, begin, count))
         begin += count

@@ -99,7 +99,7 @@ _RULES: Final[Mapping[str, _Rule]] = {
     "unknown command": _Rule("unknown", "the printer passes over it; is the file made for this firmware?"),
     "hotend asked for": _Rule("temperature", "choose a temperature that the printer stands"),
     "bed asked for": _Rule("temperature", "choose a temperature that the printer stands"),
-    "no such extruder": _Rule("tool", "slice for one extruder"),
+    "no such extruder": _Rule("tool", "slice for one extruder, or say how many there are: --extruders N"),
     "arc without a centre": _Rule("arc", "switch arcs off in the slicer"),
 }
 
@@ -155,7 +155,7 @@ def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tup
         what = violation.text
         kind = kind_of(what)
         rule = _RULES.get(kind, _MACHINE)
-        code = what.rpartition(": ")[2].partition(" ")[0]
+        code = what.partition(": ")[2].partition(" ")[0]
         key = f"{kind} {code}" if rule.kind == "unknown" else kind
         if key in told or not comparison.of_job(violation.line):
             continue

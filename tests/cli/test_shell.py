@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import pty
@@ -21,10 +20,8 @@ import pytest
 from command_line import BOX, QUICK, ROOT, USUAL, is_message, process, typed
 
 from printer_slicer.cli.completing import SHELLS, actions_of, shell_code
-from printer_slicer.cli.inputs import kept
 from printer_slicer.cli.manual import as_man, as_markdown
 from printer_slicer.cli.parser import build_parser
-from printer_slicer.errors import UsageError
 from printer_slicer.mesh_io import load_mesh
 
 PRINTER: Final = [sys.executable, "-m", "printer_slicer"]
@@ -121,13 +118,6 @@ def test_what_stdin_cannot_be_is_told(arguments: list[str], message: str, tmp_pa
     done = piped(BOX.read_bytes(), *arguments, cwd=tmp_path)
 
     assert (done.returncode, done.stderr.decode()) == (2, f"printer-slicer: {message}")
-
-
-def test_a_stdin_without_end_is_told(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="-: over 10 bytes in stdin") as caught:
-        kept(io.BytesIO(b"G28\n" * 5), tmp_path, most=10)
-
-    assert caught.value.remedy == "give the file by its name"
 
 
 def test_an_empty_stdin_is_told(tmp_path: Path) -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
 import pytest
 from command_line import BOX, QUICK, is_message, typed
+
+from printer_slicer.cli.inputs import kept
+from printer_slicer.errors import UsageError
 
 
 @pytest.mark.parametrize(
@@ -101,3 +105,10 @@ def test_a_group_of_settings_is_told_from_a_setting(group: str) -> None:
     assert is_message(
         outcome, f"--set {group}: is a group of settings", f"name one: {group.rpartition('.')[2]}."
     )
+
+
+def test_a_stdin_without_end_is_told(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="-: over 10 bytes in stdin") as caught:
+        kept(io.BytesIO(b"G28\n" * 5), tmp_path, most=10)
+
+    assert caught.value.remedy == "give the file by its name"

@@ -249,6 +249,14 @@ def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path
     assert model.notes[1] == "1 of them is a hole, which is not cut: 'Bore' (negative_part)"
 
 
+def test_the_only_object_has_its_name(tmp_path: Path) -> None:
+    lid = '<config><object id="1"><metadata type="object" key="name" value="lid"/></object></config>'
+    model = read(tmp_path, model_xml({1: mesh_xml()}, item(1)), {"Metadata/Slic3r_PE_model.config": lid})
+
+    assert [one.name for one in model.mesh.items] == ["lid"]
+    assert read(tmp_path, model_xml({1: mesh_xml()}, item(1))).mesh.items == ()
+
+
 def test_objects_without_a_name_are_called_what_the_slicer_calls_them(tmp_path: Path) -> None:
     text = model_xml({1: mesh_xml(), 2: mesh_xml(), 3: mesh_xml()}, item(1) + item(2) + item(3))
     text = text.replace('<object id="2"', '<object id="2" name="own name"')

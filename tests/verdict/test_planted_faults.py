@@ -164,3 +164,14 @@ def test_a_planted_fault_is_found_at_its_line_and_layer(
     if blamed >= 0:
         assert (faults[0].line, faults[0].layer) == (blamed + 1, layer)
     assert faults[0].remedy
+
+
+def test_commands_of_other_firmwares_are_notes_whatever_stands_behind_them(tmp_path: Path) -> None:
+    lines = ["G28", "M1002 gcode_claim_action : 0", "M981 S1 P20000", "M1002 judge_flag x"]
+    path = tmp_path / "other.gcode"
+    path.write_text("\n".join(lines))
+
+    verdict = dry_run(job_from(path, PROFILE), PROFILE)
+
+    unknown = [fault for fault in verdict.faults if fault.kind == "unknown"]
+    assert [(fault.line, fault.times, fault.harmless) for fault in unknown] == [(2, 2, True), (3, 1, True)]
