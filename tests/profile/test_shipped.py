@@ -6,11 +6,12 @@ import re
 import tomllib
 from functools import cache
 from itertools import product
+from pathlib import Path
 
 import pytest
 from parts import box, step_pyramid
 
-from printer_slicer import dry_run, job_of, load_profile
+from printer_slicer import dry_run, job_from, job_of, load_profile
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, profile_paths, settings_text
 from printer_slicer.profile.inspection import headline
@@ -99,6 +100,16 @@ def test_nothing_is_laid_on_the_lines_that_prime(name: str) -> None:
         sum(b"E9 F800" in command for command in job_of(part, plain).commands) for part in (small, wide)
     ]
     assert primes == [2, 0]
+
+
+@pytest.mark.parametrize("name", ["prusa_mk3s", "prusa_mini", "prusa_mk4"])
+def test_where_the_maker_primes_can_be_reached(name: str, tmp_path: Path) -> None:
+    """The start G-code that comes with PrusaSlicer primes in front of the bed."""
+    path = tmp_path / "part.gcode"
+    path.write_text("G28\nM109 S210\nM83\nG1 Z0.2 F720\nG1 Y-3 F1000\nG1 X60 E9 F1000\nM104 S0\n")
+    profile = load_profile(name)
+
+    assert dry_run(job_from(path, profile), profile).problems == ()
 
 
 @pytest.mark.parametrize("name", PRINTERS)
