@@ -3,7 +3,7 @@
 export PATH := justfile_directory() / ".venv/bin" + ":" + env("PATH")
 
 # everything that must hold before a change lands
-check: format lint types contracts test twin
+check: format lint types contracts test twin lowest
 
 # formatting, without changing anything
 format:
@@ -25,6 +25,12 @@ test *ARGS:
 # the geometry and everything that stands on it once more, with the shapely engine
 twin:
     PRINTER_SLICER_GEOMETRY=planar python -m pytest tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
+
+# what stands on libraries once more, with the oldest versions of them that pyproject.toml allows
+lowest:
+    uv venv -q --allow-existing --python "$(command -v python)" build/lowest
+    uv pip install -q --python build/lowest/bin/python --resolution lowest-direct -e '.[dev]'
+    build/lowest/bin/python -m pytest tests/mesh_io tests/geometry tests/profile tests/test_drawing.py
 
 # put formatting and simple lint right
 fix:

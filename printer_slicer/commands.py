@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import errno
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, overload
 
 from printer_slicer.errors import UsageError
+from printer_slicer.input_files import read_input
 from printer_slicer.stream.framing import check_commands, strip
 
 __all__ = ["Commands", "Told", "lines_of", "read_text", "refuse_unsendable", "told_by"]
@@ -201,19 +202,20 @@ def read_text(path: Path) -> bytes:
         UsageError: it is not there, or cannot be read.
     """
     try:
-        with path.open("rb") as file:
-            endless = os.fstat(file.fileno()).st_size > _MOST_BYTES
-            text = b"" if endless else file.read(_MOST_BYTES + 1)
+        return read_input(path, _MOST_BYTES)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file", remedy="check the path") from None
     except IsADirectoryError:
         raise UsageError(f"{path}: is a folder", remedy="name a file in it") from None
+    except TimeoutError as error:
+        raise UsageError(
+            f"{path}: {error.strerror}", remedy="start the program that writes to it first"
+        ) from None
     except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno == errno.EFBIG:
+            raise UsageError(
+                f"{path}: longer than {_MOST_BYTES >> 20} MiB, the most that is read of G-code",
+                remedy="print the part in pieces, or with thicker layers",
+            ) from None
         reason = error.strerror if isinstance(error, OSError) else error
         raise UsageError(f"{path}: cannot be read: {reason}", remedy="check name and permissions") from None
-    if endless or len(text) > _MOST_BYTES:
-        raise UsageError(
-            f"{path}: longer than {_MOST_BYTES >> 20} MiB, the most that is read of G-code",
-            remedy="print the part in pieces, or with thicker layers",
-        )
-    return text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -25,6 +26,8 @@ GRAMMAR: Final = (
 COORDINATES: Final = (8, 9, 10, 12, 13, 14, 16, 17, 18)
 """Places in GRAMMAR of the nine coordinates."""
 FIXED: Final = tuple((place, word) for place, word in enumerate(GRAMMAR) if word != b"#")
+NORMAL: Final = re.compile(rb"\bfacet[ \t]+normal\b[^\n]*?(?=\bouter\b|$)", re.MULTILINE)
+"""The normal of a facet, whatever it is: the corners decide."""
 LONGEST_LINE: Final = 1 << 24
 """bytes"""
 PADDING: Final = b"\0\x1a"
@@ -49,31 +52,47 @@ def looks_like_ascii_stl(source: Source) -> bool:
 def read_ascii_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
     """(F, 3, 3) corners of an ASCII STL of any number of solids, and what deserves a look.
 
-    Only when something is wrong the file is read line by line, to say where. A file may end with padding, and without
-    `endsolid` where its last facet is whole.
+    Normals may be anything, as programs write what is no number there; where one is, the file is read a second time
+    without them. Only when something else is wrong it is read line by line, to say where. A file may end with padding,
+    and without `endsolid` where its last facet is whole.
 
     Raises:
         MeshError: names the line that is not as it should be.
     """
-    pieces: list[Float] = []
-    count, left, last = 0, list[bytes](), b""
     try:
-        for text in _whole_lines(source):
-            words, last = _words_between_solids(text, last)
-            words = left + words if left else words
-            n_facets = len(words) // len(GRAMMAR)
-            left = words[n_facets * len(GRAMMAR) :]
-            pieces.append(_corners(words[: n_facets * len(GRAMMAR)]))
-            count += n_facets
-            check_facets(count, source.path, limits)
+        pieces, last = _facets(_whole_lines(source), source, limits)
     except _OddError:
-        raise _fault(source) from None
-    if left or (last != b"end" and not count):
-        raise _fault(source)
+        try:
+            pieces, last = _facets(_without_normals(source), source, limits)
+        except _OddError:
+            raise _fault(source) from None
+    count = sum(map(len, pieces))
     corners = np.zeros((count, 3, 3))
     np.concatenate([np.zeros((0, 3, 3)), *pieces], out=corners)
     cut = f"the file ends without 'endsolid', behind {count} whole facets: it may have been cut off"
     return corners, [] if last == b"end" else [cut]
+
+
+def _facets(texts: Iterator[bytes], source: Source, limits: Limits) -> tuple[list[Float], bytes]:
+    """Corners of the facets in pieces of a text, (F, 3, 3) each, and what the last line with `solid` began with."""
+    pieces: list[Float] = []
+    count, left, last = 0, list[bytes](), b""
+    for text in texts:
+        words, last = _words_between_solids(text, last)
+        words = left + words if left else words
+        n_facets = len(words) // len(GRAMMAR)
+        left = words[n_facets * len(GRAMMAR) :]
+        pieces.append(_corners(words[: n_facets * len(GRAMMAR)]))
+        count += n_facets
+        check_facets(count, source.path, limits)
+    if left or (last != b"end" and not count):
+        raise _OddError
+    return pieces, last
+
+
+def _without_normals(source: Source) -> Iterator[bytes]:
+    """The file as from `_whole_lines`, with zeros as normals."""
+    return (NORMAL.sub(b"facet normal 0 0 0 ", text) for text in _whole_lines(source))
 
 
 def _whole_lines(source: Source) -> Iterator[bytes]:
@@ -154,7 +173,7 @@ def _fault(source: Source) -> MeshError:
 
     lines = (
         line
-        for text in _whole_lines(source)
+        for text in _without_normals(source)
         for line in text.split(b"\n")[: -1 if text[-1:] == b"\n" else None]
     )
     for number, line in enumerate(lines, start=1):

@@ -12,6 +12,7 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import MeshError, UsageError
+from printer_slicer.input_files import open_input
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -92,6 +93,31 @@ def _too_long(path: Path, size: int, limit: int) -> MeshError:
     )
 
 
+def _open(path: Path, limits: Limits) -> BufferedReader:
+    """The file, at its first byte.
+
+    Raises:
+        UsageError: it cannot be opened.
+    """
+    try:
+        return open_input(path, limits.pipe_seconds)
+    except FileNotFoundError as error:
+        remedy = "From a pipe: /dev/stdin." if str(path) == "-" else "Check the name and the folder."
+        raise UsageError(f"{path}: no such file", remedy=remedy) from error
+    except IsADirectoryError as error:
+        raise UsageError(f"{path}: is a folder, not a file", remedy="Name one file in it.") from error
+    except PermissionError as error:
+        raise UsageError(f"{path}: reading it is not allowed", remedy="Check its permissions.") from error
+    except TimeoutError as error:
+        raise UsageError(
+            f"{path}: {error.strerror}", remedy="Start the program that writes to it first."
+        ) from error
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path.") from error
+    except ValueError as error:  # a zero byte in the name
+        raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name.") from error
+
+
 @contextmanager
 def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
     """The file, open.
@@ -100,19 +126,7 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
         UsageError: it cannot be read.
         MeshError: it is empty or too long.
     """
-    try:
-        file = path.open("rb")
-    except FileNotFoundError as error:
-        remedy = "From a pipe: /dev/stdin." if str(path) == "-" else "Check the name and the folder."
-        raise UsageError(f"{path}: no such file", remedy=remedy) from error
-    except IsADirectoryError as error:
-        raise UsageError(f"{path}: is a folder, not a file", remedy="Name one file in it.") from error
-    except PermissionError as error:
-        raise UsageError(f"{path}: reading it is not allowed", remedy="Check its permissions.") from error
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}", remedy="Check the path.") from error
-    except ValueError as error:  # a zero byte in the name
-        raise UsageError(f"{str(path)!r}: not a possible file name", remedy="Check the name.") from error
+    file = _open(path, limits)
     with file, ExitStack() as stack:
         try:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import MeshError
+from printer_slicer.input_files import WRITER_SECONDS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +24,8 @@ class Limits:
         facets: of one file, copies of objects counted as often as they are placed; also its vertices, as 3MF, AMF, GLB
             and OBJ store them, and a third of the vertices of all copies.
         file_bytes: length of a file of any format.
-        text_bytes: length of a file that is read as a whole: PLY, OFF, GLB, STEP.
+        text_bytes: length of a file that is read as a whole: PLY, OFF, GLB, glTF with the files it
+            names, STEP.
         expanded_bytes: length of all that is unpacked from one 3MF or AMF archive, or of an AMF file.
         expansion: unpacked length divided by packed length of a member of an archive, where it is over 1 MiB.
         members: files in an archive.
@@ -34,6 +36,7 @@ class Limits:
         xml_depth: elements in elements.
         xml_token: bytes of one tag or comment.
         step_seconds: that turning a STEP file into facets may take.
+        pipe_seconds: that a named pipe may wait for a program that writes to it.
     """
 
     facets: int = 20_000_000
@@ -49,6 +52,7 @@ class Limits:
     xml_depth: int = 64
     xml_token: int = MIB
     step_seconds: float = 600.0
+    pipe_seconds: float = WRITER_SECONDS
 
 
 LIMITS: Final = Limits()

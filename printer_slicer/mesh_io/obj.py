@@ -202,15 +202,17 @@ def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
 
 def _statements(source: Source) -> Iterator[tuple[int, list[bytes]]]:
     """The number of the line it begins in, and the words of every statement, the slow way."""
-    number, begun, left = 0, 1, b""
+    number, begun, words, is_continued = 0, 1, list[bytes](), False
     for text in _pieces(source):
         for line in text.split(b"\n")[:-1]:
             number += 1
-            begun = begun if left else number
-            words = left + COMMENT.sub(b" ", line)
-            left = words[:-1] + b" " if words.endswith(b"\\") else b""
-            if not left:
-                yield begun, words.split()
+            begun = begun if is_continued else number
+            part = COMMENT.sub(b" ", line)
+            is_continued = part.endswith(b"\\")
+            words += part[: -1 if is_continued else None].split()
+            if not is_continued:
+                yield begun, words
+                words = []
 
 
 def _fault(source: Source, n_vertices: int | None) -> MeshError:

@@ -115,7 +115,8 @@ def _property(words: Sequence[str]) -> Property:
 
 
 def _named(columns: dict[str, Column], element: Element, *names: str) -> Column:
-    for name in names:
-        if name in columns:
-            return columns[name]
+    """The column of the first of these names that has numbers in it, else of the first that is there."""
+    found = [columns[name] for name in names if name in columns]
+    if found:
+        return next((column for column in found if len(column.values)), found[0])
     raise ValueError(f"element '{element.name[:40]}' has no property '{names[0]}'")

@@ -218,8 +218,7 @@ def _read_glb(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
 def _read_gltf(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.gltf import read_gltf  # noqa: PLC0415
 
-    source.whole(limits.text_bytes)  # no longer than that
-    return read_gltf(source.path, limits, unit)
+    return read_gltf(source.whole(limits.text_bytes), source.path, limits, unit)
 
 
 def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:

@@ -25,6 +25,12 @@ __all__ = ["NUMBER", "Body", "Bytes", "Column", "Element", "Property", "Words", 
 
 NUMBER: Final = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 """A number in a text."""
+NO_NUMBER: Final = re.compile(
+    rb"(?<!\S)(?:[-+]?nan(?!\S)|(?!(?:" + NUMBER.pattern + rb")(?!\S))\S+)", re.IGNORECASE
+)
+"""A word in a text that is no number, `nan` included."""
+MOST_ODD: Final = 1_000_000
+"""Words in a text that are no numbers; one with more of them is no table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +103,42 @@ class Bytes:
 
 
 class Words:
-    """A body of text, as its numbers."""
+    """A body of text, as its numbers.
+
+    Programs write what is no number where nobody looks, as in coordinates of textures: a word like that is only refused
+    where it is asked for.
+    """
 
     def __init__(self, data: bytes) -> None:
-        self._words = numbers_in(data, "f8")
+        self._odd: dict[int, bytes] = {}
+        try:
+            self._words = numbers_in(data, "f8")
+        except ValueError:
+            self._words = self._despite_odd_words(data)
         self.end = len(self._words)
+
+    def _despite_odd_words(self, data: bytes) -> NDArray[np.float64]:
+        """The numbers, with nan for each word that is none."""
+        found: list[bytes] = []
+
+        def marked(match: re.Match[bytes]) -> bytes:
+            if len(found) == MOST_ODD:
+                raise _no_number(found[0])
+            found.append(match[0])
+            return b"nan"
+
+        words = numbers_in(NO_NUMBER.sub(marked, data), "f8")
+        places = np.flatnonzero(np.isnan(words))
+        self._odd = {
+            int(place): word for place, word in zip(places, found, strict=True) if not NUMBER.fullmatch(word)
+        }
+        return words
+
+    def _refuse(self, is_meant: NDArray[np.bool_]) -> None:
+        """Refuse the first word that is no number and is meant, (O,) in the order of their places."""
+        for word, asked in zip(self._odd.values(), is_meant.tolist(), strict=True):
+            if asked:
+                raise _no_number(word)
 
     def size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
         """Places that a number takes."""
@@ -109,14 +146,21 @@ class Words:
 
     def number(self, at: int, kind: str) -> int:  # noqa: ARG002
         """The whole number at a place."""
+        if at in self._odd:
+            raise _no_number(self._odd[at])
         return int(self._words[at])
 
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
         """The numbers at places."""
+        if self._odd:
+            self._refuse(np.isin(list(self._odd), at))
         return self._words[at]
 
     def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Rows of numbers, each `stride` places after the one before."""
+        if self._odd:
+            row, column = np.divmod(np.array(list(self._odd)) - start, stride)
+            self._refuse((row >= 0) & (row < shape[0]) & (column < shape[1]))
         return np.ndarray(shape, np.float64, self._words, 8 * start, (8 * stride, 8))
 
 
@@ -135,7 +179,11 @@ def numbers_in(text: bytes, kind: str) -> NDArray[Any]:
     except (ValueError, DeprecationWarning):
         words = (match[0] for match in re.finditer(rb"\S+", text))
         wrong = next((word for word in words if not NUMBER.fullmatch(word)), b"something")
-        raise ValueError(f"'{wrong[:60].decode('ascii', 'replace')}' where a number should be") from None
+        raise _no_number(wrong) from None
+
+
+def _no_number(word: bytes) -> ValueError:
+    return ValueError(f"'{word[:60].decode('ascii', 'replace')}' where a number should be")
 
 
 def read_table(
@@ -197,12 +245,14 @@ def _row(body: Body, element: Element, at: int) -> tuple[list[int], list[int], i
 
 def _even(body: Body, element: Element, first: list[int], counts: list[int], stride: int) -> bool:
     """Whether all rows have lists as long as those of the first row."""
-    for one, at, count in zip(element.properties, first, counts, strict=True):
-        if one.count:
-            lengths = body.table(at - body.size(one.count), stride, (element.number, 1), one.count)
-            if not (lengths == count).all():
-                return False
-    return True
+    try:
+        return all(
+            (body.table(at - body.size(one.count), stride, (element.number, 1), one.count) == count).all()
+            for one, at, count in zip(element.properties, first, counts, strict=True)
+            if one.count
+        )
+    except ValueError:  # no number, as lists of other lengths stand before it
+        return False
 
 
 def _walked(body: Body, element: Element, start: int) -> tuple[array[int], array[int], int]:

@@ -171,6 +171,10 @@ FAULTS = {
     "too far back": (TRIANGLES + POINTS + "\n\nf -1 -8 -9\n", "line 23: a face has vertex -9, but only 8 stand"),
     "too far": (obj() + "# more\nf 1 2 9\n", "line 22: a face has vertex 9 of 8"),
     "behind continued lines": (POINTS + "f 1 \\\n2 3\nf 1 \\\n2 9\n", "line 11: a face has vertex 9 of 8"),
+    "in a face of many lines": (
+        POINTS + "f " + "1 \\\n" * 200_000 + "x 3\n",
+        "line 9: 'x' where the number of a vertex",
+    ),
     "a fraction": (POINTS + "f 1 2 3.5\n", "line 9: '3.5' where the number of a vertex should be"),
     "a name": (POINTS + "f 1 2 three\n", "line 9: 'three' where the number of a vertex should be"),
     "no vertex": (POINTS + "f /1 2/2 3/3\n", "line 9: '/1' where the number of a vertex should be"),

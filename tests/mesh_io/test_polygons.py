@@ -170,6 +170,49 @@ def test_numbers_that_are_too_many_or_too_few_are_not_guessed_at(tmp_path: Path)
             load_mesh(write(tmp_path, content, "a.off"))
 
 
+NAMES = ("texcoord", "vertex_index")
+WORDS = ("0.5", "-1.5e3", "nan", "1.#QNAN", "-1.#IND", "0,5", "abc", "-")
+
+
+@given(
+    st.data(),
+    st.permutations(["vertex_indices", *NAMES]),
+    st.sampled_from([QUADS, MIXED, FACES.tolist()]),
+    st.booleans(),
+)
+def test_a_second_list_for_each_face_may_hold_anything(
+    tmp_path_factory: pytest.TempPathFactory,
+    data: st.DataObject,
+    names: list[str],
+    faces: list[list[int]],
+    same: bool,
+) -> None:
+    words = st.lists(st.sampled_from(WORDS), max_size=6)
+    first = data.draw(words)
+    rows = []
+    for face in faces:
+        lists = {
+            "vertex_indices": [str(corner) for corner in face],
+            "texcoord": first if same else data.draw(words),
+            "vertex_index": [],
+        }
+        rows.append(" ".join(f"{len(lists[name])} {' '.join(lists[name])}" for name in names))
+    kinds = {"texcoord": "float", "vertex_index": "int", "vertex_indices": "int"}
+    header = [
+        "ply\nformat ascii 1.0\nelement vertex 8",
+        *(f"property float {name}" for name in "xyz"),
+        f"element face {len(faces)}",
+        *(f"property list uchar {kinds[name]} {name}" for name in names),
+        "end_header",
+    ]
+    points = [" ".join(map(str, point)) for point in CORNERS.tolist()]
+    text = "\n".join([*header, *points, *rows, ""])
+
+    triangles = load(tmp_path_factory.mktemp("ply"), text, "part.ply")
+
+    assert areas(triangles).sum() == pytest.approx(areas(BOX).sum())
+
+
 @pytest.mark.parametrize("kind", ["off", *KINDS])
 def test_a_polygon_that_is_not_convex_is_cut_without_folds(tmp_path: Path, kind: str) -> None:
     vertices, faces = prism()

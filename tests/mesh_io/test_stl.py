@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import codecs
+import os
+import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny_files import BOX, ascii_stl, binary_stl, every_format, write, zipped
 
-from printer_slicer.errors import MeshError
+from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.healing import repair
 from printer_slicer.mesh_io import Limits, Model, export_stl, load_mesh, load_model
 from printer_slicer.mesh_io.files import CHUNK
@@ -101,6 +104,57 @@ def test_a_pipe_without_end_is_refused() -> None:
         pytest.skip("this system has no /dev/zero")
     with pytest.raises(MeshError, match="at most 3000000"):
         load_mesh("/dev/zero", limits=Limits(file_bytes=3_000_000))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_named_pipe_without_a_writer_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "part.stl"
+    os.mkfifo(path)
+
+    with pytest.raises(UsageError, match="a pipe that no program writes to") as caught:
+        load_mesh(path, limits=Limits(pipe_seconds=0.01))
+
+    assert "Start the program" in caught.value.remedy
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_named_pipe_with_a_writer_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "part.stl"
+    os.mkfifo(path)
+    writer = threading.Thread(target=lambda: path.write_bytes(binary_stl()))
+    writer.start()
+
+    mesh = load_mesh(path, limits=Limits(pipe_seconds=300))
+    writer.join()
+
+    assert mesh.n_facets == 12
+
+
+@pytest.mark.parametrize(
+    "normal",
+    [
+        "",
+        "0 0",
+        "0 0 1 0",
+        "nan nan nan",
+        "-1.#IND 1.#QNAN 0",
+        "-nan(ind) 0 0",
+        "0,0 0,0 1,0",
+        "(null)",
+        "vertex 1 2",
+    ],
+)
+def test_normals_may_be_anything(tmp_path: Path, normal: str) -> None:
+    text = re.sub(r"facet normal.*", f"facet normal {normal}", ascii_stl())
+
+    assert text.count(f"facet normal {normal}\n") == 12
+    assert np.array_equal(read(tmp_path, text).mesh.triangles, BOX)
+
+
+def test_behind_a_senseless_normal_other_faults_are_found(tmp_path: Path) -> None:
+    text = ascii_stl().replace("facet normal", "facet normal nan() #", 1).replace("2.0", "2,0", 1)
+
+    assert "'2,0' where a number should be" in fault(tmp_path, text)
 
 
 def test_decimal_commas_are_named_with_what_to_do(tmp_path: Path) -> None:

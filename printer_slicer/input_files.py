@@ -1,0 +1,64 @@
+"""Open files that a person names: a named pipe that nobody writes to does not block for ever, and size has a limit."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import threading
+from io import BufferedReader
+from pathlib import Path
+from typing import Final
+
+__all__ = ["WRITER_SECONDS", "open_input", "read_input"]
+
+WRITER_SECONDS: Final = 10.0
+"""How long a named pipe may wait for a program that opens it for writing."""
+
+
+def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedReader:
+    """Open a file for reading, in binary.
+
+    A pipe that has a writer is read however slow the writer is.
+
+    Args:
+        path: a file, a device or a pipe.
+        writer_seconds: after which a named pipe that no program writes to is given up.
+
+    Raises:
+        OSError: it cannot be opened; TimeoutError for a pipe without a writer.
+        ValueError: the name holds a zero byte.
+    """
+    if (
+        not stat.S_ISFIFO(path.stat().st_mode) or not path.resolve().exists()
+    ):  # /dev/stdin resolves to nothing
+        return path.open("rb")
+    opened: list[BufferedReader] = []
+    opening = threading.Thread(target=lambda: opened.append(path.open("rb")), daemon=True)
+    opening.start()
+    opening.join(writer_seconds)
+    if opening.is_alive():
+        os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # a writer, so that the thread ends
+        opening.join()
+        opened[0].close()
+        raise TimeoutError(errno.ETIMEDOUT, "a pipe that no program writes to", str(path))
+    return opened[0]
+
+
+def read_input(path: Path, most: int) -> bytes:
+    """Read all of a file.
+
+    Args:
+        path: a file, a device or a pipe.
+        most: bytes.
+
+    Raises:
+        OSError: it cannot be read, or is longer (EFBIG).
+        ValueError: the name holds a zero byte.
+    """
+    with open_input(path) as file:
+        is_long = os.fstat(file.fileno()).st_size > most
+        data = b"" if is_long else file.read(most + 1)
+    if is_long or len(data) > most:
+        raise OSError(errno.EFBIG, f"longer than {most} bytes", str(path))
+    return data
