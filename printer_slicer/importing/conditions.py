@@ -27,7 +27,10 @@ from printer_slicer.importing.vocabulary import ABOUT_FILES
 __all__ = ["Plain", "holds", "known_setting", "matches", "value_of"]
 
 Plain = float | int | str | bool
-_REPEATED: Final = re.compile(r"[*+?}]\)?[*+{]|\([^)]*[*+][^)]*\)[*+{]")  # patterns that can take for ever
+_LONGEST_PATTERN: Final = 10_000
+"""characters"""
+_PATTERN_BYTES: Final = 1 << 23
+"""Memory that a pattern may take; one that repeats repetitions takes more."""
 
 
 def holds(condition: str, known: Mapping[str, str]) -> bool | None:
@@ -172,15 +175,21 @@ def _called(name: str, values: list[float | int]) -> Plain:
 
 
 def matches(text: str, pattern: str) -> bool:
-    """Whether a whole text is as a pattern says.
+    """Whether a whole text is as a pattern says, in time that grows with their lengths only.
+
+    The patterns are foreign, and Python's own engine tries some of them for ever. RE2's syntax is Perl's without
+    looking around and back, which no vendor's bundle uses.
 
     Raises:
-        Unreadable: the pattern cannot be read, or might take for ever.
+        Unreadable: the pattern cannot be read, or is too long.
     """
-    loops = len(re.findall(r"[*+{]", pattern))
-    if len(pattern) > 500 or loops * len(str(len(text))) > 8 or _REPEATED.search(pattern):
-        raise Unreadable("a pattern too costly")
+    import re2  # noqa: PLC0415 - few imports have a pattern
+
+    if len(pattern) > _LONGEST_PATTERN:
+        raise Unreadable(f"a pattern of {len(pattern)} characters; at most {_LONGEST_PATTERN} are read")
+    options = re2.Options()
+    options.dot_nl, options.log_errors, options.max_mem = True, False, _PATTERN_BYTES
     try:
-        return re.fullmatch(pattern, text, re.DOTALL) is not None
-    except (re.error, OverflowError):
-        raise Unreadable(f"the pattern /{pattern}/ cannot be read") from None
+        return re2.compile(pattern, options).fullmatch(text) is not None  # type: ignore[no-untyped-call]
+    except (re2.error, UnicodeEncodeError):
+        raise Unreadable(f"the pattern /{pattern[:80]}/ cannot be read") from None
