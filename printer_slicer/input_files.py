@@ -29,9 +29,8 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
         OSError: it cannot be opened; TimeoutError for a pipe without a writer.
         ValueError: the name holds a zero byte.
     """
-    if (
-        not stat.S_ISFIFO(path.stat().st_mode) or not path.resolve().exists()
-    ):  # /dev/stdin resolves to nothing
+    is_named_pipe = stat.S_ISFIFO(path.stat().st_mode) and path.resolve().exists()  # not so /dev/stdin
+    if not is_named_pipe:
         return path.open("rb")
     opened: list[BufferedReader] = []
     opening = threading.Thread(target=lambda: opened.append(path.open("rb")), daemon=True)
@@ -45,18 +44,19 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
     return opened[0]
 
 
-def read_input(path: Path, most: int) -> bytes:
+def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) -> bytes:
     """Read all of a file.
 
     Args:
         path: a file, a device or a pipe.
         most: bytes.
+        writer_seconds: as for `open_input`.
 
     Raises:
         OSError: it cannot be read, or is longer (EFBIG).
         ValueError: the name holds a zero byte.
     """
-    with open_input(path) as file:
+    with open_input(path, writer_seconds) as file:
         is_long = os.fstat(file.fileno()).st_size > most
         data = b"" if is_long else file.read(most + 1)
     if is_long or len(data) > most:

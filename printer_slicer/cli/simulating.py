@@ -44,15 +44,17 @@ def faults_of(arguments: argparse.Namespace) -> Faults | None:
     """
     from random import Random  # noqa: TID251 - seeded, so that a run can be had again
 
+    from printer_slicer.input_files import read_input
     from printer_slicer.sim.fault_script import read_script
     from printer_slicer.sim.faults import Faults
+    from printer_slicer.toml_text import MOST_BYTES
 
     if arguments.faults is None:
         if arguments.seed is not None:
             raise UsageError("--seed without --faults", remedy="say with --faults what shall go wrong")
         return None
     try:
-        text = arguments.faults.read_text(encoding="utf-8")
+        text = read_input(arguments.faults, MOST_BYTES).decode("utf-8")
     except OSError as error:
         raise UsageError(
             f"{arguments.faults}: {error.strerror}", remedy="--faults wants a TOML file"

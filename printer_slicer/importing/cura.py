@@ -14,12 +14,11 @@ from printer_slicer.importing.foreign import Unreadable
 from printer_slicer.importing.ini import Entry, Section, read_sections
 from printer_slicer.importing.orca import read_json
 from printer_slicer.importing.presets import Preset, number_in
-from printer_slicer.importing.unpacking import unpacked
+from printer_slicer.importing.unpacking import text_of, unpacked
 
 __all__ = ["Definition", "cura_presets", "cura_profile", "is_definition"]
 
 _SUFFIX: Final = ".def.json"
-_LARGEST: Final = 5_000_000  # bytes
 
 
 def is_definition(values: Mapping[str, Any]) -> bool:
@@ -206,17 +205,7 @@ def _chain(
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise ProfileError(
-                f"{path}: over {_LARGEST // 1_000_000} MB, more than any definition",
-                remedy="name the folder of Cura's definitions with --folder",
-            )
-        return read_json(path.read_text(encoding="utf-8", errors="replace"), str(path))
-    except OSError as error:
-        raise ProfileError(
-            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
-        ) from None
+    return read_json(text_of(path), str(path))
 
 
 def _add(machine: Definition, values: Mapping[str, Any], *, base: bool) -> None:

@@ -11,6 +11,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.orca_names import ORCA, ORCA_DEFAULTS
 from printer_slicer.importing.presets import Preset
+from printer_slicer.importing.unpacking import text_of
 
 __all__ = ["OrcaFolder", "orca_entries", "orca_presets", "read_json"]
 
@@ -79,12 +80,7 @@ class OrcaFolder:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        return read_json(path.read_text(encoding="utf-8", errors="replace"), str(path))
-    except OSError as error:
-        raise ProfileError(
-            f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
-        ) from None
+    return read_json(text_of(path), str(path))
 
 
 def orca_presets(values: Mapping[str, Any], place: str, folder: OrcaFolder) -> list[Preset]:

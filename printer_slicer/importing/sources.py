@@ -18,11 +18,11 @@ from printer_slicer.importing.objects import own_in_3mf
 from printer_slicer.importing.orca import OrcaFolder, orca_presets, read_json
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
+from printer_slicer.importing.unpacking import text_of
 from printer_slicer.importing.vocabulary import DEFAULTS
 
 __all__ = ["Found", "presets_in"]
 
-_LARGEST: Final = 50_000_000  # bytes of a file of settings
 _REMARKED: Final = re.compile(r";\s*[a-z]\w* =")
 _GCODE: Final = (".gcode", ".gco", ".g", ".nc", ".ngc")
 _SUPERSLICER: Final = (
@@ -65,6 +65,8 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
     Raises:
         ProfileError: it cannot be read, or holds no settings; with place and remedy.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise ProfileError(f"{path}: no file, but a pipe or a device", remedy="save the settings to a file")
     try:
         changes = {key: Entry(key, text, f"--cura {key}={text}") for key, text in cura.items()}
         if path.name.endswith((".inst.cfg", ".curaprofile")):
@@ -80,7 +82,7 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
 
 def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry]) -> list[Preset]:
     """A profile of Cura's, with the machine that it names."""
-    text = "" if path.suffix == ".curaprofile" else path.read_text(encoding="utf-8", errors="replace")
+    text = "" if path.suffix == ".curaprofile" else text_of(path)
     machine, name, given = cura_profile(path, text)
     places = [folder / f"{machine}.def.json" for folder in (path.parent, *folders)]
     found = next((place for place in places if "/" not in machine and place.is_file()), None)
@@ -89,7 +91,7 @@ def _cura_profile(path: Path, folders: Sequence[Path], changes: Mapping[str, Ent
             f"{path}: its machine {machine!r} is not beside it",
             remedy="name the folder of Cura's definitions with --folder",
         )
-    values = read_json(found.read_text(encoding="utf-8", errors="replace"), str(found))
+    values = read_json(text_of(found), str(found))
     return cura_presets(values, found, folders, {**given, **changes}, name)
 
 
@@ -106,14 +108,7 @@ def _presets_in(path: Path, folders: Sequence[Path], changes: Mapping[str, Entry
             key, _, value = line.partition("=")
             section.entries[key.strip()] = Entry(key.strip(), value.strip(), f"{path}:{number}")
         return _flat(section, path)
-    if path.stat().st_size > _LARGEST:
-        raise ProfileError(
-            f"{path}: over {_LARGEST // 1_000_000} MB, more than any file of settings", remedy=GIVE
-        )
-    data = path.read_bytes()
-    if b"\x00" in data[:1000]:
-        raise ProfileError(f"{path}: no text", remedy=GIVE)
-    return _from_text(data.decode("utf-8", "replace"), str(path), path, folders, changes)
+    return _from_text(text_of(path), str(path), path, folders, changes)
 
 
 def _with_own(found: Bundle | list[Preset], path: Path) -> Bundle | list[Preset]:

@@ -1,18 +1,44 @@
-"""Texts in ZIP archives of other slicers: 3MF projects, profiles of Cura."""
+"""Texts in files of other slicers, packed or not: presets, 3MF projects, profiles of Cura."""
 
 from __future__ import annotations
 
+import errno
 import zipfile
 from collections.abc import Set as AbstractSet
 from pathlib import Path
 from typing import Final
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.importing.ini import GIVE
+from printer_slicer.input_files import read_input
 
-__all__ = ["unpacked"]
+__all__ = ["text_of", "unpacked"]
 
-_LARGEST: Final = 20_000_000  # bytes of a text
+_LARGEST_FILE: Final = 50_000_000  # bytes; vendors' bundles have a few
+_LARGEST: Final = 20_000_000  # bytes of a text in an archive
 _MOST: Final = 50  # of them
+
+
+def text_of(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        ProfileError: it cannot be read, is no text, or is far too large.
+    """
+    try:
+        data = read_input(path, _LARGEST_FILE)
+    except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise ProfileError(
+                f"{path}: over {_LARGEST_FILE // 1_000_000} MB, more than any file of settings",
+                remedy=GIVE,
+            ) from None
+        raise ProfileError(
+            f"{path}: cannot be read: {error.strerror}", remedy="check name and permissions"
+        ) from None
+    if b"\x00" in data[:1000]:
+        raise ProfileError(f"{path}: no text", remedy=GIVE)
+    return data.decode("utf-8", "replace")
 
 
 def unpacked(path: Path, names: AbstractSet[str] | None = None) -> dict[str, str]:

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
+from printer_slicer.input_files import read_input
 from printer_slicer.profile.checks import conflicts, planner_conflicts
 from printer_slicer.profile.conversion import Fault, converted, fault_of
 from printer_slicer.profile.overrides import HIGHEST
@@ -17,6 +18,7 @@ from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import Source, flatten, read_chain
 from printer_slicer.profile.settings import Printer, Quality
+from printer_slicer.toml_text import MOST_BYTES
 
 __all__ = ["DEFAULT", "Told", "differences", "faults_of", "headline", "settings_told"]
 
@@ -146,7 +148,7 @@ def _alone(printer: Printer) -> Profile:
 def headline(path: Path) -> str:
     """What the first comment of a file says it is for: its first sentence, as far as it stands in the first line."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_input(path, MOST_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return ""
     for line in text.splitlines():

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import errno
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
@@ -13,10 +13,11 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.input_files import read_input
 from printer_slicer.profile.folders import FOLDERS, profile_paths, searched
 from printer_slicer.profile.lists import LISTS, added, list_as_text, list_from_text
 from printer_slicer.profile.settings import Material, Printer, Quality
-from printer_slicer.profile.toml_lines import key_lines
+from printer_slicer.toml_text import MOST_BYTES, TomlError, key_lines, parse_toml
 
 __all__ = [
     "DEFAULT_NAMES",
@@ -40,6 +41,12 @@ DEFAULT_NAMES: Final[Mapping[str, str]] = {
     "material": "pla",
     "quality": "adaptive",
 }
+
+
+MOST_ANCESTORS: Final = 32
+LONGEST_NAME: Final = 200
+LONGEST_PATH: Final = 1000
+"""Bytes of the name of a file, and characters of a path; systems allow 255 and some thousand."""
 
 
 class Source(NamedTuple):
@@ -85,6 +92,10 @@ def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[P
     if path in seen:
         way = " -> ".join(one.name for one in (*seen[seen.index(path) :], path))
         raise ProfileError(f"{path}: inherits from itself by way of {way}", remedy="break the circle")
+    if len(seen) > MOST_ANCESTORS:
+        raise ProfileError(
+            f"{seen[0]}: inherits from over {MOST_ANCESTORS} files in a row", remedy="inherit from fewer"
+        )
     text, values = _read(path)
     lines = key_lines(text)
     parent = values.pop("inherits", None)
@@ -148,19 +159,22 @@ def _line(lines: Mapping[str, int], key: str) -> int:
 def _read(path: Path) -> tuple[str, dict[str, Any]]:
     """A TOML file, as text and as it is meant."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r"\(at line (\d+), column \d+\)", str(error))
-        line = found[1] if found else text.count("\n") + 1
+        text = read_input(path, MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
+        return text, parse_toml(text)
+    except TomlError as error:
         raise ProfileError(
-            f"{path}:{line}: not valid TOML: {error}", remedy="mend the line that the message names"
+            f"{path}:{error.line}: not valid TOML: {error.reason}",
+            remedy="mend the line that the message names",
         ) from None
     except UnicodeDecodeError as error:
         raise ProfileError(
             f"{path}: not valid TOML: {error}", remedy="save the file in the encoding UTF-8"
         ) from None
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise ProfileError(
+                f"{path}: over {MOST_BYTES >> 20} MiB, more than any profile", remedy="check the path"
+            ) from None
         raise ProfileError(
             f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
         ) from None
@@ -175,6 +189,10 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
         ProfileError: there is none.
     """
     asked_by = f"{seen[-1]}: inherits: " if seen else ""
+    if len(name) > LONGEST_PATH or any(len(part.encode("utf-8", "replace")) > LONGEST_NAME for part in Path(name).parts):
+        raise ProfileError(
+            f"{asked_by}{kind} {name[:60]!r}...: too long for the name of a file", remedy="check the name"
+        )
     if name.endswith(".toml") or "/" in name:
         path = (seen[-1].parent if seen else Path()) / name
         if not path.is_file():
@@ -206,6 +224,8 @@ def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
     problem = f"no such {kind}profile"
     if path.is_dir():
         problem = "is a folder, no profile"
+    elif path.exists():
+        problem = "is a pipe or a device, no file"
     elif path.is_symlink():
         problem = "is a link to a file that there is not"
     return ProfileError(

@@ -14,7 +14,6 @@ seconds = 5
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from math import inf, isfinite
@@ -22,6 +21,7 @@ from typing import Any, Final
 
 from printer_slicer.errors import UsageError
 from printer_slicer.sim.faults import KINDS, Fault
+from printer_slicer.toml_text import TomlError, parse_toml
 
 __all__ = ["read_script"]
 
@@ -98,8 +98,8 @@ def read_script(text: str, name: str) -> tuple[list[Fault], int | None]:
         UsageError: it cannot be used; says where, and what would be right.
     """
     try:
-        script = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        script = parse_toml(text)
+    except TomlError as error:
         raise UsageError(
             f"{name} is no TOML: {error}", remedy="look at that line; text stands in quotes"
         ) from error

@@ -15,6 +15,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Wanted, import_profiles
 from printer_slicer.importing.cura_values import evaluate_cura
 from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.ini import GIVE
 from tests.importing.files import imported, json_file, loaded, needs_proc, refused, unreadable
 
 LITERALS: dict[str, Any] = {
@@ -229,13 +230,11 @@ def test_a_definition_is_inherited_only_from_the_folders_that_are_looked_into(fo
 def test_a_base_that_is_far_too_large_is_not_read(folder: Path) -> None:
     base = folder / "fdmbase.def.json"
     with base.open("r+b") as file:
-        file.truncate(5_000_001)
+        file.truncate(50_000_001)
     with pytest.raises(ProfileError) as caught:
         import_profiles(folder / "acme.def.json")
 
-    assert str(caught.value) == (
-        f"{base}: over 5 MB, more than any definition\n  name the folder of Cura's definitions with --folder"
-    )
+    assert str(caught.value) == (f"{base}: over 50 MB, more than any file of settings\n  {GIVE}")
 
 
 @needs_proc
@@ -244,7 +243,7 @@ def test_a_base_that_cannot_be_read_is_named_and_not_the_file_that_builds_on_it(
     with pytest.raises(ProfileError) as caught:
         import_profiles(folder / "acme.def.json")
 
-    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check the file's permissions"
+    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check name and permissions"
 
 
 def setting(name: str) -> Any:

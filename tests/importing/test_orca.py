@@ -308,4 +308,4 @@ def test_a_base_that_cannot_be_read_is_named_and_not_the_file_that_builds_on_it(
     with pytest.raises(ProfileError) as caught:
         import_profiles(json_file(tmp_path / "machine.json", MACHINE))
 
-    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check the file's permissions"
+    assert str(caught.value) == f"{base}: cannot be read: Input/output error\n  check name and permissions"

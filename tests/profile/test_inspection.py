@@ -15,7 +15,7 @@ from printer_slicer.profile.inspection import DEFAULT, differences, faults_of, h
 from printer_slicer.profile.keys import keys_of, nearest
 from printer_slicer.profile.reading import Source, read_chain
 from printer_slicer.profile.template import new_profile, toml_value
-from printer_slicer.profile.toml_lines import key_lines
+from printer_slicer.toml_text import key_lines
 
 PARENTS = {"printer": "prusa_mk3s", "material": "petg", "quality": "fine"}
 
