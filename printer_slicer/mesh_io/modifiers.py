@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.archive import Archive
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["Modifiers", "read_modifiers"]
+__all__ = ["MOST_NAMED", "Modifiers", "read_modifiers"]
 
 FILES: Final = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")
 PLAIN: Final = frozenset({"modelpart", "normal_part", ""})

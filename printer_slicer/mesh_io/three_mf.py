@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import posixpath
+from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -17,7 +18,7 @@ import numpy as np
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled, shares
 from printer_slicer.mesh_io.markup import Reader, number_in, whole_in
-from printer_slicer.mesh_io.modifiers import read_modifiers
+from printer_slicer.mesh_io.modifiers import MOST_NAMED, read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 from printer_slicer.mesh_io.units import UNITS, named_unit
 
@@ -41,6 +42,18 @@ RELATION: Final = ("", "http://schemas.openxmlformats.org/package/2006/relations
 START: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 OTHERS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
 """Names of models that somebody has packed as they are."""
+PAINT: Final = {
+    "custom_supports": "supports",
+    "paint_supports": "supports",
+    "custom_seam": "seams",
+    "paint_seam": "seams",
+    "mmu_segmentation": "colours",
+    "paint_color": "colours",
+    "fuzzy_skin": "fuzzy skin",
+    "paint_fuzzy_skin": "fuzzy skin",
+}
+"""What slicers let people paint on facets: the attribute in PrusaSlicer's files, and in those of Bambu Studio and
+OrcaSlicer."""
 USUAL_START: Final = "3d/3dmodel.model"
 
 
@@ -53,6 +66,8 @@ class _Model:
     kinds: dict[Hashable, str] = field(default_factory=dict)
     items: list[Use] = field(default_factory=list)
     n_unprintable: int = 0
+    painted: Counter[tuple[Hashable, str]] = field(default_factory=Counter)
+    """Object and a value of PAINT -> facets."""
 
 
 class _ModelReader(Reader):
@@ -63,6 +78,7 @@ class _ModelReader(Reader):
         self.model = _Model(Shelf(path, limits))
         self.check = self.model.shelf.check  # type: ignore[method-assign]
         self._part = part
+        self._key: Hashable = None
         self._body = Body("no object")
         for name, handler in {
             "model": self._begin_model,
@@ -87,7 +103,7 @@ class _ModelReader(Reader):
 
     def _begin_object(self, attributes: list[str]) -> None:
         given = dict(zip(attributes[::2], attributes[1::2], strict=True))
-        key = (self._part, _number(given.get("id", "")))
+        self._key = key = (self._part, _number(given.get("id", "")))
         self._body = self.model.shelf.begin(key, f"object {key[1]}")
         self._body.label = given.get("name", "")
         self.model.kinds[key] = given.get("type", "model")
@@ -104,6 +120,9 @@ class _ModelReader(Reader):
             self._body.corners.extend((int(attributes[1]), int(attributes[3]), int(attributes[5])))
         else:
             self._body.corners.extend([whole_in(attributes, name) for name in ("v1", "v2", "v3")])
+        for name in attributes[::2] if len(attributes) > 6 else ():
+            if what := PAINT.get(name.rpartition(" ")[2]):
+                self.model.painted[self._key, what] += 1
 
     def _component(self, attributes: list[str]) -> None:
         self._body.parts.append(self._use(dict(zip(attributes[::2], attributes[1::2], strict=True))))
@@ -167,11 +186,12 @@ def read_three_mf(
     path, start = archive.path, _start(archive, limits)
     first = _read(archive, limits, start)
     own_unit = unit or named_unit(first.unit, path)
-    bodies, kinds = _with_more(archive, limits, start, first)
+    bodies, kinds, painted = _with_more(archive, limits, start, first)
     modifiers = read_modifiers(archive, limits)
     modifiers.name(bodies, start)
     notes = modifiers.taken_from(bodies, start)
     _without_other_kinds(bodies, kinds, notes)
+    notes += _paint_notes(painted, bodies)
     if first.n_unprintable:
         notes.append(f"{_items(first.n_unprintable)} not to be printed and left out")
     if not first.items:
@@ -190,19 +210,22 @@ def _read(archive: Archive, limits: Limits, part: str) -> _Model:
 
 def _with_more(
     archive: Archive, limits: Limits, start: str, first: _Model
-) -> tuple[dict[Hashable, Body], dict[Hashable, str]]:
-    """Objects and their kinds, also of the model files that the first one takes objects from, as items or components.
+) -> tuple[dict[Hashable, Body], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
+    """Objects, their kinds and what is painted on them.
+
+    Those of the model files that the first one takes objects from, as items or components, are among them.
 
     These must not take from others in turn.
     """
-    bodies, kinds = dict(first.shelf.bodies), dict(first.kinds)
+    bodies, kinds, painted = dict(first.shelf.bodies), dict(first.kinds), Counter(first.painted)
     uses = [*first.items, *(use for body in bodies.values() for use in body.parts)]
     wanted = {use.key[0] for use in uses if isinstance(use.key, tuple)}
     for part in sorted(wanted - {start}):
         model = _read(archive, limits, part)
         bodies |= model.shelf.bodies
         kinds |= model.kinds
-    return bodies, kinds
+        painted += model.painted
+    return bodies, kinds, painted
 
 
 def _start(archive: Archive, limits: Limits) -> str:
@@ -231,6 +254,21 @@ def _without_other_kinds(bodies: dict[Hashable, Body], kinds: dict[Hashable, str
         if kind != "model":
             notes.append(f"{bodies[key].name} is of type '{kind[:40]}' and left out")
             bodies[key] = Body(bodies[key].name)
+
+
+def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, Body]) -> list[str]:
+    """What is painted on facets and not followed, a line for each kind of it."""
+    owners = {use.key: body.label for body in bodies.values() if body.label for use in body.parts}
+    notes = []
+    for what in dict.fromkeys(PAINT.values()):
+        found = {key: count for (key, kind), count in painted.items() if kind == what and key in bodies}
+        names = dict.fromkeys(bodies[key].label or owners.get(key) or bodies[key].name for key in found)
+        if found:
+            listed = ", ".join(f"'{name[:40]}'" for name in list(names)[:MOST_NAMED])
+            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+            count = "1 facet" if sum(found.values()) == 1 else f"{sum(found.values())} facets"
+            notes.append(f"paint for {what} is not used: {count} of {listed}{more}")
+    return notes
 
 
 def _items(count: int) -> str:

@@ -189,7 +189,9 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
         ProfileError: there is none.
     """
     asked_by = f"{seen[-1]}: inherits: " if seen else ""
-    if len(name) > LONGEST_PATH or any(len(part.encode("utf-8", "replace")) > LONGEST_NAME for part in Path(name).parts):
+    if len(name) > LONGEST_PATH or any(
+        len(part.encode("utf-8", "replace")) > LONGEST_NAME for part in Path(name).parts
+    ):
         raise ProfileError(
             f"{asked_by}{kind} {name[:60]!r}...: too long for the name of a file", remedy="check the name"
         )

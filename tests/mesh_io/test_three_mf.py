@@ -249,6 +249,48 @@ def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path
     assert model.notes[1] == "1 of them is a hole, which is not cut: 'Bore' (negative_part)"
 
 
+def painted(mesh: str, **counts: int) -> str:
+    """The mesh with so many facets painted for each attribute, the first ones."""
+    head, *facets = mesh.split("<triangle ")
+    for name, count in counts.items():
+        for k in range(count):
+            facets[k] = f'{name.replace("__", ":")}="4" {facets[k]}'
+    return "<triangle ".join([head, *facets])
+
+
+def test_what_is_painted_is_named_prusa(tmp_path: Path) -> None:
+    paint = {"slic3rpe__custom_supports": 3, "slic3rpe__custom_seam": 1, "slic3rpe__mmu_segmentation": 12}
+    names = '<config><object id="1"><metadata type="object" key="name" value="lid"/></object></config>'
+    model = read(
+        tmp_path,
+        model_xml(
+            {1: painted(mesh_xml(), **paint), 2: painted(mesh_xml(), slic3rpe__custom_seam=2), 3: mesh_xml()},
+            item(1) + item(2, MOVED) + item(3, MOVED),
+            more=' xmlns:slic3rpe="http://schemas.slic3r.org/3mf/2017/06"',
+        ),
+        {"Metadata/Slic3r_PE_model.config": names},
+    )
+
+    assert model.notes == (
+        "paint for supports is not used: 3 facets of 'lid'",
+        "paint for seams is not used: 3 facets of 'lid', 'object 2'",
+        "paint for colours is not used: 12 facets of 'lid'",
+    )
+    assert model.mesh.n_facets == 36
+
+
+def test_what_is_painted_is_named_bambu(tmp_path: Path) -> None:
+    mesh = painted(mesh_xml(), paint_supports=2, paint_color=1, paint_fuzzy_skin=4, pid=5)
+    text = model_xml({1: mesh, 3: group(component(1)), 4: mesh_xml()}, item(3) + item(4, MOVED))
+    config = '<config><object id="3"><metadata key="name" value="Box"/></object></config>'
+
+    assert read(tmp_path, text, {"Metadata/model_settings.config": config}).notes == (
+        "paint for supports is not used: 2 facets of 'Box'",
+        "paint for colours is not used: 1 facet of 'Box'",
+        "paint for fuzzy skin is not used: 4 facets of 'Box'",
+    )
+
+
 def test_the_only_object_has_its_name(tmp_path: Path) -> None:
     lid = '<config><object id="1"><metadata type="object" key="name" value="lid"/></object></config>'
     model = read(tmp_path, model_xml({1: mesh_xml()}, item(1)), {"Metadata/Slic3r_PE_model.config": lid})
