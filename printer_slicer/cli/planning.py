@@ -19,6 +19,7 @@ from printer_slicer.cli.facts import (
     runs_text,
 )
 from printer_slicer.cli.models import plate_name, repaired_plate
+from printer_slicer.cli.projects import with_projects
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import spoken
 from printer_slicer.healing import refuse_repaired
@@ -58,6 +59,7 @@ def plan_command(arguments: argparse.Namespace) -> int:
     profile = profile_from(arguments)
     with stages(arguments) as report:
         mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
+        profile, plate = with_projects(arguments, profile, mesh, plate)
         table, name = _table_1(mesh), plate_name(arguments.models)
         part = place(mesh, profile.printer, plate.placement)
         shift = np.asarray(mesh.bounds[0] - part.bounds[0])

@@ -29,6 +29,7 @@ from printer_slicer.cli.policy import (
     reason_against,
     refused,
 )
+from printer_slicer.cli.projects import with_projects
 from printer_slicer.cli.simulating import (
     faults_of,
     firmware_of,
@@ -136,6 +137,7 @@ def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tup
         }
     report("loading")
     mesh, plate = plate_from(arguments, profile.printer, report)
+    profile, plate = with_projects(arguments, profile, mesh, plate)
     name = plate_name(arguments.models)
     job = job_of(mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict)
     return job, plate.facts()

@@ -18,6 +18,7 @@ from printer_slicer.cli.common import (
 from printer_slicer.cli.completing import MODELS
 from printer_slicer.cli.facts import facts_of, sentences
 from printer_slicer.cli.models import plate_from, warn
+from printer_slicer.cli.projects import with_projects
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import LayerPlan, Program
@@ -40,6 +41,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
     with stages(arguments) as report:
         report("loading")
         mesh, plate = plate_from(arguments, profile.printer, report)
+        profile, plate = with_projects(arguments, profile, mesh, plate)
         output = arguments.output or _beside(arguments.models[0])
         for path in arguments.models:
             refuse_same(output, path)

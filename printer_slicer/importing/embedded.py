@@ -10,7 +10,7 @@ from typing import Final
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.unpacking import unpacked
 
-__all__ = ["CONFIGS_IN_3MF", "config_in_3mf", "config_in_gcode"]
+__all__ = ["CONFIGS_IN_3MF", "OBJECTS_IN_3MF", "config_in_3mf", "config_in_gcode"]
 
 CONFIGS_IN_3MF: Final = (
     "Metadata/Slic3r_PE.config",
@@ -18,6 +18,8 @@ CONFIGS_IN_3MF: Final = (
     "Metadata/Slic3r.config",
     "Metadata/project_settings.config",
 )
+OBJECTS_IN_3MF: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
+"""What objects have of their own: as PrusaSlicer keeps it, and as OrcaSlicer and BambuStudio do."""
 _TAIL: Final = 4_000_000  # bytes at the end of G-code that may hold settings
 _HEAD: Final = 1_000_000
 _BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
@@ -93,6 +95,12 @@ def config_in_3mf(path: Path) -> tuple[str, str]:
     for name in CONFIGS_IN_3MF:
         if name in texts:
             return name, texts[name]
+    if unpacked(path, set(OBJECTS_IN_3MF)):
+        raise ProfileError(
+            f"{path}: no settings of a print in it, only of its objects",
+            remedy=f"`printer-slicer slice {path}` takes what objects have of their own; "
+            "for profiles, save it as a project instead of exporting it",
+        )
     raise ProfileError(
         f"{path}: no settings in it",
         remedy="save it as a project with PrusaSlicer, OrcaSlicer or BambuStudio",

@@ -9,6 +9,7 @@ from typing import Final
 from xml.parsers import expat
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.importing.embedded import OBJECTS_IN_3MF
 from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.orca import orca_entries
 from printer_slicer.importing.presets import Own
@@ -17,7 +18,6 @@ from printer_slicer.importing.unpacking import unpacked
 
 __all__ = ["own_in_3mf"]
 
-_OBJECTS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 _RANGES: Final = ("Metadata/Prusa_Slicer_layer_config_ranges.xml", "Metadata/layer_config_ranges.xml")
 _HEIGHTS: Final = ("Metadata/Slic3r_PE_layer_heights_profile.txt", "Metadata/layer_heights_profile.txt")
 _ABOUT_VOLUMES: Final = frozenset(
@@ -50,8 +50,8 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
     Raises:
         ProfileError: the project is damaged.
     """
-    texts = unpacked(path, {*_OBJECTS, *_RANGES, *_HEIGHTS})
-    name = next((one for one in _OBJECTS if one in texts), "")
+    texts = unpacked(path, {*OBJECTS_IN_3MF, *_RANGES, *_HEIGHTS})
+    name = next((one for one in OBJECTS_IN_3MF if one in texts), "")
     objects = _Objects(f"{path}: {name}").read(texts[name]) if name else []
     for one in _RANGES:
         if one in texts:
@@ -69,7 +69,7 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
             which = ", ".join(map(repr, volumes[:5])) + (", ..." if len(volumes) > 5 else "")
             notes.append(Note(place, f"settings of volumes and modifiers in it are left out: {which}"))
         alone = len(objects) == 1
-        first, *others = (_own(one, place, orca=name == _OBJECTS[1], alone=alone) for one in group)
+        first, *others = (_own(one, place, orca=name == OBJECTS_IN_3MF[1], alone=alone) for one in group)
         if called and all(other == first for other in others):
             found += first
         elif first or any(others):

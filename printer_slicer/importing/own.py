@@ -16,7 +16,7 @@ from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.tables import settings_table
 
-__all__ = ["with_own"]
+__all__ = ["flat", "may_differ", "with_own"]
 
 
 _HEIGHT: Final = "layer_height"
@@ -33,7 +33,6 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
     Raises:
         ProfileError: a value that is no number or makes no sense, with place and remedy.
     """
-    may_differ = {row.key.partition(".")[2]: set(row.own) for row in settings_table() if row.own}
     tables: list[dict[str, Any]] = []
     layers: list[tuple[float, float, float]] = []
     taken: list[Taken] = []
@@ -43,10 +42,10 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
         height = own.entries.get(_HEIGHT)
         entries = {key: entry for key, entry in own.entries.items() if key != _HEIGHT or own.alone}
         made = convert(replace(preset, entries={**preset.entries, **entries}, own=(), notes=()))
-        before = dict(_flat(whole.values))
-        changed = {key: value for key, value in _flat(made.values) if before.get(key) != value}
-        what = {OBJECT, HEIGHT} if own.high else {OBJECT}
-        kept = {key: value for key, value in changed.items() if what <= may_differ.get(key, set())}
+        before = dict(flat(whole.values))
+        changed = {key: value for key, value in flat(made.values) if before.get(key) != value}
+        allowed = may_differ(heights=bool(own.high))
+        kept = {key: value for key, value in changed.items() if key in allowed}
         if kept:
             heights = {"low": own.low, "high": own.high} if own.high else {}
             tables.append({"object": own.object, **heights, "set": kept})
@@ -71,11 +70,21 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
     return replace(whole, values=values, taken=(*whole.taken, *taken), left=(*whole.left, *left))
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def may_differ(*, heights: bool) -> frozenset[str]:
+    """The settings of a quality that an object may have of its own.
+
+    Args:
+        heights: whether they are for some heights of it only.
+    """
+    what = {OBJECT, HEIGHT} if heights else {OBJECT}
+    return frozenset(row.key.partition(".")[2] for row in settings_table() if what <= set(row.own))
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Our settings by their full names."""
     for key, value in values.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{key}.")
+            yield from flat(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
 

@@ -1,0 +1,148 @@
+"""What the objects of a 3MF project have of their own, for slicing it with a profile that is not the project's."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing.embedded import CONFIGS_IN_3MF, OBJECTS_IN_3MF
+from printer_slicer.importing.ini import Entry
+from printer_slicer.importing.objects import own_in_3mf
+from printer_slicer.importing.orca_names import ORCA_DEFAULTS
+from printer_slicer.importing.own import flat, may_differ
+from printer_slicer.importing.presets import Own, Preset, number_in
+from printer_slicer.importing.qualities import quality_from
+from printer_slicer.importing.report import Imported
+from printer_slicer.importing.sources import presets_in
+from printer_slicer.importing.unpacking import unpacked
+from printer_slicer.importing.vocabulary import DEFAULTS
+from printer_slicer.profile import Profile
+
+__all__ = ["Project", "read_project"]
+
+
+@dataclass(frozen=True, slots=True)
+class Project:
+    """What a 3MF file says of how its objects shall be printed.
+
+    Attributes:
+        overrides: a table for each object, or heights of one, as `quality.overrides` has them.
+        layer_heights: object -> mm, where all its layers shall have one height.
+        used: what of that is taken, a line an object.
+        unused: what is not, and why.
+        has_settings: whether print, filament or printer settings are in it.
+    """
+
+    overrides: tuple[Mapping[str, Any], ...] = ()
+    layer_heights: tuple[tuple[str, float], ...] = ()
+    used: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
+    has_settings: bool = False
+
+
+def read_project(path: Path, profile: Profile, names: Collection[str]) -> Project:
+    """What a 3MF file says of how its objects shall be printed.
+
+    Args:
+        path: of the file; one that no slicer made says nothing.
+        profile: what it is sliced with. Nozzle and layer height give percentages and numbers of layers a meaning where
+            the project does not.
+        names: of the objects that are printed; others have no say.
+
+    Raises:
+        ProfileError: the archive is damaged.
+    """
+    has_settings = bool(unpacked(path, set(CONFIGS_IN_3MF)))
+    try:
+        owns, notes = own_in_3mf(path)
+    except ProfileError as error:
+        return Project(
+            unused=(f"what its objects have of their own is not used: {error.args[0]}",),
+            has_settings=has_settings,
+        )
+    base = _base(path, profile) if owns else None
+    made = [_of_object(own, base) for own in owns if own.object in names] if base else []
+    return Project(
+        tuple(table for one in made for table in one.overrides),
+        tuple(height for one in made for height in one.layer_heights),
+        tuple(text for one in made for text in one.used),
+        (*(note.text for note in notes), *(text for one in made for text in one.unused)),
+        has_settings,
+    )
+
+
+def _base(path: Path, profile: Profile) -> Preset:
+    """What holds for the objects besides what they have of their own, as far as the project says it."""
+    together = {"nozzle_diameter": f"{profile.printer.nozzle_diameter:g}"}
+    height = Entry("layer_height", f"{profile.quality.layer_height:g}", str(path))
+    try:
+        found = presets_in(path)
+    except ProfileError:
+        found = []
+    for one in found if isinstance(found, list) else ():
+        if isinstance(one, Preset) and one.kind == "quality":
+            return replace(one, own=(), notes=(), together={**together, **one.together})
+    dialect, defaults = (
+        ("orca", ORCA_DEFAULTS) if unpacked(path, {OBJECTS_IN_3MF[1]}) else ("prusaslicer", DEFAULTS)
+    )
+    return Preset(
+        "quality", path.stem, dialect, str(path), {height.name: height}, defaults, together=together
+    )
+
+
+def _of_object(own: Own, base: Preset) -> Project:
+    """What one object, or heights of it, has of its own."""
+    plain = {name: entry for name, entry in own.entries.items() if name != "layer_height"}
+    try:
+        before = quality_from(base)
+        made = quality_from(replace(base, entries={**base.entries, **plain}))
+    except ProfileError as error:
+        return Project(unused=(f"{own.where}: what it has of its own is not used: {error.args[0]}",))
+    asked = {entry.name for entry in plain.values()}
+    known, values = dict(flat(before.values)), dict(flat(made.values))
+    wanted = {key for key, value in values.items() if known.get(key) != value}
+    wanted |= {one.ours for one in made.taken if one.theirs in asked}
+    kept = {key: values[key] for key in wanted if key in values and key in may_differ(heights=bool(own.high))}
+    table: dict[str, Any] = {"object": own.object, "set": dict(sorted(kept.items()))}
+    if own.high:
+        table |= {"low": own.low, "high": own.high}
+    heights, lost = _layer_heights(own)
+    told = ", ".join(
+        f"{key} = {value}"
+        for key, value in [*sorted(kept.items()), *(("layer_height", height) for _, height in heights)]
+    )
+    lost += _lost(made, asked, kept)
+    return Project(
+        (table,) if kept else (),
+        heights,
+        (f"{own.where}: {told}, as the project has it",) if told else (),
+        tuple(f"{own.where}: {text}" for text in lost),
+    )
+
+
+def _layer_heights(own: Own) -> tuple[tuple[tuple[str, float], ...], list[str]]:
+    """The height of all layers of an object, if it has one of its own, and why it is not used, if it is not."""
+    entry = own.entries.get("layer_height")
+    if entry is None:
+        return (), []
+    found = number_in(entry.text)
+    if own.alone and not own.high and found and found.value > 0:
+        return ((own.object, found.value),), []
+    why = "all of a plate has the same layers"
+    if own.alone:
+        why = "`printer-slicer profiles import` makes ranges of the planner of it"
+    return (), [f"{entry.name} = {entry.text} is not used: {why}"]
+
+
+def _lost(made: Imported, asked: set[str], kept: Collection[str]) -> list[str]:
+    """The settings that an object asks for and does not get, with the reason."""
+    lost = [f"{one.theirs} = {one.text} is not used: {one.why}" for one in made.left if one.theirs in asked]
+    used = {one.theirs for one in made.taken if one.ours in kept}
+    return lost + [
+        f"{one.theirs} = {one.text} is not used: {one.ours} is the same for all of a plate here"
+        for one in made.taken
+        if one.theirs in asked - used and one.ours not in kept
+    ]
