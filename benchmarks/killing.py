@@ -14,7 +14,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +33,7 @@ from printer_slicer.verdict import front_end_of, machine_of
 PRINTER = load_profile("marlin_220").printer
 OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
 ROOT = Path(__file__).parents[1]
+_LAST_RESORT = 600.0  # s
 
 
 @dataclass
@@ -53,14 +54,20 @@ class Outcome:
 
 
 @contextmanager
-def served(link: Path, speed: float, front_end: FrontEnd | None = None) -> Iterator[list[str]]:
-    """A simulated printer; the list holds what it executes."""
+def served(
+    link: Path,
+    speed: float,
+    front_end: FrontEnd | None = None,
+    executed: list[str] | None = None,
+    ends: Callable[[], None] = lambda: None,
+) -> Iterator[list[str]]:
+    """A simulated printer; the list, by default a new one, holds what it executes; `ends` is called at its end."""
     ready, stop = Flag(), Flag()
-    executed: list[str] = []
+    lines: list[str] = [] if executed is None else executed
 
     def make() -> SimulatedPrinter:
         return SimulatedPrinter(
-            machine_of(PRINTER), front_end or front_end_of(PRINTER), on_executed=executed.append, boots=False
+            machine_of(PRINTER), front_end or front_end_of(PRINTER), on_executed=lines.append, boots=False
         )
 
     thread = Thread(
@@ -68,11 +75,12 @@ def served(link: Path, speed: float, front_end: FrontEnd | None = None) -> Itera
     )
     thread.start()
     try:
-        assert ready.wait(10.0)
-        yield executed
+        assert ready.wait(_LAST_RESORT)
+        yield lines
     finally:
         stop.set()
-        thread.join(10.0)
+        ends()
+        thread.join(_LAST_RESORT)
 
 
 def job_text(chance: Random, moves: int) -> str:
@@ -117,7 +125,7 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
             begun, before = monotonic(), len(executed)
             host = start(folder, *arguments)
             arguments = ("resume", "--reconnect", "0")
-            while host.poll() is None and len(executed) == before and monotonic() - begun < 60:
+            while host.poll() is None and len(executed) == before and monotonic() - begun < _LAST_RESORT:
                 never.wait(0.002)
             if outcome.kills < kills:
                 # Greeting, lines in flight, a full planner: all of it lies within this time.
@@ -135,7 +143,7 @@ def one_job(seed: int, kills: int, folder: Path) -> Outcome:
             outcome.kills += 1
             story = read_story(left[0])
             outcome.ahead.append(len(of_job(executed)) - story.entries)
-        code = host.wait(timeout=600) if left else 0
+        code = host.wait(timeout=_LAST_RESORT) if left else 0
         outcome.exact = of_job(executed) == wanted and code == 0
     if not outcome.exact:
         outcome.what = _first_difference(of_job(executed), wanted) + f"; exit code {code}"

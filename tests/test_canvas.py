@@ -20,6 +20,7 @@ from printer_slicer.drawing.canvas import Anchor, Box, Fill, Line, Picture, Text
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry import Areas
 from tests.strategies import clean_areas
+from tests.waiting import LAST_RESORT
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -85,7 +86,7 @@ def test_pillow_is_only_loaded_for_a_png() -> None:
         "Picture(9, 9, (Text(1, 1, 'a', 9),)).svg(); print('PIL' in sys.modules)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=LAST_RESORT, check=True
     )
 
     assert done.stdout.strip() == "False"

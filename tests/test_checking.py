@@ -25,6 +25,7 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import Placement
 from tests.parts import box, box_with_hole, plain, sphere
 from tests.test_values import arrays
+from tests.waiting import LAST_RESORT
 
 PROFILE = plain(layer_height=0.3, first_layer_height=0.3, planner__kind="uniform", infill_density=0.2)
 PART = box_with_hole()
@@ -315,7 +316,7 @@ def test_a_file_of_prusaslicer_passes(tmp_path: Path) -> None:
     model, gcode = tmp_path / "part.stl", tmp_path / "part.gcode"
     export_stl(PART, model)
     command = ["prusa-slicer", "--export-gcode", str(model), "--output", str(gcode), "--layer-height", "0.3"]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    subprocess.run(command, check=True, capture_output=True, timeout=LAST_RESORT)
     check = check_gcode(gcode.read_bytes(), PART, Asked())
 
     assert check.problems == ()

@@ -22,6 +22,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from tests.cli.command_line import is_message, typed
+from tests.waiting import LAST_RESORT
 
 
 def seen(
@@ -215,11 +216,11 @@ def served(link: Path) -> Iterator[None]:
     )
     thread.start()
     try:
-        assert ready.wait(10)
+        assert ready.wait(LAST_RESORT)
         yield
     finally:
         stop.set()
-        thread.join(10)
+        thread.join(LAST_RESORT)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")

@@ -24,6 +24,7 @@ from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.placing import transformed
 from printer_slicer.profile.folders import VARIABLE
+from tests.waiting import LAST_RESORT
 
 ROOT: Final = Path(__file__).parents[1]
 # The gallery and the checking of it have tests of their own; the README's first commands are run by `just install`.
@@ -75,7 +76,7 @@ def folder(tmp_path: Path) -> Path:
 def in_shell(block: str) -> None:
     """Run a block in a shell of its own."""
     done = subprocess.run(
-        ["/bin/sh", "-e"], input=block, text=True, capture_output=True, timeout=300, check=False
+        ["/bin/sh", "-e"], input=block, text=True, capture_output=True, timeout=LAST_RESORT, check=False
     )
     assert done.returncode == 0, f"{block}\n{done.stderr}"
 

@@ -20,6 +20,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.cli.parser import build_parser
+from tests.waiting import LAST_RESORT
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "printer_slicer"
@@ -28,6 +29,7 @@ DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("
 MOST_LINES = 400
 LONGEST_FUNCTION = 50
 USUAL_FUNCTION = 30
+A_LIMIT = 0.1  # s; who waits for less looks again and again
 NO_SOURCE = {
     tokenize.COMMENT,
     tokenize.NL,
@@ -162,7 +164,12 @@ def test_everything_public_has_a_docstring() -> None:
 def test_the_import_contracts_hold() -> None:
     command = "from importlinter.cli import lint_imports_command; lint_imports_command(['--no-cache'])"
     done = subprocess.run(
-        [sys.executable, "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", command],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=LAST_RESORT,
+        check=False,
     )
 
     assert done.returncode == 0, done.stdout + done.stderr
@@ -229,13 +236,56 @@ def test_nothing_but_the_command_line_prints() -> None:
     assert found == []
 
 
+def limits_in(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Lines where a process, thread or connection is given a number of seconds, and where somebody sleeps or measures.
+
+    The consoles of the simulator wait in simulated time.
+    """
+    limited = {
+        "communicate",
+        "run",
+        "check_output",
+        "Serial",
+        "serial_for_url",
+        "create_connection",
+        "urlopen",
+    }
+    measured = {"sleep", "perf_counter", "process_time", "thread_time", "setitimer"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute | ast.Name) and ast.unparse(node).split(".")[-1] in measured:
+            yield node.lineno, ast.unparse(node)
+        if not isinstance(node, ast.Call):
+            continue
+        owner, _, name = ast.unparse(node.func).rpartition(".")
+        given = [word.value for word in node.keywords if word.arg == "timeout"]
+        given = [*node.args[:1], *given] if name in {"join", "wait"} else given if name in limited else []
+        seconds = [
+            one.value for one in given if isinstance(one, ast.Constant) and type(one.value) in {int, float}
+        ]
+        in_simulation = "console" in owner.lower() or owner == "self"
+        if max(seconds, default=0) >= A_LIMIT and not in_simulation:
+            yield node.lineno, ast.unparse(node)
+
+
+def test_no_wall_clock_decides_a_test() -> None:
+    """A busy machine makes no test fail: tests wait for states, see tests/waiting.py."""
+    found = [
+        f"{shown(path)}:{line}: {what}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for line, what in limits_in(ast.parse(path.read_text(encoding="utf-8")))
+        if path.name != "waiting.py"
+    ]
+
+    assert found == []
+
+
 def texts() -> list[Path]:
     """All files of the project that git would keep and that are text."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
         cwd=ROOT,
         capture_output=True,
-        timeout=60,
+        timeout=LAST_RESORT,
         check=False,
     )
     if listed.returncode:

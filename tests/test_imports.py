@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import printer_slicer
+from tests.waiting import LAST_RESORT
 
 ROOT = Path(__file__).parents[1]
 BOX = ROOT / "sample_parts" / "box.stl"
@@ -29,7 +30,7 @@ def python(code: str, *arguments: str) -> str:
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=LAST_RESORT,
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr

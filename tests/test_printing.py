@@ -24,6 +24,7 @@ from printer_slicer.sim.pty_server import serve
 from printer_slicer.sim.tally import Report
 from printer_slicer.stream.events import Accepted, Event, Finished, Identified
 from printer_slicer.verdict import front_end_of, machine_of
+from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
@@ -70,11 +71,11 @@ def served(link: Path) -> Iterator[Served]:
     thread = Thread(target=run)
     thread.start()
     try:
-        assert ready.wait(10.0)
+        assert ready.wait(LAST_RESORT)
         yield state
     finally:
         state.stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
     assert not thread.is_alive()
 
 
@@ -105,16 +106,8 @@ def pretended(answer: Callable[[str], str | None]) -> Iterator[str]:
         yield os.ttyname(slave)
     finally:
         stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
         os.close(slave)
-
-
-def ticks(timeout: float) -> Iterator[None]:
-    """Goes on for some seconds, for what another thread will have done soon."""
-    never = Flag()
-    for _ in range(round(timeout / 0.01)):
-        yield
-        never.wait(0.01)
 
 
 def polite(line: str, place: str = "X:0.00 Y:0.00 Z:0.00 E:0.00") -> str:
@@ -375,10 +368,9 @@ def test_a_second_ctrl_c_halts_the_printer(tmp_path: Path) -> None:
 
     with served(tmp_path / "printer") as printer:
         stopped(tmp_path, Cancelled, job, str(tmp_path / "printer"), listen)
-        killed = any(printer.printer and printer.printer._board.killed for _ in ticks(5.0))
+        until(lambda: printer.printer and printer.printer._board.killed)
 
     assert presses == 2
-    assert killed
     assert checkpoint_of(tmp_path, job) >= 50
 
 

@@ -21,6 +21,7 @@ from printer_slicer.stream.dialects import DIALECTS
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
+from tests.waiting import LAST_RESORT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -118,7 +119,7 @@ def test_it_is_so_over_a_device_of_the_system(row: str, tmp_path: Path) -> None:
         kwargs={"speed": 0.0, "stop": errands.stop, "ready": lambda _: ready.set()},
     )
     server.start()
-    assert ready.wait(10.0)
+    assert ready.wait(LAST_RESORT)
     try:
         with closing(open_port(str(tmp_path / "printer"))) as port:
             trial.port = desk = Desk(port, trial)  # type: ignore[assignment]
@@ -126,7 +127,7 @@ def test_it_is_so_over_a_device_of_the_system(row: str, tmp_path: Path) -> None:
             run(trial.streamer, desk, desk.now, on_event=trial._note, longest_wait=1.0)  # type: ignore[arg-type]
     finally:
         errands.ended.set()
-        server.join(10.0)
+        server.join(LAST_RESORT)
     trial.printer = real
 
     verdict = trial.verdict()

@@ -29,6 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
 from printer_slicer.stream.states import State
+from tests.waiting import LAST_RESORT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -411,7 +412,7 @@ def test_a_job_prints_on_a_device_of_the_system(tmp_path: Path) -> None:
         kwargs={"speed": 0.0, "stop": stop.is_set, "ready": lambda _: ready.set()},
     )
     server.start()
-    assert ready.wait(10.0)
+    assert ready.wait(LAST_RESORT)
     job = random_job(Random(5))
     events: list[Event] = []
     try:
@@ -419,7 +420,7 @@ def test_a_job_prints_on_a_device_of_the_system(tmp_path: Path) -> None:
             run(Streamer(job, limits=MACHINE.limits), port, time.monotonic, on_event=events.append)
     finally:
         stop.set()
-        server.join(10.0)
+        server.join(LAST_RESORT)
 
     assert isinstance(events[-1], Finished)
     assert events[-1].verified

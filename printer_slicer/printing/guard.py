@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event as Flag
@@ -25,7 +25,7 @@ from printer_slicer.printing.shelf import Print, print_in
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.watchdog import Watchdog
 
-__all__ = ["guarded", "main"]
+__all__ = ["guarded", "main", "watch"]
 
 _DONE: Final = b"."
 _LOOK: Final = 0.5
@@ -62,7 +62,18 @@ def main(folder: Path, seconds: float) -> int:
     while said := os.read(0, 1):
         if said == _DONE:
             return 0
-    print_ = _left_alone(folder, seconds)
+    return watch(folder, seconds)
+
+
+def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) -> int:
+    """Make the printer cold if nobody takes the print up within some seconds; 1 if that failed.
+
+    Args:
+        folder: of the print, whose host is gone.
+        seconds: that a new host has.
+        clock: s, never backwards.
+    """
+    print_ = _left_alone(folder, seconds, clock)
     if print_ is None:
         return 0
     try:
@@ -74,19 +85,19 @@ def main(folder: Path, seconds: float) -> int:
     return 0
 
 
-def _left_alone(folder: Path, seconds: float) -> Print | None:
+def _left_alone(folder: Path, seconds: float, clock: Callable[[], float]) -> Print | None:
     """The print, held by this process, when nobody has taken it up for so long; None when somebody has, or ended it.
 
     Somebody who holds it has not taken it up yet: the printer may turn out to be lost, or a person is asked.
     """
-    end, never = monotonic() + seconds, Flag()
     host = _host_of(folder)
+    end, never = clock() + seconds, Flag()
     while True:
-        never.wait(min(_LOOK, max(end - monotonic(), 0.01)))
+        never.wait(min(_LOOK, max(end - clock(), 0.01)))
         print_ = print_in(folder)
         if print_ is None or _host_of(folder) != host:
             return None
-        if monotonic() >= end and print_.hold():
+        if clock() >= end and print_.hold():
             return print_
 
 

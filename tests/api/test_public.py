@@ -19,6 +19,7 @@ import pytest
 import printer_slicer as ps
 from tests.api.example import run
 from tests.parts import box, cone
+from tests.waiting import LAST_RESORT
 
 ROOT: Final = Path(__file__).parents[2]
 BOX: Final = box()
@@ -91,7 +92,7 @@ def test_the_package_is_typed_and_an_example_passes_mypy_strict() -> None:
         cwd=ROOT,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=LAST_RESORT,
         check=False,
     )
 

@@ -14,6 +14,7 @@ from time import monotonic
 from typing import NamedTuple
 
 from printer_slicer.cli import main
+from tests.waiting import LAST_RESORT
 
 ROOT = Path(__file__).parents[2]
 PARTS = ROOT / "sample_parts"
@@ -56,7 +57,7 @@ def process(
 ) -> Outcome:
     """Run a command in a process of its own."""
     with started(*arguments, cwd=cwd, stdout=stdout, env=env) as running:
-        out, err = running.communicate(timeout=30)
+        out, err = running.communicate(timeout=LAST_RESORT)
         return Outcome(running.returncode, (out or b"").decode("utf-8", "replace"), (err or b"").decode())
 
 
@@ -82,16 +83,16 @@ def started(
     finally:
         if running.poll() is None:
             running.kill()
-            running.wait(10)
+            running.wait(LAST_RESORT)
         for stream in (running.stdout, running.stderr):
             if stream is not None:
                 stream.close()
 
 
-def heard(running: subprocess.Popen[bytes], what: bytes, timeout: float = 20.0) -> bytes:
+def heard(running: subprocess.Popen[bytes], what: bytes) -> bytes:
     """What a process has written to stdout once `what` is in it."""
     assert running.stdout is not None
-    text, end = b"", monotonic() + timeout
+    text, end = b"", monotonic() + LAST_RESORT
     while what not in text:
         ready, _, _ = select.select([running.stdout], [], [], max(end - monotonic(), 0.0))
         assert ready, f"{what!r} was not said in time; said: {text!r}"

@@ -17,6 +17,7 @@ from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, is_message, proces
 
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_table, settings_text
+from tests.waiting import LAST_RESORT
 
 COMMANDS = ("slice", "plan", "contours", "dry-run", "print", "sim", "ports", "profiles")
 MODEL_COMMANDS = (["slice"], ["plan"], ["dry-run"], ["print", "--port", "sim:"])
@@ -501,7 +502,7 @@ def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
             stderr=slave,
         ) as running:
             os.close(slave)
-            out, _ = running.communicate(timeout=120)
+            out, _ = running.communicate(timeout=LAST_RESORT)
         shown = shown_later.result()
 
     assert running.returncode == 0
@@ -530,7 +531,7 @@ def test_json_beats_the_terminal(tmp_path: Path) -> None:
 
     master, slave = pty.openpty()
     with started("dry-run", BOX, "--json", *QUICK, cwd=tmp_path, stderr=slave) as running:
-        out, _ = running.communicate(timeout=30)
+        out, _ = running.communicate(timeout=LAST_RESORT)
     os.close(slave)
 
     assert document(out.decode())["ok"] is True

@@ -13,6 +13,8 @@ from threading import Thread
 import pytest
 from command_line import Outcome, typed
 
+from tests.waiting import LAST_RESORT
+
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
 
@@ -40,11 +42,11 @@ def served(link: Path) -> Iterator[list[str]]:
     thread = Thread(target=lambda: serve(make, link, speed=0, stop=stop.is_set, ready=lambda _: ready.set()))
     thread.start()
     try:
-        assert ready.wait(10.0)
+        assert ready.wait(LAST_RESORT)
         yield executed
     finally:
         stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
 
 
 def test_commands_of_the_command_line_are_sent_in_order_and_answered(tmp_path: Path) -> None:

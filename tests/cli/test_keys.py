@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
-from time import monotonic
 
 import pytest
+
+from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
@@ -106,7 +107,7 @@ def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) ->
         )
     )
     thread.start()
-    assert ready.wait(10.0)
+    assert ready.wait(LAST_RESORT)
     lines = "G28\nG90\nG1 Z1 F600\n" + "".join(f"G1 X{10 + i % 60} Y9 F3000\n" for i in range(200))
     (tmp_path / "job.gcode").write_text(lines, encoding="utf-8")
     master, slave = pty.openpty()
@@ -122,11 +123,9 @@ def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) ->
 
     def hear(word: bytes) -> None:
         nonlocal said
-        give_up = monotonic() + 30
         while word not in said:
-            assert monotonic() < give_up, said
-            if select.select([master], [], [], 0.1)[0]:
-                said += os.read(master, 4096)
+            assert select.select([master], [], [], LAST_RESORT)[0], said
+            said += os.read(master, 4096)
         said = said[said.index(word) + len(word) :]
 
     try:
@@ -134,9 +133,7 @@ def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) ->
             command, cwd=tmp_path, env=env, stdin=slave, stdout=slave, stderr=slave
         ) as host:
             hear(b"keys: p pause")
-            give_up = monotonic() + 30
-            while not any(line.startswith("G1 X") for line in executed) and monotonic() < give_up:
-                ready.wait(0.01)
+            until(lambda: any(line.startswith("G1 X") for line in executed))
             os.write(master, b"p")
             hear(b"paused")
             os.write(master, b"r")
@@ -144,12 +141,12 @@ def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) ->
             os.write(master, b"+")
             hear(b"M220 S105")
             hear(b"done:")
-            assert host.wait(30) == 0
+            assert host.wait(LAST_RESORT) == 0
             assert termios.tcgetattr(slave) == before
     finally:
         os.close(master)
         os.close(slave)
         stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
     assert "G1 X5 Y215 F6000" in executed
     assert "M220 S105" in executed

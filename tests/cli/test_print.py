@@ -24,6 +24,7 @@ from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.verdict import front_end_of, machine_of
+from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
@@ -51,11 +52,11 @@ def printer(link: Path, *, speed: float = 0) -> Iterator[list[str]]:
     )
     thread.start()
     try:
-        assert ready.wait(10.0)
+        assert ready.wait(LAST_RESORT)
         yield executed
     finally:
         stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
     assert not thread.is_alive()
 
 
@@ -142,7 +143,7 @@ def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: P
         heard(serving, b"ends it")
         outcome = typed("print", "box.gcode", "--port", "port", *QUICK, cwd=tmp_path)
         serving.send_signal(signal.SIGTERM)
-        out, err = serving.communicate(timeout=20)
+        out, err = serving.communicate(timeout=LAST_RESORT)
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
 
     assert (outcome.code, outcome.err) == (0, "")
@@ -157,31 +158,27 @@ def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: P
 def test_the_served_printer_ends_at_ctrl_c_too_and_tells_its_report_as_json(tmp_path: Path) -> None:
     with started("sim", "--pty", "port", "--speed", "0", "--json", cwd=tmp_path) as serving:
         appears(tmp_path / "port")
-        with serial.Serial(str(tmp_path / "port"), timeout=10.0) as port:
+        with serial.Serial(str(tmp_path / "port"), timeout=LAST_RESORT) as port:
             port.write(b"M105\n")
             while not port.readline().startswith(b"ok"):
                 assert serving.poll() is None
         serving.send_signal(signal.SIGINT)
-        out, err = serving.communicate(timeout=20)
+        out, err = serving.communicate(timeout=LAST_RESORT)
 
     assert (serving.returncode, err) == (0, b"")
     assert json.loads(out)["job_commands"] == 0
 
 
-def appears(path: Path, timeout: float = 10.0) -> None:
-    """Wait until there is such a file; asks again whenever a short timeout has passed."""
-    left = round(timeout / 0.02)
-    while not path.exists():
-        select.select([], [], [], 0.02)
-        left -= 1
-        assert left, f"{path} does not appear"
+def appears(path: Path) -> None:
+    """Wait until there is such a file."""
+    until(path.exists, lambda: path)
 
 
 def test_a_served_printer_that_is_terminated_early_still_ends_well(tmp_path: Path) -> None:
     with started("sim", "--pty", "port", "-q", cwd=tmp_path) as serving:
         appears(tmp_path / "port")
         serving.terminate()
-        out, err = serving.communicate(timeout=20)
+        out, err = serving.communicate(timeout=LAST_RESORT)
 
     assert (serving.returncode, out, err) == (0, b"", b"")
     assert not (tmp_path / "port").is_symlink()
@@ -204,13 +201,13 @@ def test_what_a_printer_says_never_controls_the_terminal(tmp_path: Path) -> None
     tty.setraw(slave)
 
     def halt() -> None:
-        assert select.select([master], [], [], 10.0)[0], "nobody greets"
+        assert select.select([master], [], [], LAST_RESORT)[0], "nobody greets"
         os.write(master, b"Error:\x1b]0;title\x07\x1b[2JPrinter halted. kill() called!\n")
 
     thread = Thread(target=halt)
     thread.start()
     outcome = typed("print", BOX, "--port", os.ttyname(slave), "-q", *QUICK, cwd=tmp_path)
-    thread.join(10.0)
+    thread.join(LAST_RESORT)
     os.close(master)
     os.close(slave)
 
@@ -242,7 +239,7 @@ def test_a_port_that_vanishes_ends_the_print_with_5_and_a_checkpoint(tmp_path: P
         ) as printing:
             said = heard(printing, b'"event": "progress"')
             serving.kill()  # as pulling the plug: nobody says goodbye
-            out, err = printing.communicate(timeout=20)
+            out, err = printing.communicate(timeout=LAST_RESORT)
     checkpoint = checkpoint_in(tmp_path)
 
     assert printing.returncode == 5, err
@@ -263,7 +260,7 @@ def test_ctrl_c_ends_the_print_with_6_and_turns_the_heaters_off(env: dict[str, s
     ):
         said = heard(printing, b'"layer": 2')
         printing.send_signal(signal.SIGINT)
-        out, err = printing.communicate(timeout=20)
+        out, err = printing.communicate(timeout=LAST_RESORT)
     commands = [command.decode() for command in told_by(LONG.encode()).commands]
     checkpoint = checkpoint_in(tmp_path)
     done, lines = checkpoint["acknowledged"], wishes(executed)
@@ -284,9 +281,9 @@ def test_ctrl_c_before_the_printer_answers_is_a_cancelled_print(tmp_path: Path) 
     master, slave = pty.openpty()
     tty.setraw(slave)
     with started("print", "job.gcode", "--port", os.ttyname(slave), *QUICK, cwd=tmp_path) as printing:
-        assert select.select([master], [], [], 20.0)[0], "it never greets"
+        assert select.select([master], [], [], LAST_RESORT)[0], "it never greets"
         printing.send_signal(signal.SIGINT)
-        _, err = printing.communicate(timeout=20)
+        _, err = printing.communicate(timeout=LAST_RESORT)
     os.close(master)
     os.close(slave)
 
@@ -304,7 +301,7 @@ def test_no_usual_signal_leaves_the_heaters_on(number: signal.Signals, tmp_path:
     ):
         heard(printing, b'"event": "progress"')
         printing.send_signal(number)
-        printing.communicate(timeout=20)
+        printing.communicate(timeout=LAST_RESORT)
 
     assert printing.returncode == 6
     assert {"M104 S0", "M140 S0"} <= set(executed)
@@ -323,7 +320,7 @@ def test_a_reader_of_events_that_goes_away_does_not_leave_the_heaters_on(tmp_pat
         printing.stdout.close()
         assert printing.stderr is not None
         err = printing.stderr.read()
-        printing.wait(20)
+        printing.wait(LAST_RESORT)
     complete = wishes(executed) == commands
 
     assert b"Traceback" not in err
@@ -393,7 +390,7 @@ def test_the_simulated_printer_refuses_a_speed_that_makes_no_sense(speed: str, t
     with started("sim", "--pty", "printer", f"--speed={speed}", cwd=tmp_path) as running:
         assert running.stdout is not None
         assert running.stdout.readline() == b"", "it serves"
-        _, err = running.communicate(timeout=10)
+        _, err = running.communicate(timeout=LAST_RESORT)
 
     assert running.returncode == 2
     assert b"--speed" in err
@@ -406,7 +403,7 @@ def test_the_simulated_printer_refuses_a_report_that_cannot_be_written_before_it
     with started("sim", "--pty", "printer", "--report", "missing/report.json", cwd=tmp_path) as running:
         assert running.stdout is not None
         assert running.stdout.readline() == b"", "it serves"
-        _, err = running.communicate(timeout=10)
+        _, err = running.communicate(timeout=LAST_RESORT)
 
     assert running.returncode == 2
     assert b"missing/report.json" in err
@@ -417,12 +414,10 @@ def test_the_served_printer_judges_what_it_was_to_print(expected: str, code: int
     """Through a pseudo-terminal and the serial library: executed = sent, heights as planned, time as modelled."""
     flags = ("--pty", "port", "--speed", "0", "--expect", PARTS / expected, "--json")
     with started("sim", *flags, cwd=tmp_path) as serving:
-        while not (tmp_path / "port").is_symlink():
-            assert serving.poll() is None
-            select.select([], [], [], 0.02)
+        until(lambda: (tmp_path / "port").is_symlink() or serving.poll() is not None)
         printed = typed("print", PARTS / "box.stl", "--port", tmp_path / "port", cwd=tmp_path)
         serving.terminate()
-        out, _ = serving.communicate(timeout=20)
+        out, _ = serving.communicate(timeout=LAST_RESORT)
     verdict = json.loads(out)["verdict"]
 
     assert printed.code == 0

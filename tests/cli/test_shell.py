@@ -23,6 +23,7 @@ from printer_slicer.cli.completing import SHELLS, actions_of, shell_code
 from printer_slicer.cli.manual import as_man, as_markdown
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.mesh_io import load_mesh
+from tests.waiting import LAST_RESORT
 
 PRINTER: Final = [sys.executable, "-m", "printer_slicer"]
 
@@ -35,7 +36,7 @@ def piped(data: bytes, *arguments: object, cwd: Path) -> subprocess.CompletedPro
         cwd=cwd,
         env={**os.environ, **USUAL},
         capture_output=True,
-        timeout=60,
+        timeout=LAST_RESORT,
         check=False,
     )
 
@@ -221,7 +222,7 @@ def on_a_terminal(
     pid, terminal = pty.fork()
     if pid == 0:  # the process that becomes the command
         os.execvpe(str(arguments[0]), [str(one) for one in arguments], {**os.environ, **USUAL, **env})
-    shown, end = b"", monotonic() + 30
+    shown, end = b"", monotonic() + LAST_RESORT
     os.write(terminal, said.encode()) if said else None
     while monotonic() < end:
         ready, _, _ = select.select([terminal], [], [], 0.5)
@@ -296,7 +297,7 @@ def bash_offers(line: str, folder: Path) -> list[str]:
             cwd=folder,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=LAST_RESORT,
             check=True,
         )
     return [word.strip() for word in done.stdout.splitlines()]
@@ -355,7 +356,7 @@ def test_fish_completes(line: str, there: set[str], absent: set[str], folder: Pa
             cwd=folder,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=LAST_RESORT,
             check=True,
         )
     offered = {row.partition("\t")[0] for row in done.stdout.splitlines()}
@@ -396,7 +397,7 @@ def test_zsh_completes(begin: str, completed: str, folder: Path) -> None:
             cwd=folder,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=LAST_RESORT,
             check=True,
         )
 
@@ -438,8 +439,9 @@ def test_the_manual_has_every_command_flag_and_exit_code() -> None:
 
 @needs("groff")
 def test_groff_has_nothing_to_say_against_the_manual() -> None:
+    command = ["groff", "-man", "-ww", "-z"]
     done = subprocess.run(
-        ["groff", "-man", "-ww", "-z"], input=as_man(), capture_output=True, text=True, timeout=60, check=True
+        command, input=as_man(), capture_output=True, text=True, timeout=LAST_RESORT, check=True
     )
 
     assert done.stderr == ""

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.cli import main
+from tests.waiting import LAST_RESORT
 
 ROOT = Path(__file__).parents[2]
 GCODE = (
@@ -168,7 +169,7 @@ def served(*arguments: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
         yield found[1], process
     finally:
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=30.0)
+        process.communicate(timeout=LAST_RESORT)
 
 
 @pytest.mark.filterwarnings("ignore:set(Daemon|Name).*:DeprecationWarning")

@@ -23,6 +23,7 @@ from printer_slicer.pipeline import Stages, gcode_of, slice_stages
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.version import VERSION
 from tests.parts import cone, profile
+from tests.waiting import LAST_RESORT
 
 PYTHON = os.environ.get("PRINTER_SLICER_READERS", sys.executable)
 MOONRAKER = """
@@ -77,7 +78,7 @@ def asked(module: str, arguments: list[str]) -> str:
     if _missing(module):
         pytest.skip(f"{module} is not installed")
     done = subprocess.run(
-        [PYTHON, *arguments], capture_output=True, text=True, timeout=120, check=False, env=_bare()
+        [PYTHON, *arguments], capture_output=True, text=True, timeout=LAST_RESORT, check=False, env=_bare()
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -90,7 +91,10 @@ def _bare() -> dict[str, str]:
 @cache
 def _missing(module: str) -> bool:
     command = [PYTHON, "-c", f"import {module}"]
-    return subprocess.run(command, capture_output=True, timeout=120, check=False, env=_bare()).returncode != 0
+    return (
+        subprocess.run(command, capture_output=True, timeout=LAST_RESORT, check=False, env=_bare()).returncode
+        != 0
+    )
 
 
 def seconds_of(program: Program, usual: Profile) -> float:

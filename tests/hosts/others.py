@@ -21,11 +21,12 @@ from time import monotonic
 
 import pytest
 
+from tests.waiting import LAST_RESORT
+
 __all__ = ["KEY", "free_port", "moonraker", "octoprint", "program", "running"]
 
 FOLDER = os.environ.get("PRINTER_SLICER_HOSTS", "")
 KEY = "0123456789ABCDEF0123456789ABCDEF"
-_STARTS = 120.0  # s
 
 _OCTOPRINT = """\
 server: {firstRun: false, onlineCheck: {enabled: false}, pluginBlacklist: {enabled: false}}
@@ -72,19 +73,19 @@ def running(*command: object, log: Path) -> Iterator[subprocess.Popen[bytes]]:
         finally:
             process.terminate()
             try:
-                process.wait(20)
+                process.wait(LAST_RESORT)
             except subprocess.TimeoutExpired:
                 process.kill()
-                process.wait(20)
+                process.wait(LAST_RESORT)
 
 
 def answers(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
     """Wait until somebody answers there, whatever it is."""
-    end = monotonic() + _STARTS
+    end = monotonic() + LAST_RESORT
     while monotonic() < end:
         assert process.poll() is None, log.read_text()[-2000:]
         try:
-            with urllib.request.urlopen(url, timeout=5):
+            with urllib.request.urlopen(url, timeout=LAST_RESORT):
                 return
         except urllib.error.HTTPError as error:
             if error.code in {401, 403}:
@@ -103,7 +104,7 @@ def octoprint(folder: Path, *, more: str = "") -> Iterator[str]:
     (folder / "config.yaml").write_text(_OCTOPRINT % more)
     make = [binary, "--basedir", folder, "user", "add", "tester", "--password", "secret", "--admin"]
     with running(*make, log=folder / "user.log") as process:
-        assert process.wait(_STARTS) == 0, (folder / "user.log").read_text()
+        assert process.wait(LAST_RESORT) == 0, (folder / "user.log").read_text()
     users = folder / "users.yaml"
     users.write_text(re.sub("apikey: .*", f"apikey: {KEY}", users.read_text()))
     log, url = folder / "server.log", f"http://127.0.0.1:{port}"

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 import os
-import select
 import signal
 import subprocess
 import sys
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import pytest
 
 from printer_slicer.sending import Upload, send
 from tests.hosts.others import KEY, octoprint, program
+from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
@@ -39,7 +38,7 @@ def gcode(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def ours(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Our command, to its end."""
     command = [sys.executable, "-m", "printer_slicer", *map(str, arguments)]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=120, cwd=ROOT)
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=LAST_RESORT, cwd=ROOT)
 
 
 class Simulated:
@@ -52,7 +51,7 @@ class Simulated:
     def verdict(self) -> dict[str, Any]:
         """End it; what it makes of the print."""
         self._process.send_signal(signal.SIGTERM)
-        self._process.wait(60)
+        self._process.wait(LAST_RESORT)
         return dict(json.loads(self._report.read_text())["verdict"])
 
 
@@ -70,7 +69,7 @@ def sim(link: Path, gcode: Path, report: Path) -> Iterator[Simulated]:
             yield Simulated(process, report)
         finally:
             process.terminate()
-            process.wait(60)
+            process.wait(LAST_RESORT)
 
 
 def assert_printed(verdict: dict[str, Any]) -> None:
@@ -88,7 +87,9 @@ def test_printruns_printcore_prints_to_the_end(tmp_path: Path, gcode: Path) -> N
         script = ROOT / "benchmarks" / "drive_printcore.py"
         bare = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
         command = list(map(str, (python, script, link, gcode, 200)))
-        done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, env=bare)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=LAST_RESORT, check=False, env=bare
+        )
 
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout.splitlines()[-1])["done"] is True
@@ -99,16 +100,11 @@ def asked(url: str, path: str, body: dict[str, Any] | None = None) -> dict[str, 
     """One request to OctoPrint."""
     data = None if body is None else json.dumps(body).encode()
     headers = {"X-Api-Key": KEY, "Content-Type": "application/json"}
-    with urllib.request.urlopen(urllib.request.Request(url + path, data, headers), timeout=30) as answer:
+    with urllib.request.urlopen(
+        urllib.request.Request(url + path, data, headers), timeout=LAST_RESORT
+    ) as answer:
         text = answer.read()
     return dict(json.loads(text)) if text else {}
-
-
-def until(true: Callable[[], bool], seconds: float, what: Callable[[], object]) -> None:
-    end = monotonic() + seconds
-    while not true():
-        assert monotonic() < end, what()
-        select.select([], [], [], 0.1)
 
 
 def test_octoprint_prints_to_the_end_what_we_sent_it(tmp_path: Path, gcode: Path) -> None:
@@ -126,11 +122,11 @@ def test_octoprint_prints_to_the_end_what_we_sent_it(tmp_path: Path, gcode: Path
 
         connect = {"command": "connect", "port": str(link), "baudrate": 115200, "save": False}
         asked(url, "/api/connection", connect)
-        until(lambda: state() == "Operational", 60, state)
+        until(lambda: state() == "Operational", state)
         # The door we send through starts it, too.
         send(Upload(gcode, gcode.name, start=True), "octoprint", url, key=KEY)
-        until(lambda: state() == "Printing", 30, state)
-        until(lambda: state() not in {"Printing", "Finishing"}, 240, state)
+        until(lambda: state() == "Printing", state)
+        until(lambda: state() not in {"Printing", "Finishing"}, state)
         told = asked(url, "/api/job")
 
         assert told["state"] == "Operational"

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import re
-import signal
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
 from itertools import pairwise
-from types import FrameType
 from typing import Any, Final
 
 import numpy as np
@@ -24,29 +21,9 @@ from printer_slicer.profile import Profile, load_profile
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.parts import box, cone, profile, pyramid, sheared_prism, sphere, step_pyramid
 from tests.planning.plans import frusta
+from tests.waiting import comes_back
 
 ROUNDING = 1e-6
-LIMIT = 2.0  # s; what takes longer never ends
-
-
-class NeverEndsError(AssertionError):
-    """A call that should have been back long ago."""
-
-
-@contextmanager
-def in_time(seconds: float = LIMIT) -> Iterator[None]:
-    """Fails what does not come back, instead of waiting for it for ever."""
-
-    def give_up(_number: int, _frame: FrameType | None) -> None:
-        raise NeverEndsError(f"not back after {seconds} s")
-
-    before = signal.signal(signal.SIGALRM, give_up)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def optimal(**changes: Any) -> Profile:
@@ -56,7 +33,7 @@ def optimal(**changes: Any) -> Profile:
 
 
 def planned(mesh: Mesh, **changes: Any) -> LayerPlan:
-    with in_time():
+    with comes_back():
         return plan_layers(mesh, optimal(**changes))
 
 
@@ -229,7 +206,7 @@ def shortest(name: str) -> float:
 def test_a_time_budget_is_kept_whenever_the_quickest_plan_keeps_it(name: str, share: float) -> None:
     part, budget = placed(name), shortest(name) * share
     wanted = optimal(planner__time_budget=budget)
-    with in_time(6):
+    with comes_back():
         plan = plan_part(part, wanted)
 
     assert taken(part, wanted, plan) <= budget + ROUNDING
@@ -250,7 +227,7 @@ def test_more_time_is_spent_on_less_error(name: str) -> None:
 @pytest.mark.parametrize("budget", [3600, 86400, 1e8])
 def test_more_time_than_a_part_can_take_is_no_error(budget: float) -> None:
     part = place(box((9, 9, 2)), optimal().printer)
-    with in_time(6):
+    with comes_back():
         plan = plan_part(part, optimal(planner__time_budget=budget))
 
     assert plan.top[-1] == pytest.approx(2)

@@ -22,6 +22,7 @@ from printer_slicer.policy import NAMES, Finding, check_names, insist, scan
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_paths, profile_with
 from printer_slicer.stream.framing import strip
+from tests.waiting import LAST_RESORT
 
 PARTS = Path(__file__).parents[2] / "sample_parts"
 PROFILE = load_profile()
@@ -297,7 +298,7 @@ def test_prusaslicers_files_are_not_refused(flavour: str, tmp_path: Path) -> Non
         pytest.skip("PrusaSlicer is not installed")
     file = tmp_path / "box.gcode"
     command = ["prusa-slicer", "-g", str(PARTS / "box.stl"), "--gcode-flavor", flavour, "-o", str(file)]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    subprocess.run(command, check=True, capture_output=True, timeout=LAST_RESORT)
     job = job_from(file, PROFILE)
 
     assert len(job.commands) > 1000

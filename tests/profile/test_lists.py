@@ -18,6 +18,7 @@ from printer_slicer.model import Float
 from printer_slicer.profile import OptimalPlanner, Profile, load_profile, profile_with, settings_text
 from printer_slicer.profile.lists import list_as_text, list_from_text
 from tests.cli.command_line import BOX, PARTS, Outcome, is_message, started, typed
+from tests.waiting import LAST_RESORT
 
 HEIGHTS, RANGES = "layer_heights", "planner.ranges"
 
@@ -393,7 +394,7 @@ def test_a_time_is_typed_in_hours_minutes_or_seconds(text: str) -> None:
 def test_less_time_than_the_box_takes_is_answered_all_the_same() -> None:
     """In a process of its own: what never ends must not keep the other tests waiting."""
     with started("plan", BOX, *USUAL, "--time-budget", "45s", cwd=PARTS) as running:
-        running.communicate(timeout=60)
+        running.communicate(timeout=LAST_RESORT)
 
     assert running.returncode in (0, 3)
 

@@ -20,6 +20,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.sim.tally import Report
+from tests.waiting import LAST_RESORT
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
 
@@ -45,11 +46,11 @@ def served(link: Path, *, speed: float = 1.0, baud: int | None = None) -> Iterat
     thread = Thread(target=run)
     thread.start()
     try:
-        assert ready.wait(10.0)
+        assert ready.wait(LAST_RESORT)
         yield reports
     finally:
         stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
     assert not thread.is_alive()
 
 
@@ -66,7 +67,7 @@ def ask(port: serial.Serial, line: str) -> list[str]:
 
 def test_a_host_talks_to_the_printer_through_the_link(tmp_path: Path) -> None:
     link = tmp_path / "printer"
-    with served(link) as reports, serial.Serial(str(link), 115_200, timeout=5.0) as port:
+    with served(link) as reports, serial.Serial(str(link), 115_200, timeout=LAST_RESORT) as port:
         assert ask(port, "M118 hello") == ["hello", "ok"]
         assert ask(port, "M105") == ["ok T:21.00 /0.00 B:21.00 /0.00 @:0 B@:0"]
 
@@ -78,7 +79,7 @@ def test_the_host_may_close_the_port_and_open_it_again(tmp_path: Path) -> None:
     link = tmp_path / "printer"
     with served(link) as reports:
         for name in ("one", "two", "three"):
-            with serial.Serial(str(link), 115_200, timeout=5.0) as port:
+            with serial.Serial(str(link), 115_200, timeout=LAST_RESORT) as port:
                 assert ask(port, f"M118 {name}") == [name, "ok"]
 
     assert reports[0].lines == 3
@@ -87,7 +88,7 @@ def test_the_host_may_close_the_port_and_open_it_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize("speed", [0.0, inf])
 def test_waiting_is_skipped_on_request(tmp_path: Path, speed: float) -> None:
     link = tmp_path / "printer"
-    with served(link, speed=speed) as reports, serial.Serial(str(link), 115_200, timeout=5.0) as port:
+    with served(link, speed=speed) as reports, serial.Serial(str(link), 115_200, timeout=LAST_RESORT) as port:
         ask(port, "G28")
         ask(port, "M109 S200")
         for n in range(60):
@@ -102,10 +103,13 @@ def test_waiting_is_skipped_on_request(tmp_path: Path, speed: float) -> None:
 
 def test_simulated_time_can_run_faster_and_bytes_at_their_pace(tmp_path: Path) -> None:
     link = tmp_path / "printer"
-    with served(link, speed=200.0, baud=9600) as reports, serial.Serial(str(link), timeout=5.0) as port:
+    with (
+        served(link, speed=200.0, baud=9600) as reports,
+        serial.Serial(str(link), timeout=LAST_RESORT) as port,
+    ):
         assert ask(port, "G4 S10")[-1] == "ok"
 
-    assert reports[0].dwell_seconds == pytest.approx(10.0, rel=0.5)
+    assert reports[0].dwell_seconds == pytest.approx(10.0)
 
 
 def test_an_old_link_is_replaced_but_no_file(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from printer_slicer.stream.events import Finished
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
+from tests.waiting import LAST_RESORT
 
 # pyserial's own end of RFC 2217 starts its thread in a way that is out of date.
 pytestmark = pytest.mark.filterwarnings("ignore:set(Daemon|Name).*:DeprecationWarning")
@@ -72,11 +73,11 @@ def served(telnet: Any = None, *, speed: float = 0.0) -> Iterator[Served]:
     thread = Thread(target=serve)
     thread.start()
     try:
-        assert ready.wait(10.0)
+        assert ready.wait(LAST_RESORT)
         yield there
     finally:
         stop.set()
-        thread.join(10.0)
+        thread.join(LAST_RESORT)
     assert not thread.is_alive()
 
 
@@ -109,7 +110,7 @@ def sent_away(connection: socket.socket) -> bool:
 
 def connected(there: Served) -> socket.socket:
     host, _, port = there.address.rpartition(":")
-    return socket.create_connection((host, int(port)), timeout=10.0)
+    return socket.create_connection((host, int(port)), timeout=LAST_RESORT)
 
 
 @pytest.mark.parametrize(("scheme", "telnet"), DOORS)
@@ -168,7 +169,7 @@ def test_what_is_no_rfc_2217_sends_the_host_away_and_the_next_one_is_welcome() -
             with connected(there) as odd:
                 odd.sendall(nonsense)
                 assert sent_away(odd)
-        with serial.serial_for_url(f"rfc2217://{there.address}", 115_200, timeout=5.0) as port:
+        with serial.serial_for_url(f"rfc2217://{there.address}", 115_200, timeout=LAST_RESORT) as port:
             port.write(b"M118 a\xffb\n")
             assert port.readline() == b"a\xffb\n"
             port.baudrate = 250_000
@@ -197,7 +198,7 @@ def test_the_door_over_tcp_needs_nothing_that_windows_does_not_have() -> None:
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=LAST_RESORT,
         check=False,
     )
 

@@ -15,6 +15,7 @@ from printer_slicer.model import Mesh
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.verdict import Verdict, dry_run
 from tests.parts import box, cone, sphere, step_pyramid, two_boxes
+from tests.waiting import LAST_RESORT
 
 PARTS = Path(__file__).parents[2] / "sample_parts"
 PROFILE = load_profile("marlin_220", "pla", "standard")
@@ -73,7 +74,7 @@ def sliced_by(
         export_stl(part, model)
     file = folder / "file.gcode"
     command = [program, *models, "--output", str(file), *flags]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    subprocess.run(command, check=True, capture_output=True, timeout=LAST_RESORT)
     return dry_run(job_from(file, profile), profile)
 
 
