@@ -1,5 +1,8 @@
 # Tasks. `just check` is what CI runs. Tools come from .venv when there is one.
 
+# as many processes as there are cores; each begins with neighbours, which share what they slice
+workers := "-n logical --dist worksteal"
+
 export PATH := justfile_directory() / ".venv/bin" + ":" + env("PATH")
 
 # everything that must hold before a change lands
@@ -20,11 +23,15 @@ contracts:
     lint-imports
 
 test *ARGS:
-    python -m pytest {{ARGS}}
+    python -m pytest {{workers}} {{ARGS}}
+
+# the properties once more with examples that no run has tried; what fails is kept in .hypothesis and tried again first
+random *ARGS:
+    python -m pytest {{workers}} -m hypothesis --hypothesis-profile random {{ARGS}}
 
 # the geometry and everything that stands on it once more, with the shapely engine
 twin:
-    PRINTER_SLICER_GEOMETRY=planar python -m pytest tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
+    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
 
 # what stands on libraries once more, with the oldest versions of them that pyproject.toml allows
 lowest:
@@ -38,7 +45,7 @@ fix:
     ruff check --fix .
 
 cover:
-    python -m pytest --cov --cov-report=term
+    python -m pytest {{workers}} --cov --cov-report=term
 
 # whole processes, side by side with PrusaSlicer if it is installed
 bench *ARGS:

@@ -7,10 +7,26 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.database import DirectoryBasedExampleDatabase
+
+EXAMPLES = Path(__file__).parents[1] / ".hypothesis" / "examples"
+"""What random runs have found, tried again first; git ignores it."""
 
 # How long an example takes says nothing of the code on a machine that others use, too.
-settings.register_profile("shared machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("shared machine")
+settings.register_profile(
+    "check",
+    derandomize=True,
+    deadline=None,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile(
+    "random",
+    settings.get_profile("check"),
+    derandomize=False,
+    database=DirectoryBasedExampleDatabase(EXAMPLES),
+)
+settings.load_profile("check")  # --hypothesis-profile random, as in `just random`, comes behind
 
 # Nobody's own profiles; set before test modules ask what there is.
 os.environ["PRINTER_SLICER_PROFILES"] = ""

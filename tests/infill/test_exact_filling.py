@@ -80,9 +80,7 @@ def fills(paths: Toolpaths) -> Float:
 
 def outlines(test: Callable[..., None]) -> Callable[..., None]:
     """Any outline, with or without a hole, at any height."""
-    return settings(deadline=None, max_examples=20, derandomize=True)(
-        given(rings=star_rings(), height=HEIGHTS)(test)
-    )
+    return settings(deadline=None, max_examples=20)(given(rings=star_rings(), height=HEIGHTS)(test))
 
 
 @outlines

@@ -81,7 +81,7 @@ def test_every_branch_stands_on_a_branch_or_at_the_wall(rings: list[list[Float]]
     assert hanging(regions, paths) < 0.05
 
 
-@settings(deadline=None, max_examples=12, derandomize=True)
+@settings(deadline=None, max_examples=12)
 @given(st.lists(star_rings(), min_size=4, max_size=4), st.sampled_from([0.1, 0.3]))
 def test_branches_stand_in_rooms_of_any_shape(shapes: list[list[Float]], height: float) -> None:
     rings = [one for one in shapes for _ in range(6)]

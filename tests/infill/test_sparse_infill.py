@@ -76,7 +76,7 @@ def test_the_pattern_belongs_to_the_bed_so_areas_may_lie_anywhere(pattern: str, 
 
 
 @pytest.mark.parametrize("pattern", ["rectilinear", "grid", "triangles", "cubic", "gyroid"])
-@settings(deadline=None, max_examples=8, derandomize=True)
+@settings(deadline=None, max_examples=8)
 @given(
     rings=star_rings(),
     density=st.sampled_from([0.12, 0.2, 0.4]),

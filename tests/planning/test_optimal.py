@@ -130,7 +130,7 @@ def test_no_point_that_is_tried_is_wrong_by_more_than_the_tolerance(name: str) -
 sizes = st.floats(2, 20).map(lambda size: round(size, 3))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 @given(
     sides=st.lists(sizes, min_size=2, max_size=5),
     seed=st.integers(0, 10**6),
@@ -205,7 +205,7 @@ def test_layers_end_on_every_flat_and_on_the_top(name: str, objective: str, z_st
     assert abs(plan.top[-1] - mesh.height) <= z_step / 2 + ROUNDING
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.floats(0.17, 2), min_size=2, max_size=5), st.sampled_from(OBJECTIVES), st.booleans())
 def test_flats_anywhere_are_met_within_half_a_step(
     heights: list[float], objective: str, single: bool

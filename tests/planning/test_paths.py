@@ -102,7 +102,7 @@ def is_a_plan(plan: Int, table: Table) -> bool:
     return int(plan.sum()) == table.n and bool(np.isin(plan, table.heights).all())
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None)
 @given(tables(gaps=True))
 def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> None:
     plan, best = table.found(cheapest), least(table)
@@ -113,7 +113,7 @@ def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> N
         assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None)
 @given(tables(), st.integers(0, 5), st.sampled_from([0.0, 0.5, 1.0, 1e6]))
 def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
     table: Table, change: int, fine: float
@@ -127,7 +127,7 @@ def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
         assert price(plan, table, change, fine) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None)
 @given(tables(gaps=True), st.integers(1, 15))
 def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table: Table, most: int) -> None:
     plan, best = table.found(cheapest_few, most), least(table, most=most)
@@ -139,7 +139,7 @@ def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table:
         assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None)
 @given(tables(gaps=True), st.integers(0, 10**6), st.floats(0, 1))
 def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
     table: Table, seed: int, share: float
@@ -168,7 +168,7 @@ def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
         assert min(beyond) == pytest.approx(min(costs), rel=1e-6)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None)
 @given(tables())
 def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Table) -> None:
     found = (

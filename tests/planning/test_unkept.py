@@ -126,7 +126,7 @@ def test_planners_that_measure_errors_in_another_way_say_so() -> None:
     assert thick == {"planner 'cusp' measures the error of a layer in another way"}
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.floats(0.02, 1.5), min_size=1, max_size=4),
     st.sampled_from([0.0, 0.2]),

@@ -264,13 +264,13 @@ def test_lists_may_be_text_in_files(tmp_path: Path) -> None:
 lengths = st.integers(0, 2_000_000).map(lambda steps: steps / 10_000)  # to 0.0001 mm, up to 200 mm
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(100, 16_000).map(lambda steps: steps / 10_000), max_size=5))
 def test_heights_are_written_as_they_are_read(heights: list[float]) -> None:
     assert list_from_text(HEIGHTS, list_as_text(heights)) == heights
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None)
 @given(
     st.lists(
         st.fixed_dictionaries(
