@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -374,16 +375,35 @@ def test_a_second_ctrl_c_halts_the_printer(tmp_path: Path) -> None:
     assert checkpoint_of(tmp_path, job) >= 50
 
 
-def test_a_listener_that_fails_does_not_leave_the_heaters_on(tmp_path: Path) -> None:
-    """Whatever stops the host, a broken pipe or a fault of its own, it must not walk away from a hot printer."""
-    job = job_of(tmp_path, "M104 S200\nM140 S60\nG28\n" + DANCE)
-    broken = BrokenPipeError(32, "Broken pipe")
+def fails_at(count: int, error: Exception) -> tuple[Callable[[Event], None], list[int]]:
+    """A listener that fails once so many commands are accepted, and what it was told of until it did and afterwards."""
+    told: list[int] = []
 
     def listen(event: Event) -> None:
-        if isinstance(event, Accepted) and event.acknowledged >= 50:
-            raise broken
+        if isinstance(event, Accepted):
+            told.append(event.acknowledged)
+            if event.acknowledged >= count:
+                raise error
 
-    with served(tmp_path / "printer") as printer, pytest.raises(Exception, match=r"pipe|commands"):
+    return listen, told
+
+
+def test_a_listener_with_a_fault_does_not_leave_the_heaters_on(tmp_path: Path) -> None:
+    """Whatever stops the host, it must not walk away from a hot printer."""
+    job = job_of(tmp_path, "M104 S200\nM140 S60\nG28\n" + DANCE)
+    listen, _ = fails_at(50, KeyError("no such layer"))
+    with served(tmp_path / "printer") as printer, pytest.raises(PrintError, match="no such layer"):
         print_job(job, PROFILE, str(tmp_path / "printer"), on_event=listen)
 
     assert set(printer.executed) >= HEATERS_OFF
+
+
+@pytest.mark.parametrize("number", [errno.EPIPE, errno.EIO, errno.ENOSPC, errno.EBADF])
+def test_a_listener_that_dies_ends_no_print(number: int, tmp_path: Path) -> None:
+    job = job_of(tmp_path, "G28\n" + DANCE)
+    listen, told = fails_at(50, OSError(number, "it takes no more"))
+    with served(tmp_path / "printer") as printer:
+        print_job(job, PROFILE, str(tmp_path / "printer"), on_event=listen)
+
+    assert wishes(printer.executed) == [command.decode() for command in job.commands]
+    assert len([count for count in told if count >= 50]) == 1

@@ -8,12 +8,11 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
-from io import TextIOWrapper
-from pathlib import Path
 
 from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.inputs import inputs
+from printer_slicer.cli.output_streams import outlive_readers
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import PrinterSlicerError
 
@@ -33,17 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled,
-        7 verification failed.
+        7 verification failed. It does not depend on whether anybody reads stdout and stderr to their ends.
     """
     gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
-    if sys.stdout is None or sys.stderr is None:  # closed by the caller: `>&-`
-        nothing = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the rest of the process
-        sys.stdout, sys.stderr = sys.stdout or nothing, sys.stderr or nothing
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(
-            stream, TextIOWrapper
-        ):  # a terminal may know fewer letters than our texts and file names have
-            stream.reconfigure(errors="replace" if stream is sys.stdout else "backslashreplace")
+    outlive_readers()
     parser = build_parser()
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could be typed
         from printer_slicer.cli.completing import complete
@@ -88,12 +80,10 @@ def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
 
 
 def _output_failed(error: OSError) -> int:
-    """Stdout takes no more: its reader has gone (`| head`), which is no fault, or its disk is full."""
+    """Stdout takes no more, for its disk is full."""
     # Point stdout at nothing, so that closing it at the end of the process cannot fail again.
     with contextlib.suppress(OSError):  # a stdout that is no file has nothing to close
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    if isinstance(error, BrokenPipeError):
-        return 0
     return _fail(f"cannot go on: {error.strerror or error}\n  check free space and permissions", 2)
 
 

@@ -6,7 +6,7 @@ import os
 import select
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Event as Flag
 from threading import Thread
 from time import monotonic
@@ -162,14 +162,18 @@ else:
             tty.setcbreak(terminal)
             yield
         finally:
-            termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+            with suppress(termios.error):  # it was closed meanwhile
+                termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
     def _listen(keyboard: Keyboard, stop: Flag) -> None:
         terminal = sys.stdin.fileno()
         while not stop.is_set():
             if not select.select([terminal], [], [], _LOOK)[0]:
                 continue
-            pressed = os.read(terminal, 64)
+            try:
+                pressed = os.read(terminal, 64)
+            except OSError:
+                return
             if not pressed:
                 return
             for key in pressed.decode(errors="replace"):

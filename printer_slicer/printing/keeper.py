@@ -36,8 +36,8 @@ from printer_slicer.stream.session import run
 
 __all__ = ["Keeper", "print_job", "resume_print"]
 
-# Ctrl-C, a computer that shuts down, and a terminal that is closed (which Windows does not have).
-_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+# Ctrl-C, and a computer that shuts down.
+_ENDS = (signal.SIGINT, signal.SIGTERM)
 _OFF = "heaters and fan are off"
 _LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
 _LOOK_FOR_PORT = 0.5
@@ -68,7 +68,8 @@ def print_job(
         PortError: the port cannot be opened.
         UsageError: a print on this port is unfinished.
         PrintError: the printer stopped, or the port went away; the checkpoint is written.
-        Cancelled: Ctrl-C, SIGTERM, SIGHUP or the printer's own wish; heaters are off. A second one halts the printer.
+        Cancelled: Ctrl-C, SIGTERM or the printer's own wish; heaters are off. A second one halts the printer. A
+            terminal that is closed (SIGHUP) and a listener that can no longer be written to end no print.
     """
     insist(job.findings, job.allowed, name=job.name)
     setup = setup_of(profile, job.allowed)
@@ -170,7 +171,7 @@ class Keeper:
     ) -> None:
         self._job, self._setup, self._print = job, setup, print_
         self._port, self._baud = place.port, place.baud
-        self._listen = options.get("on_event", _nobody)
+        self._on_event = options.get("on_event", _nobody)
         self._checkpoint = options.get("checkpoint")
         self._controls = options.get("controls") or Controls()
         self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
@@ -203,8 +204,7 @@ class Keeper:
         except PortError as error:
             raise PrintError(self._stopped(str(error).splitlines()[0]), remedy=self._look()) from None
         except Exception as error:
-            why = "nobody reads the output any more" if isinstance(error, BrokenPipeError) else repr(error)
-            raise PrintError(self._stopped(f"{why}; {_OFF}"), remedy=self._look()) from error
+            raise PrintError(self._stopped(f"{error!r}; {_OFF}"), remedy=self._look()) from error
         finally:
             self._close()
         end = self._finished()
@@ -228,6 +228,13 @@ class Keeper:
         last = attach.questions()[-1][0]
         self._journal.accepted(last, found.entries, monotonic())
         return found
+
+    def _listen(self, event: Event) -> None:
+        """Tell what happens; a listener whose terminal, pipe or disk takes no more is told nothing from then on."""
+        try:
+            self._on_event(event)
+        except OSError:
+            self._on_event = _nobody
 
     # One connection after the other.
 
@@ -363,11 +370,14 @@ class Keeper:
         if current_thread() is not main_thread():
             yield
             return
-        before: list[Any] = [signal.signal(number, self._on_signal) for number in _SIGNALS]
+        handlers: dict[int, Any] = dict.fromkeys(_ENDS, self._on_signal)
+        if hasattr(signal, "SIGHUP"):  # the terminal is closed: the print goes on, `control` reaches it
+            handlers[signal.SIGHUP] = signal.SIG_IGN
+        before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
         try:
             yield
         finally:
-            for number, handler in zip(_SIGNALS, before, strict=True):
+            for number, handler in before.items():
                 signal.signal(number, handler)
 
     def _on_signal(self, _number: int, _frame: object) -> None:
