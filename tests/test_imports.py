@@ -11,6 +11,13 @@ from pathlib import Path
 import pytest
 
 import printer_slicer
+from printer_slicer.printing.controls import Controls
+from printer_slicer.printing.door import open_door
+from printer_slicer.printing.phases import Ticket
+from printer_slicer.printing.setup import setup_of
+from printer_slicer.printing.shelf import Place, begin
+from printer_slicer.printing.wishes import Stop
+from printer_slicer.profile import load_profile
 from tests.waiting import LAST_RESORT
 
 ROOT = Path(__file__).parents[1]
@@ -135,3 +142,48 @@ def test_no_public_name_is_hidden_by_a_module_whatever_was_imported_before() -> 
     )
 
     assert "module" not in said.split()
+
+
+class Granting:
+    """Grants everything, and remembers what was wanted."""
+
+    def __init__(self) -> None:
+        self.wanted: list[object] = []
+
+    def want(self, ticket: Ticket) -> None:
+        self.wanted.append(ticket.wish)
+        ticket.done("the printer was told to halt")
+
+
+def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) -> None:
+    """What is imported delays the first byte."""
+    controls, granting = Controls(), Granting()
+    controls.bind(granting)  # type: ignore[arg-type]
+    run = (
+        "import os, sys\nos.environ['PRINTER_SLICER_STATE'] = sys.argv[1]\n"
+        "from printer_slicer.cli import main\nassert main(['control', 'stop']) == 0\n"
+        "print('loaded:', *sys.modules)"
+    )
+    held = begin(tmp_path / "prints", "job.gcode", b"G28\n", Place("port", 1), setup_of(load_profile()))
+    with open_door(held.folder, controls, held.name):
+        names = python(run, str(tmp_path)).partition("loaded:")[2].split()
+    held.forget()
+    own = {name.removeprefix("printer_slicer.") for name in names if name.startswith("printer_slicer.")}
+
+    assert granting.wanted == [Stop()]
+    assert not {name.partition(".")[0] for name in names} & {
+        *HEAVY,
+        "httpx",
+        "PIL",
+        "asyncio",
+        "platformdirs",
+    }
+    assert not {name.partition(".")[0] for name in own} & {
+        "pipeline",
+        "jobs",
+        "profile",
+        "stream",
+        "sim",
+        "gcode",
+    }
+    assert 5 < len(own) <= 20, own

@@ -13,7 +13,6 @@ from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.inputs import inputs
 from printer_slicer.cli.output_streams import outlive_readers
-from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import PrinterSlicerError
 
 __all__ = ["main"]
@@ -36,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
     outlive_readers()
-    parser = build_parser()
+    parser = _parser_of(sys.argv[1:] if argv is None else argv)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could be typed
         from printer_slicer.cli.completing import complete
 
@@ -51,6 +50,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         failed = _output_failed(error)
         code = code or failed
     return code
+
+
+def _parser_of(words: Sequence[str]) -> argparse.ArgumentParser:
+    """What reads these words: `control` is in a hurry, so only its own parser is made."""
+    if words[:1] == ["control"] and "_ARGCOMPLETE" not in os.environ:
+        from printer_slicer.cli.control import control_parser
+
+        return control_parser()
+    from printer_slicer.cli.parser import build_parser
+
+    return build_parser()
 
 
 def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -9,7 +9,7 @@ from printer_slicer.cli.door_parsers import add_machine
 from printer_slicer.cli.parsing import command, later, output
 from printer_slicer.cli.values import number, patience, positive
 
-__all__ = ["add_console", "add_control", "add_print_flags", "add_resume"]
+__all__ = ["add_console", "add_print_flags", "add_resume"]
 
 _Commands = argparse._SubParsersAction  # noqa: SLF001 - the type of what add_subparsers gives has no other name
 
@@ -75,28 +75,6 @@ def add_resume(commands: _Commands[argparse.ArgumentParser]) -> None:
     _guard(parser)
     output(parser)
     parser.set_defaults(run=later("resuming", "resume_command"))
-
-
-def add_control(commands: _Commands[argparse.ArgumentParser]) -> None:
-    """`control`."""
-    parser = command(
-        commands,
-        "control",
-        "have a wish for a print that another process runs",
-        "  printer-slicer control status\n"
-        "  printer-slicer control pause              behind the planned moves; pause now, pause cold, pause here\n"
-        "  printer-slicer control resume\n"
-        "  printer-slicer control cancel\n"
-        "  printer-slicer control object gear_2      print no more of this one\n"
-        "  printer-slicer control speed 80           also: flow PERCENT, fan PERCENT, nozzle C, bed C, babystep MM\n"
-        "  printer-slicer control say M117 hello\n"
-        "  printer-slicer control answer 0           press a button of the printer's question\n"
-        "  printer-slicer control stop               emergency: the printer halts",
-    )
-    parser.add_argument("wish", nargs="+", metavar="WORD", help="see the examples")
-    parser.add_argument("--job", metavar="NAME", default="", help="which print, if more than one runs")
-    output(parser)
-    parser.set_defaults(run=later("resuming", "control_command"))
 
 
 def add_console(commands: _Commands[argparse.ArgumentParser]) -> None:

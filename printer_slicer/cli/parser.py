@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from printer_slicer.cli.control import add_control
 from printer_slicer.cli.dials import add_dials
 from printer_slicer.cli.door_parsers import (
     add_allow,
@@ -15,7 +16,7 @@ from printer_slicer.cli.door_parsers import (
     add_send,
     add_sim_flags,
 )
-from printer_slicer.cli.later_parsers import add_console, add_control, add_print_flags, add_resume
+from printer_slicer.cli.later_parsers import add_console, add_print_flags, add_resume
 from printer_slicer.cli.model_flags import add_models, attached, box_of
 from printer_slicer.cli.parsing import Command, Parser
 from printer_slicer.cli.parsing import command as _command

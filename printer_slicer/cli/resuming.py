@@ -1,4 +1,4 @@
-"""`resume` and `control`."""
+"""`resume`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.common import say, visible
-from printer_slicer.errors import UsageError
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Done
     from printer_slicer.printing.setup import Setup
     from printer_slicer.printing.shelf import Print
 
-__all__ = ["control_command", "resume_command"]
+__all__ = ["resume_command"]
 
 
 def resume_command(arguments: argparse.Namespace) -> int:
@@ -96,47 +95,3 @@ def _list(arguments: argparse.Namespace, shelf: Path) -> int:
     for row in [] if arguments.json else rows:
         say(arguments, "{job}: begun {begun} on {port}, {accepted} commands, {reason} ({id})".format_map(row))
     return 0
-
-
-def control_command(arguments: argparse.Namespace) -> int:
-    """Send a wish to the process that prints."""
-    from printer_slicer.printing.door import ask_door
-    from printer_slicer.printing.shelf import default_shelf, find
-    from printer_slicer.printing.wishes import Status, read_wish
-
-    line = " ".join(arguments.wish)
-    wish = read_wish(line)
-    found = find(default_shelf(), arguments.job, running=True)
-    answer = ask_door(found.folder, line)
-    if not answer["ok"]:
-        message, _, remedy = str(answer["answer"]).partition("\n  ")
-        raise UsageError(f"{answer['job']}: {message}", remedy=remedy)
-    if isinstance(wish, Status):
-        answer = {"ok": True, "job": answer["job"], **json.loads(answer["answer"])}
-    if arguments.json:
-        print(json.dumps(answer))
-    elif isinstance(wish, Status):
-        say(arguments, _status(answer))
-    else:
-        say(arguments, f"{answer['job']}: {answer['answer']}")
-    return 0
-
-
-def _status(status: dict[str, Any]) -> str:
-    """The status in words."""
-    heat = ", ".join(
-        f"{name} {actual:g}" + (f"/{target:g}" if target else "")
-        for name, (actual, target) in status["temperatures"].items()
-    )
-    lines = [f"{status['job']}: {status['state']}, {status['done']} of {status['total']} commands"]
-    lines += [f"{heat} °C"] if heat else []
-    lines.append(f"speed {status['speed_percent']:g} %, flow {status['flow_percent']:g} %")
-    if status["objects"]:
-        given_up = set(status["cancelled"])
-        lines.append(
-            "objects: " + ", ".join(n + (" (given up)" if n in given_up else "") for n in status["objects"])
-        )
-    if status["prompt"]:
-        buttons = ", ".join(f"{number} {text}" for number, text in enumerate(status["prompt"]["buttons"]))
-        lines.append(f"the printer asks: {status['prompt']['text']} [{buttons}]")
-    return "\n".join(lines)

@@ -17,11 +17,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import PortError, UsageError
-from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.wishes import read_wish
+
+if TYPE_CHECKING:
+    from printer_slicer.printing.controls import Controls
 
 __all__ = ["ask_door", "open_door"]
 

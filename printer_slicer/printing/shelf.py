@@ -6,17 +6,19 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
 from threading import Event as Flag
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import OutputError, UsageError
-from printer_slicer.printing.setup import Setup, setup_from
+
+if TYPE_CHECKING:
+    from printer_slicer.printing.setup import Setup
 
 if sys.platform == "win32":
     import msvcrt
@@ -68,8 +70,15 @@ class Print:
     baud: int
     begun: str
     boot: str
-    setup: Setup
+    _setup: Mapping[str, Any]
     _lock: int = -1
+
+    @property
+    def setup(self) -> Setup:
+        """The printer as the host saw it. What only looks at a print does without, and without what makes it."""
+        from printer_slicer.printing.setup import setup_from  # noqa: PLC0415 - slow
+
+        return setup_from(self._setup)
 
     @property
     def text(self) -> bytes:
@@ -185,7 +194,7 @@ def print_in(folder: Path) -> Print | None:
             int(head["baud"]),
             head["begun"],
             head["boot"],
-            setup_from(head["setup"]),
+            head["setup"],
         )
     return None
 
