@@ -15,6 +15,8 @@ from printer_slicer.errors import UsageError
 
 __all__ = ["add_control", "control_command", "control_parser"]
 
+_SOON = 2.0  # s within which one learns how a print stands
+
 
 def control_parser() -> argparse.ArgumentParser:
     """The command line as far as `control` goes, which is built sooner than that of all commands."""
@@ -55,7 +57,7 @@ def control_command(arguments: argparse.Namespace) -> int:
     line = " ".join(arguments.wish)
     wish = read_wish(line)
     found = find(default_shelf(), arguments.job, running=True)
-    answer = ask_door(found.folder, line)
+    answer = ask_door(found.folder, line, **({"patience": _SOON} if isinstance(wish, Status) else {}))
     if not answer["ok"]:
         message, _, remedy = str(answer["answer"]).partition("\n  ")
         raise UsageError(f"{answer['job']}: {message}", remedy=remedy)
@@ -72,11 +74,15 @@ def control_command(arguments: argparse.Namespace) -> int:
 
 def _status(status: dict[str, Any]) -> str:
     """The status in words."""
+    waits = f"{status['job']}: waits for {status.get('waits_for')}"
+    if "done" not in status:  # it has not begun
+        return waits
     heat = ", ".join(
         f"{name} {actual:g}" + (f"/{target:g}" if target else "")
         for name, (actual, target) in status["temperatures"].items()
     )
-    lines = [f"{status['job']}: {status['state']}, {status['done']} of {status['total']} commands"]
+    lines = [waits] if "waits_for" in status else []
+    lines += [f"{status['job']}: {status['state']}, {status['done']} of {status['total']} commands"]
     lines += [f"{heat} °C"] if heat else []
     lines.append(f"speed {status['speed_percent']:g} %, flow {status['flow_percent']:g} %")
     if status["objects"]:

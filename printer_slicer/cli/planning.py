@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from printer_slicer.cli.facts import (
     repair_sentences,
     runs_text,
 )
+from printer_slicer.cli.milestones import Milestones
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.cli.projects import with_projects
 from printer_slicer.extrusion import move_seconds
@@ -71,7 +73,7 @@ def plan_command(arguments: argparse.Namespace) -> int:
         repairs = Repairs((*repairs.done, *section_repairs(sections, shift)))
         if arguments.strict:
             refuse_repaired(part.name, repairs)
-        rows = _compare(part, profile, chosen, report, everything=arguments.compare)
+        rows = _compare(part, profile, chosen, _told(arguments, report), everything=arguments.compare)
         if arguments.picture:
             report("drawing")
             _draw(part, sections, certificate, profile, arguments)
@@ -134,14 +136,32 @@ def _table_1(mesh: Mesh) -> dict[str, object]:
     }
 
 
+_Planning = Callable[[int, int, str], None]
+"""Is told before each plan how many are done, how many there are, and the name of the next."""
+
+
+def _told(arguments: argparse.Namespace, report: Stages) -> _Planning:
+    """Tells which plan is made next: the bar, and where there is none a line for each of many."""
+    quiet = arguments.quiet or arguments.json or arguments.verbose or not arguments.compare
+    lines = Milestones("comparing plans", wanted=not (quiet or sys.stderr.isatty()))
+
+    def tell(done: int, total: int, name: str) -> None:
+        """The next plan."""
+        report(f"planning {name}")
+        lines.reached(done, total, lambda: f"{done} of {total} plans are made, next {name}")
+
+    return tell
+
+
 def _compare(
-    part: Mesh, profile: Profile, chosen: LayerPlan, report: Stages, *, everything: bool
+    part: Mesh, profile: Profile, chosen: LayerPlan, told: _Planning, *, everything: bool
 ) -> list[dict[str, object]]:
     """The paper's Table 2 and beyond: uniform thin, uniform thick, the chosen plan, and all others if wanted."""
     rows: list[dict[str, object]] = []
     flats = find_flats(part)[0]
-    for name, variant in _jobs(profile, everything=everything).items():
-        report(f"planning {name}")
+    jobs = _jobs(profile, everything=everything)
+    for done, (name, variant) in enumerate(jobs.items()):
+        told(done, len(jobs), name)
         plan = chosen if variant is profile else plan_part(part, variant)
         program = slice_part(part, variant, plan=plan)
         seconds = float(move_seconds(program, variant).sum())

@@ -36,6 +36,7 @@ from printer_slicer.cli.simulating import (
     planted_facts,
     planted_lines,
     serve_printer,
+    violation_lines,
 )
 from printer_slicer.cli.verdicts import verdict_facts, verdict_text
 from printer_slicer.errors import UsageError, VerificationError
@@ -179,7 +180,10 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
     from printer_slicer.printing import Controls
 
     controls = Controls()
-    with progress(arguments, job, events=True) as tell, keys(controls, wanted=not arguments.quiet):
+    with (
+        progress(arguments, job, events=True, shares=True) as tell,
+        keys(controls, wanted=not arguments.quiet),
+    ):
         done = begin(
             on_event=tell,
             checkpoint=checkpoint,
@@ -251,16 +255,31 @@ def _insist(verdict: Verdict) -> None:
 
 
 class progress:  # noqa: N801 - used like a function
-    """Turns events into a progress bar, or into JSON lines; neither where nobody would see it."""
+    """Turns events into a progress bar, into JSON lines, or where there is no terminal into a line now and then.
 
-    def __init__(self, arguments: argparse.Namespace, job: Job, *, events: bool) -> None:
+    Args:
+        arguments: of the command.
+        job: that is printed.
+        events: whether --json tells all of them.
+        shares: whether each 5 % is worth a line; else only minutes are.
+    """
+
+    def __init__(
+        self, arguments: argparse.Namespace, job: Job, *, events: bool, shares: bool = False
+    ) -> None:
+        from printer_slicer.cli.milestones import Milestones
+
         self._job = job
+        self._done = 0
         self._quiet = arguments.quiet or arguments.json
         self._verbose = arguments.verbose and not arguments.quiet
         self._json = arguments.json and events
         self._bar: Callable[[int], None] | None = None
         self._close: Callable[[], object] = lambda: None
         self._wanted = not (arguments.json or arguments.quiet) and sys.stderr.isatty()
+        self._lines = Milestones(
+            "printing", wanted=not (self._quiet or sys.stderr.isatty()), every_share=shares
+        )
         self._begun = monotonic()
         self._shown = -1
 
@@ -285,7 +304,7 @@ class progress:  # noqa: N801 - used like a function
         task = bar.add_task("printing", total=len(self._job.commands))
         bar.start()
         self._close = bar.stop
-        last = self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
+        last = self._last_layer()
 
         def update(done: int) -> None:
             """So many commands are done."""
@@ -297,8 +316,13 @@ class progress:  # noqa: N801 - used like a function
 
     def _tell(self, event: Event) -> None:
         if isinstance(event, Accepted):
+            self._done = event.acknowledged
             self._advance(event.acknowledged)
-        elif self._json and not isinstance(event, Numbered):
+        # While it heats, temperatures are all that is told.
+        self._lines.reached(self._done, max(len(self._job.commands), 1), self._where)
+        if isinstance(event, Accepted):
+            return
+        if self._json and not isinstance(event, Numbered):
             print(
                 json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
             )
@@ -306,6 +330,17 @@ class progress:  # noqa: N801 - used like a function
             self._verbose and (text := _as_line(event))
         ):
             print(visible(text), file=sys.stderr)
+
+    def _where(self) -> str:
+        """How far the job has come, in words."""
+        layer, last = self._job.layer_of(self._done), self._last_layer()
+        return f"{self._done} of {len(self._job.commands)} commands" + (
+            f", layer {layer} of {last}" if layer else ""
+        )
+
+    def _last_layer(self) -> int:
+        """The number of the last layer, 0 if the job does not tell."""
+        return self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
 
     def _advance(self, done: int) -> None:
         """A hundred steps are enough for people and for programs."""
@@ -411,7 +446,7 @@ def sim_command(arguments: argparse.Namespace) -> int:
     else:
         motion = f"{spoken(report.print_seconds)} of motion, {report.n_violations} violations"
         first = f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}"
-        say(arguments, "\n".join([first, *planted_lines(faults)]))
+        say(arguments, "\n".join([first, *violation_lines(report), *planted_lines(faults)]))
     if verdict:
         _insist(verdict)
     return 0

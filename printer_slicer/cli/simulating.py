@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from printer_slicer.sim.switches import FrontEnd
     from printer_slicer.sim.tally import Report
 
-__all__ = ["faults_of", "firmware_of", "planted_facts", "planted_lines", "serve_printer"]
+__all__ = ["faults_of", "firmware_of", "planted_facts", "planted_lines", "serve_printer", "violation_lines"]
 
+_VIOLATIONS = 20  # that are listed for people
 _MOST = 64 * 1024 * 1024  # bytes of a file on the card
 
 
@@ -77,6 +78,13 @@ def planted_lines(faults: Faults | None) -> list[str]:
 def planted_facts(faults: Faults | None) -> dict[str, Any]:
     """The same for programs."""
     return {"planted": [one._asdict() for one in faults.happened]} if faults else {}
+
+
+def violation_lines(report: Report) -> list[str]:
+    """What a real machine would have refused, clipped or suffered, each with its command; the first ones of many."""
+    shown = [f"  command {one.line}: {one.text}" for one in report.violations[:_VIOLATIONS]]
+    more = report.n_violations - len(shown)
+    return [*shown, f"  and {more} more: --report and --json list up to 1000"] if more else shown
 
 
 def serve_printer(

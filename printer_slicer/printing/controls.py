@@ -17,6 +17,10 @@ from printer_slicer.printing.phases import Ticket
 __all__ = ["Controls"]
 
 _PATIENCE = 10.0
+_SOON = 1.5
+"""s within which a question how it stands is answered, by whoever can."""
+_CONNECTING = "the port to be opened, and the printer to answer"
+_BUSY = "the process of the print, which writes to its port or gets no time of this computer"
 
 
 class Controls:
@@ -27,12 +31,29 @@ class Controls:
         self._early: deque[Ticket] = deque()
         self._conductor: Conductor | None = None
         self._wake: Callable[[], None] = lambda: None
+        self._waits_for = _CONNECTING
+        self._known: dict[str, Any] = {}
         self.wanted = Flag()
         """Set when something is wanted while there is no printer to tell it to."""
 
-    def bind(self, conductor: Conductor | None, wake: Callable[[], None] = lambda: None) -> None:
-        """From now on wishes go to this conductor, those that came too early first; None: there is none for now."""
+    def bind(
+        self,
+        conductor: Conductor | None,
+        wake: Callable[[], None] = lambda: None,
+        *,
+        waits_for: str = _CONNECTING,
+    ) -> None:
+        """From now on wishes go to this conductor, those that came too early first.
+
+        Args:
+            conductor: None: there is none for now.
+            wake: ends the waiting of whoever runs it.
+            waits_for: what the print waits for while there is none.
+        """
         with self._lock:
+            if self._conductor is not None and conductor is None:
+                self._known = self._conductor.status()
+            self._waits_for = waits_for
             self._conductor, self._wake = conductor, wake
             while conductor is not None and self._early:
                 conductor.want(self._early.popleft())
@@ -118,6 +139,23 @@ class Controls:
     def status(self) -> dict[str, Any]:
         """How it stands."""
         return dict(json.loads(self.ask(wishes.Status())))
+
+    def status_soon(self, timeout: float = _SOON) -> dict[str, Any]:
+        """How it stands, and where the print cannot say so now, what was known last and what it waits for.
+
+        Args:
+            timeout: s to wait for the print's own words.
+        """
+        with self._lock:
+            waits_for = "" if self._conductor is not None else self._waits_for
+        if not waits_for:
+            try:
+                self._known = dict(json.loads(self.ask(wishes.Status(), timeout)))
+            except UsageError:
+                waits_for = _BUSY
+            else:
+                return self._known
+        return self._known | {"state": "waiting", "waits_for": waits_for}
 
     def stop(self) -> None:
         """Emergency stop; it waits for nothing."""

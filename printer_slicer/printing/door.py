@@ -20,7 +20,7 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import PortError, UsageError
-from printer_slicer.printing.wishes import read_wish
+from printer_slicer.printing.wishes import Status, Wish, read_wish
 
 if TYPE_CHECKING:
     from printer_slicer.printing.controls import Controls
@@ -117,10 +117,19 @@ def _answer(connection: socket.socket, controls: Controls, name: str, token: str
             if not hmac.compare_digest(given, token):
                 return
         try:
-            answer: dict[str, Any] = {"ok": True, "job": name, "answer": controls.ask(read_wish(line))}
+            answer: dict[str, Any] = {"ok": True, "job": name, "answer": _granted(controls, read_wish(line))}
         except UsageError as error:
             answer = {"ok": False, "job": name, "answer": str(error)}
         connection.sendall(json.dumps(answer).encode() + b"\n")
+
+
+def _granted(controls: Controls, wish: Wish) -> str:
+    """What became of a wish; who asks how it stands is not kept waiting.
+
+    Raises:
+        UsageError: it cannot be granted.
+    """
+    return json.dumps(controls.status_soon()) if isinstance(wish, Status) else controls.ask(wish)
 
 
 def _read_line(connection: socket.socket) -> str:
@@ -138,24 +147,39 @@ def _read_line(connection: socket.socket) -> str:
     return data.decode("utf-8").rstrip("\n")
 
 
-def ask_door(folder: Path, line: str) -> dict[str, Any]:
+def ask_door(folder: Path, line: str, patience: float = _PATIENCE) -> dict[str, Any]:
     """Ask a running print; its answer: ok, job, answer.
+
+    Args:
+        folder: of the print.
+        line: the wish.
+        patience: s to wait for an answer.
 
     Raises:
         PortError: nobody answers.
     """
+    if not (folder / _ADDRESS).exists():
+        raise PortError(
+            "the print does not answer yet: it waits for its port, or for its printer to say where it stands",
+            remedy="ask again in some seconds; if its process is gone: printer-slicer resume",
+        )
     try:
         address = json.loads((folder / _ADDRESS).read_text(encoding="utf-8"))
         if "path" in address:
             connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            connection.settimeout(_PATIENCE)
+            connection.settimeout(patience)
             connection.connect(address["path"])
         else:
-            connection = socket.create_connection(("127.0.0.1", address["port"]), timeout=_PATIENCE)
+            connection = socket.create_connection(("127.0.0.1", address["port"]), timeout=patience)
             line = f"{address['token']} {line}"
         with connection:
             connection.sendall(line.encode() + b"\n")
             return dict(json.loads(_read_line(connection)))
+    except TimeoutError:
+        raise PortError(
+            f"the print does not answer within {patience:g} s: its process stands still, or the computer is busy",
+            remedy="ask again; if its process is gone: printer-slicer resume",
+        ) from None
     except (OSError, ValueError, KeyError) as error:
         raise PortError(
             f"the print does not answer: {error}", remedy="if its process is gone: printer-slicer resume"

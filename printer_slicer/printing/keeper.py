@@ -330,7 +330,7 @@ class Keeper:
         Raises:
             PortError: it is not, or it has lost its state.
         """
-        self._controls.bind(None)
+        self._controls.bind(None, waits_for=f"the printer to come back: {str(error).splitlines()[0]}")
         self._done = self._streamer.acknowledged if self._streamer else self._done
         if self._transport is not None:
             self._transport.close()

@@ -105,7 +105,7 @@ def heard(running: subprocess.Popen[bytes], what: bytes) -> bytes:
 def is_message(outcome: Outcome, *parts: object) -> bool:
     """Whether stderr is one message for people that has these parts, and neither traceback nor control codes.
 
-    Warnings may stand before it.
+    Warnings, and how far a print has come, may stand before it.
     """
     lines = outcome.err.rstrip("\n").split("\n")
     assert [hex(ord(char)) for char in outcome.err if ord(char) < 32 and char != "\n"] == [], repr(
@@ -115,7 +115,7 @@ def is_message(outcome: Outcome, *parts: object) -> bool:
     assert "internal error" not in outcome.err, outcome.err
     assert lines, "nothing was said"
     assert lines[0].startswith("printer-slicer: "), outcome.err
-    while len(lines) > 1 and lines[0].startswith("printer-slicer: warning: "):
+    while len(lines) > 1 and lines[0].startswith(("printer-slicer: warning: ", "printing: ")):
         del lines[0]
     assert [line for line in lines[1:] if not line.startswith("  ")] == [], outcome.err
     missing = [str(part) for part in parts if str(part) not in outcome.err]

@@ -141,7 +141,7 @@ def test_the_printer_that_is_served_by_command_executes_what_is_sent(tmp_path: P
     flags = ("--pty", "port", "--speed", "0", "--report", "report.json", "--printer", "marlin_220")
     with started("sim", *flags, cwd=tmp_path) as serving:
         heard(serving, b"ends it")
-        outcome = typed("print", "box.gcode", "--port", "port", *QUICK, cwd=tmp_path)
+        outcome = typed("print", "box.gcode", "--port", "port", "-q", *QUICK, cwd=tmp_path)
         serving.send_signal(signal.SIGTERM)
         out, err = serving.communicate(timeout=LAST_RESORT)
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))

@@ -218,10 +218,13 @@ def test_a_cable_that_is_pulled_and_plugged_in_again_costs_nothing(tmp_path: Pat
         pull()
         executed.go_on()
         until(lambda: any(isinstance(event, Note) and "waiting" in event.text for event in printing.events))
+        status = printing.controls.status_soon()
         plug()
         printing.ended()
 
     assert printing.done, printing.error
+    assert status["waits_for"].startswith(f"the printer to come back: {tmp_path}/port is gone")
+    assert status["done"] > 50
     assert any(isinstance(event, Note) and "kept its state" in event.text for event in printing.events)
     assert of_job(executed) == LINES.split("\n")[:-1]
 

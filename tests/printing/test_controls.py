@@ -1,0 +1,79 @@
+"""Whoever asks how a print stands gets an answer soon, also from a print that waits for something else."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from printer_slicer.errors import PortError
+from printer_slicer.printing.controls import Controls
+from printer_slicer.printing.door import ask_door
+from printer_slicer.printing.phases import Ticket
+
+KNOWN = {"state": "printing", "done": 7, "total": 9}
+
+
+class Deaf:
+    """A print that never comes to its wishes, or one that always does."""
+
+    def __init__(self, *, deaf: bool = True) -> None:
+        self.tickets: list[Ticket] = []
+        self._deaf = deaf
+
+    def status(self) -> dict[str, Any]:
+        return dict(KNOWN)
+
+    def want(self, ticket: Ticket) -> None:
+        self.tickets.append(ticket)
+        if not self._deaf:
+            ticket.done(json.dumps(self.status()))
+
+
+def test_a_print_that_hears_tells_how_it_stands() -> None:
+    controls = Controls()
+    controls.bind(Deaf(deaf=False))  # type: ignore[arg-type]
+
+    assert controls.status_soon() == KNOWN
+
+
+def test_before_there_is_a_printer_one_learns_what_is_waited_for() -> None:
+    controls = Controls()
+
+    assert controls.status_soon() == {
+        "state": "waiting",
+        "waits_for": "the port to be opened, and the printer to answer",
+    }
+
+
+def test_while_the_printer_is_away_one_learns_that_and_how_it_stood() -> None:
+    controls = Controls()
+    controls.bind(Deaf())  # type: ignore[arg-type]
+    controls.bind(None, waits_for="the printer to come back")
+
+    assert controls.status_soon() == KNOWN | {"state": "waiting", "waits_for": "the printer to come back"}
+
+
+def test_a_print_that_is_busy_is_not_waited_for() -> None:
+    controls, deaf = Controls(), Deaf()
+    controls.bind(deaf)  # type: ignore[arg-type]
+    told = controls.status_soon(timeout=0.01)
+
+    assert len(deaf.tickets) == 1
+    assert "writes to its port" in told["waits_for"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sockets have no names there")
+def test_a_process_that_stands_still_is_named(tmp_path: Path) -> None:
+    with pytest.raises(PortError, match="does not answer yet: it waits for its port"):
+        ask_door(tmp_path, "status")
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "s"))
+        listener.listen()
+        (tmp_path / "control.json").write_text(json.dumps({"path": str(tmp_path / "s")}), encoding="utf-8")
+        with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process stands still"):
+            ask_door(tmp_path, "status", patience=0.01)
