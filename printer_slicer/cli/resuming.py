@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["resume_command"]
 
+_ROW = "{job}: begun {begun} on {port}, {accepted} commands, {reason} ({id})"
+
 
 def resume_command(arguments: argparse.Namespace) -> int:
     """Go on with an unfinished print."""
@@ -25,6 +27,12 @@ def resume_command(arguments: argparse.Namespace) -> int:
     shelf = shelves.default_shelf()
     if arguments.list:
         return _list(arguments, shelf)
+    for damage in shelves.damaged_on(shelf):
+        if arguments.discard and arguments.name == damage.folder.name:
+            damage.forget()
+            say(arguments, f"{damage.folder.name} is forgotten")
+            return 0
+        print(visible(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
     found = shelves.find(shelf, arguments.name, running=False)
     if arguments.discard:
         found.forget()
@@ -72,9 +80,10 @@ def _judged(setup: Setup) -> dict[str, Any]:
 
 def _list(arguments: argparse.Namespace, shelf: Path) -> int:
     from printer_slicer.printing.journal import read_story
-    from printer_slicer.printing.shelf import on_shelf
+    from printer_slicer.printing.shelf import damaged_on, on_shelf
 
-    left = [one for one in on_shelf(shelf) if not one.running]
+    damaged = {damage.folder: damage for damage in damaged_on(shelf)}
+    left = [one for one in on_shelf(shelf) if not one.running and one.folder not in damaged]
     rows = []
     for one in left:
         story = read_story(one.folder)
@@ -86,12 +95,18 @@ def _list(arguments: argparse.Namespace, shelf: Path) -> int:
                 "begun": one.begun,
                 "accepted": story.entries,
                 "reason": story.reason or "the host was ended",
+                "damaged": False,
             }
         )
+    rows += [
+        {"id": folder.name, "reason": str(damage), "remedy": damage.remedy, "damaged": True}
+        for folder, damage in damaged.items()
+    ]
     if arguments.json:
         print(json.dumps(rows))
     elif not rows:
         say(arguments, "no print is unfinished")
     for row in [] if arguments.json else rows:
-        say(arguments, "{job}: begun {begun} on {port}, {accepted} commands, {reason} ({id})".format_map(row))
+        told = "{reason}\n  {remedy}" if row["damaged"] else _ROW
+        say(arguments, told.format_map(row))
     return 0

@@ -22,6 +22,7 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
@@ -29,6 +30,7 @@ from zlib import crc32
 __all__ = ["HEATERS_OFF", "HOST", "LOST", "Journal", "Numbered", "Story", "read_story"]
 
 _NAME: Final = "journal"
+_DIGITS: Final = 12  # of a count
 LOST: Final = "lost: "
 """A reason begins so if the time of the loss is known: the cable was gone at that moment."""
 
@@ -131,6 +133,7 @@ class Story:
         states: what else was noted, last one of each kind.
         stopped: when the host noticed that the print had ended, s; None if the host itself was ended.
         reason: why, empty while it has not.
+        damage: which record makes no sense although it is whole, and why; nothing behind it was read. Empty: none.
     """
 
     base: int = 0
@@ -143,6 +146,7 @@ class Story:
     states: dict[str, Any] = field(default_factory=dict)
     stopped: float | None = None
     reason: str = ""
+    damage: str = ""
     _pending: list[Numbered] = field(default_factory=list)
 
     def entries_at(self, number: int) -> int:
@@ -159,21 +163,30 @@ class Story:
         return self.commands + [(one.entries, one.command) for one in proven if one.command]
 
     def take(self, kind: str, rest: str) -> None:
-        """One more record."""
+        """One more record.
+
+        Raises:
+            ValueError: it makes no sense.
+        """
         if kind == "E":
-            self._begin_anew(int(rest))
+            self._begin_anew(_count(rest))
         elif kind == "N":
             number, entries, command = rest.split(" ", 2)
-            self._number(Numbered(int(number), int(entries), command.encode("latin-1")))
+            self._number(Numbered(_count(number), _count(entries), command.encode("latin-1")))
         elif kind == "A":
             number, entries, now = rest.split(" ")
-            self._accept(int(number), int(entries), float(now))
+            self._accept(_count(number), _count(entries), _moment(now))
         elif kind == "S":
-            self.states |= json.loads(rest)
+            states = json.loads(rest)
+            if not isinstance(states, dict):
+                raise ValueError("no names with values")
+            self.states |= states
         elif kind == "X":
             now, reason = rest.split(" ", 1)
             if self.stopped is None:
-                self.stopped, self.reason = float(now), reason
+                self.stopped, self.reason = _moment(now), reason
+        else:
+            raise ValueError("of a kind that this version does not know")
 
     def _begin_anew(self, entries: int) -> None:
         self.before = self.line if self.lines else self.before
@@ -197,17 +210,47 @@ class Story:
                 self.commands.append((done.entries, done.command))
 
 
+def _count(text: str) -> int:
+    """How many.
+
+    Raises:
+        ValueError: it is no such number.
+    """
+    number = int(text) if len(text) <= _DIGITS else -1
+    if number < 0:
+        raise ValueError(f"{text[:_DIGITS]} is no number of lines or commands")
+    return number
+
+
+def _moment(text: str) -> float:
+    """A time, s.
+
+    Raises:
+        ValueError: it is none.
+    """
+    seconds = float(text)
+    if not isfinite(seconds):
+        raise ValueError(f"{text} is no time")
+    return seconds
+
+
 def read_story(folder: Path) -> Story:
     """What the journal in a folder tells, up to the first record that is damaged: a torn end is no error.
+
+    A record that makes no sense although its checksum is right is noted in `damage`.
 
     Raises:
         OSError: it cannot be read.
     """
     story = Story()
-    for line in (folder / _NAME).read_bytes().split(b"\n"):
+    for index, line in enumerate((folder / _NAME).read_bytes().split(b"\n"), start=1):
         data, _, sum_ = line.rpartition(b" ")
         if not data or sum_ != b"%08x" % crc32(data):
             break
-        kind, _, rest = data.decode("utf-8").partition(" ")
-        story.take(kind, rest)
+        try:
+            kind, _, rest = data.decode("utf-8").partition(" ")
+            story.take(kind, rest)
+        except (ValueError, RecursionError) as error:
+            story.damage = f"record {index} makes no sense: {error}"
+            break
     return story

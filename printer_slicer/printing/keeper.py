@@ -26,7 +26,7 @@ from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.options import Done, Options
 from printer_slicer.printing.phases import Ticket
 from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
+from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, nonsense_in, take_up
 from printer_slicer.profile import Profile
 from printer_slicer.stream.events import Event, Finished, Halted, Note
 from printer_slicer.stream.link_meter import LinkMeter, Metered
@@ -113,8 +113,7 @@ def resume_print(
     """
     from printer_slicer.printing.recovery import recovery  # noqa: PLC0415 - rarely needed
 
-    if not print_.hold():
-        raise UsageError(f"{print_.name}: is being printed", remedy="see `printer-slicer control status`")
+    _take(print_, job)
     place = shelves.Place(port or print_.port, print_.baud)
     transport = None
     try:
@@ -137,6 +136,19 @@ def resume_print(
         print_.release()
         raise
     return keeper.go(transport, found)
+
+
+def _take(print_: shelves.Print, job: Job) -> None:
+    """Make an unfinished print this process's.
+
+    Raises:
+        UsageError: somebody prints it already, or its journal makes no sense.
+    """
+    if not print_.hold():
+        raise UsageError(f"{print_.name}: is being printed", remedy="see `printer-slicer control status`")
+    if why := nonsense_in(read_story(print_.folder), len(job.commands)):
+        print_.release()
+        raise shelves.Damage(print_.folder, "journal", why).error()
 
 
 def _insist_on_finished(shelf: Path, port: str, *, discard: bool) -> None:

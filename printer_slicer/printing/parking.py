@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from printer_slicer.printing.kept import value_from
 from printer_slicer.printing.modes import Modes, Stand, number
 from printer_slicer.printing.setup import Setup
 from printer_slicer.printing.wishes import Pause
@@ -62,13 +63,12 @@ class Parked:
 
 
 def parked_from(values: Mapping[str, Any]) -> Parked:
-    """What `as_json` gave."""
-    changed = {
-        "stand": Stand(**values["stand"]),
-        "spot": tuple(values["spot"]),
-        "replay": tuple(values["replay"]),
-    }
-    return Parked(**{**values, **changed})
+    """What `as_json` gave.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    return value_from(Parked, values)
 
 
 def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:

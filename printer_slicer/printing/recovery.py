@@ -14,6 +14,7 @@ from printer_slicer.jobs import Job
 from printer_slicer.printing.along import rest_of, stand_at
 from printer_slicer.printing.approach import approach_from, laid_points
 from printer_slicer.printing.journal import LOST, Story, read_story
+from printer_slicer.printing.kept import value_from
 from printer_slicer.printing.modes import Modes, Stand, number
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.parking import Parked, as_it_was, parked_from, parking_place
@@ -136,7 +137,7 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
     if values := story.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])
         job.follow(int(values["entries"]))
-        return Point(int(values["entries"]), Stand(**values["stand"]), replay)
+        return Point(int(values["entries"]), value_from(Stand, values["stand"]), replay)
     if values := story.states.get("parked"):
         job.follow(story.entries)
         parked: Parked = parked_from(values)

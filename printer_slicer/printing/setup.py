@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from printer_slicer.motion.counting import COUNTING, Rule
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
+from printer_slicer.printing.kept import value_from
 from printer_slicer.profile import Profile, settings_of
 
 __all__ = ["Setup", "setup_from", "setup_of"]
@@ -101,13 +102,9 @@ def setup_from(values: Mapping[str, Any]) -> Setup:
     """What `as_json` gave.
 
     Raises:
-        KeyError, TypeError: it is something else.
+        TypeError: it is something else.
     """
-    known = {field.name for field in fields(Setup)}
-    kept: dict[str, Any] = {key: value for key, value in values.items() if key in known}
-    limits: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in kept["limits"].items()
-    }
-    kept |= {"limits": Limits(**limits), "low": tuple(kept["low"]), "high": tuple(kept["high"])}
-    kept["allowed"] = tuple(kept.get("allowed", ()))
-    return Setup(**kept)
+    setup = value_from(Setup, values)
+    if setup.flavour not in COUNTING:
+        raise TypeError(f"flavour is {setup.flavour!r}, which this version does not know")
+    return setup

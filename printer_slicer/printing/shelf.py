@@ -26,10 +26,13 @@ else:
     import fcntl
 
 __all__ = [
+    "Damage",
     "Place",
     "Print",
     "Shelf",
     "begin",
+    "damage_of",
+    "damaged_on",
     "default_shelf",
     "find",
     "on_shelf",
@@ -40,6 +43,8 @@ __all__ = [
 
 _A_MOMENT = 0.02  # s
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
+_IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
+_KINDS = {str: "a text", int: "a whole number", dict: "an object"}
 Shelf = Path
 
 
@@ -131,6 +136,41 @@ class Print:
 
 
 @dataclass(frozen=True, slots=True)
+class Damage:
+    """What is left of a print that nobody can go on with.
+
+    Attributes:
+        folder: of the print.
+        file: in it, that makes no sense.
+        why: it does not.
+    """
+
+    folder: Path
+    file: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.folder / self.file}: {self.why}"
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return f"it cannot be resumed; printer-slicer resume --discard {self.folder.name} forgets it"
+
+    def error(self) -> UsageError:
+        """The refusal of who wants to go on with it."""
+        return UsageError(str(self), remedy=self.remedy)
+
+    def forget(self) -> None:
+        """Take it off the shelf."""
+        rmtree(self.folder, ignore_errors=True)
+
+
+class _NonsenseError(ValueError):
+    """The head of a print makes no sense; says why."""
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """A port and its speed."""
 
@@ -184,19 +224,59 @@ def on_shelf(shelf: Shelf) -> Iterator[Print]:
 
 
 def print_in(folder: Path) -> Print | None:
-    """The print whose folder this is, None if it holds none."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        head: dict[str, Any] = json.loads((folder / _HEAD).read_text(encoding="utf-8"))
-        return Print(
-            folder,
-            head["name"],
-            head["port"],
-            int(head["baud"]),
-            head["begun"],
-            head["boot"],
-            head["setup"],
-        )
+    """The print whose folder this is, None if it holds none, or one whose head makes no sense."""
+    with suppress(_NonsenseError):
+        return _print_in(folder)
     return None
+
+
+def _print_in(folder: Path) -> Print | None:
+    """The print whose folder this is, None if it holds none.
+
+    Raises:
+        _NonsenseError: its head makes no sense.
+    """
+    try:
+        head = json.loads((folder / _HEAD).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise _NonsenseError(f"it cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise _NonsenseError(f"it is no JSON: {error}") from None
+    if not isinstance(head, dict):
+        raise _NonsenseError("it holds no names with values")
+    for name, kind in _IN_HEAD.items():
+        if type(head.get(name)) is not kind:
+            raise _NonsenseError(f"{name!r} is missing, or is not {_KINDS[kind]}")
+    return Print(folder, *(head[name] for name in _IN_HEAD))
+
+
+def damage_of(print_: Print) -> Damage | None:
+    """Why a print cannot be gone on with, as far as its own files tell; None where nothing speaks against it."""
+    from printer_slicer.printing.journal import read_story  # noqa: PLC0415 - who only has a wish does without
+
+    try:
+        _ = print_.setup
+    except TypeError as error:
+        return Damage(print_.folder, _HEAD, f"the printer's setup makes no sense: {error}")
+    try:
+        why = read_story(print_.folder).damage
+    except OSError as error:
+        why = f"it cannot be read: {error.strerror}"
+    return Damage(print_.folder, "journal", why) if why else None
+
+
+def damaged_on(shelf: Shelf) -> Iterator[Damage]:
+    """What is left of prints that nobody prints and nobody can go on with, the oldest first."""
+    for folder in sorted(shelf.iterdir()) if shelf.is_dir() else ():
+        try:
+            found = _print_in(folder)
+        except _NonsenseError as error:
+            yield Damage(folder, _HEAD, str(error))
+        else:
+            if found and not found.running and (damage := damage_of(found)):
+                yield damage
 
 
 def same_port(one: str, other: str) -> bool:
@@ -224,6 +304,12 @@ def find(shelf: Shelf, name: str, *, running: bool) -> Print:
         UsageError: there is none, or more than one.
     """
     known = [one for one in on_shelf(shelf) if one.running is running]
+    if not running:
+        damaged = {one.folder: one for one in damaged_on(shelf)}
+        for one in known:
+            if name and one.folder in damaged and name in {one.name, one.folder.name}:
+                raise damaged[one.folder].error()
+        known = [one for one in known if one.folder not in damaged]
     named = [one for one in known if name in {"", one.name, one.folder.name}]
     if len(named) == 1:
         return named[0]

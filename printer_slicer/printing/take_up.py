@@ -7,12 +7,13 @@ agrees, the printer has kept its state: nothing is sent again, and nothing is le
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from printer_slicer.motion.counting import Rule
 from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
-from printer_slicer.printing.modes import SCRIPT, Modes
+from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.modes import SCRIPT, Modes, Stand
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import Parked, come_back, parked_from
 from printer_slicer.printing.setup import Setup
@@ -21,7 +22,7 @@ from printer_slicer.stream.events import Spot
 from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.transport import Transport
 
-__all__ = ["Lost", "TakenUp", "ask_printer", "rebuild", "take_up"]
+__all__ = ["Lost", "TakenUp", "ask_printer", "nonsense_in", "rebuild", "take_up"]
 
 _BEHIND: Final = 8
 """Lines that may count as accepted on record and were not: an ok too many on a bad cable."""
@@ -61,6 +62,51 @@ class TakenUp:
     def waits(self) -> bool:
         """Whether it was paused, and waits for a person."""
         return self.phase == "parking"
+
+
+@dataclass(frozen=True, slots=True)
+class _States:
+    """What the journal notes of a pause, as far as a resume needs it."""
+
+    phase: str = "printing"
+    parked: Parked | None = None
+    pushed: float = 0.0
+    line: int = 0
+    heaters_off: str = ""
+    cancelled_at: Mapping[str, Any] = field(default_factory=dict)
+    recovering_at: Mapping[str, Any] | None = None
+
+
+def nonsense_in(story: Story, total: int) -> str:
+    """Why nobody can go on with what a journal tells, empty if that is not so.
+
+    Args:
+        story: of the journal.
+        total: commands of the job.
+    """
+    if story.damage:
+        return story.damage
+    most = max([story.base, story.entries, *(record.entries for record in story.lines)])
+    if most > total:
+        return f"it says that {most} commands were accepted, of {total}"
+    try:
+        states = value_from(_States, {name: one for name, one in story.states.items() if one not in ({}, "")})
+        if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
+            return "objects were given up at no command of the job"
+        if states.recovering_at is not None:
+            value_from(_Brought, states.recovering_at)
+    except TypeError as error:
+        return f"a state makes no sense: {error}"
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Brought:
+    """The place to which a printer is brought back."""
+
+    entries: int
+    stand: Stand
+    replay: tuple[str, ...]
 
 
 def ask_printer(

@@ -1,0 +1,193 @@
+"""A print whose files make no sense is named and skipped; all others can be gone on with."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from printer_slicer.errors import UsageError
+from printer_slicer.jobs import job_of_text
+from printer_slicer.printing import resume_print
+from printer_slicer.printing.journal import Journal, read_story
+from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.modes import Stand
+from printer_slicer.printing.parking import Parked, parked_from
+from printer_slicer.printing.setup import Setup, setup_of
+from printer_slicer.printing.shelf import Place, Print, begin, damaged_on, find, on_shelf
+from printer_slicer.printing.take_up import nonsense_in
+from printer_slicer.profile import load_profile
+from tests.cli.command_line import typed
+
+SETUP = setup_of(load_profile("marlin_220"))
+TEXT = b"G28\nG1 X5 F600\nG1 X6\n"
+PARKED = Parked(2, Stand(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+NONSENSE = {
+    "a word for a number": b"A three 5 1.0",
+    "a negative number": b"A -3 5 1.0",
+    "too few words": b"A 3",
+    "a number as long as a book": b"E " + b"9" * 5000,
+    "a time that is none": b"A 3 2 nan",
+    "states that are a number": b"S 5",
+    "states without an end": b"S " + b"[" * 100_000,
+    "no text": b"N 3 2 \xff\xfe",
+    "letters that no command has": "N 3 2 €".encode(),
+    "a kind that nobody knows": b"Q 3",
+}
+
+
+def left(shelf: Path, name: str) -> Print:
+    """A print that somebody has left."""
+    made = begin(shelf, name, TEXT, Place("/dev/null", 115200), SETUP)
+    journal = Journal(made.folder)
+    journal.epoch(0)
+    journal.numbered(1, 0, b"M115")
+    journal.accepted(2, 1, 10.0)
+    journal.close()
+    made.release()
+    return made
+
+
+def add(print_: Print, record: bytes) -> None:
+    """One more record, with the right checksum."""
+    with (print_.folder / "journal").open("ab") as file:
+        file.write(b"%s %08x\n" % (record, crc32(record)))
+
+
+def shelf_in(folder: Path) -> tuple[Path, Print, Print]:
+    shelf = folder / "prints"
+    return shelf, left(shelf, "good.gcode"), left(shelf, "bad.gcode")
+
+
+@pytest.mark.parametrize("record", NONSENSE.values(), ids=list(NONSENSE))
+def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
+    record: bytes, tmp_path: Path
+) -> None:
+    shelf, good, bad = shelf_in(tmp_path)
+    add(bad, record)
+    (damage,) = damaged_on(shelf)
+
+    assert find(shelf, "", running=False).folder == good.folder
+    assert str(damage).startswith(f"{bad.folder / 'journal'}: record 4 makes no sense: ")
+    assert (
+        read_story(bad.folder).entries == 1
+    )  # what stands before it counts: the heaters can be switched off
+    with pytest.raises(UsageError, match="record 4 makes no sense"):
+        find(shelf, "bad.gcode", running=False)
+
+
+@given(name=st.sampled_from(["name", "port", "baud", "begun", "boot", "setup", None]), value=ANYTHING)
+def test_a_head_of_anything_blocks_no_other_print(
+    name: str | None, value: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    shelf, good, bad = shelf_in(tmp_path_factory.mktemp("shelf"))
+    path = bad.folder / "head.json"
+    head = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")
+    damaged = list(damaged_on(shelf))
+
+    assert find(shelf, good.folder.name, running=False).folder == good.folder
+    assert [damage.folder for damage in damaged] in ([], [bad.folder])
+    for one in on_shelf(shelf):
+        if one.folder not in {damage.folder for damage in damaged}:
+            assert one.setup.rule
+            assert one.name + one.port + one.begun
+
+
+@given(path=st.lists(st.integers(0, 20), min_size=1, max_size=3), value=ANYTHING)
+def test_kept_values_come_back_as_they_were_or_are_refused(path: list[int], value: Any) -> None:
+    for kept, kind in ((SETUP, Setup), (PARKED, Parked)):
+        values = as_kept(kept)
+        assert as_kept(value_from(kind, values)) == values
+        place = values
+        for step in path[:-1]:
+            inner = [one for one in place.values() if isinstance(one, dict) and one]
+            place = inner[step % len(inner)] if inner else place
+        place[list(place)[path[-1] % len(place)]] = value
+        with contextlib.suppress(TypeError):
+            again = as_kept(value_from(kind, values))
+            assert as_kept(value_from(kind, again)) == again
+
+
+def as_kept(value: Any) -> Any:
+    """As a file holds it."""
+    return json.loads(json.dumps(asdict(value)))
+
+
+@pytest.mark.parametrize(
+    ("state", "told"),
+    [
+        ({"parked": 5}, "Parked is 5"),
+        ({"parked": {"entries": 2}}, "missing"),
+        ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot is 'here'"),
+        ({"parked": None, "phase": ["recovering"]}, "phase is"),
+        ({"cancelled_at": {"gear": 1_000_000}}, "no command of the job"),
+        ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "Stand is"),
+    ],
+)
+def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(
+    state: dict[str, Any], told: str, tmp_path: Path
+) -> None:
+    _, _, bad = shelf_in(tmp_path)
+    add(bad, b"S " + json.dumps(state).encode())
+    job = job_of_text("bad.gcode", TEXT, limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour)
+
+    with pytest.raises(UsageError, match="journal: ") as caught:
+        resume_print(bad, job)
+    assert told in str(caught.value)
+    assert f"resume --discard {bad.folder.name}" in caught.value.remedy
+    assert not bad.running
+
+
+def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path) -> None:
+    _, good, bad = shelf_in(tmp_path)
+    add(bad, b"A 9 4 11.0")
+
+    assert nonsense_in(read_story(good.folder), 3) == ""
+    assert nonsense_in(read_story(bad.folder), 3) == "it says that 4 commands were accepted, of 3"
+
+
+def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
+    _, good, _ = shelf_in(tmp_path)
+    states = {
+        "phase": "parking",
+        "parked": PARKED.as_json(),
+        "pushed": -2.5,
+        "line": 1,
+        "cancelled_at": {"a": 1},
+    }
+    add(good, b"S " + json.dumps(states).encode())
+
+    assert nonsense_in(read_story(good.folder), 3) == ""
+    assert parked_from(read_story(good.folder).states["parked"]) == PARKED
+
+
+def test_the_command_line_names_what_it_skips_and_forgets_it_when_told(shelf_of_its_own: Path) -> None:
+    _, good, bad = shelf_in(shelf_of_its_own)
+    (bad.folder / "head.json").write_text("{", encoding="utf-8")
+    listed, rows = typed("resume", "--list"), json.loads(typed("resume", "--list", "--json").out)
+    resumed = typed("resume")
+
+    assert (listed.code, listed.err) == (0, "")
+    assert f"{bad.folder / 'head.json'}: it is no JSON: " in listed.out
+    assert [(row["id"], row["damaged"]) for row in rows] == [
+        (good.folder.name, False),
+        (bad.folder.name, True),
+    ]
+    assert f"printer-slicer: warning: {bad.folder / 'head.json'}: it is no JSON: " in resumed.err
+    assert resumed.err.splitlines()[2] == "printer-slicer: /dev/null is not a serial port"
+    assert typed("resume", "--discard", bad.folder.name).code == 0
+    assert not bad.folder.exists()
+    assert typed("resume", "--list").out.startswith("good.gcode: begun")
