@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.common import (
-    PATIENCE,
     check_writable,
     profile_from,
     refuse_same,
     say,
     stages,
-    visible,
     write_file,
 )
 from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
@@ -29,6 +25,7 @@ from printer_slicer.cli.policy import (
     reason_against,
     refused,
 )
+from printer_slicer.cli.progress import progress
 from printer_slicer.cli.projects import with_projects
 from printer_slicer.cli.simulating import (
     faults_of,
@@ -43,21 +40,6 @@ from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from, job_of
 from printer_slicer.pipeline import quiet
-from printer_slicer.stream.events import (
-    Accepted,
-    Action,
-    Event,
-    Identified,
-    Message,
-    Note,
-    Numbered,
-    Paused,
-    Prompt,
-    ResendAsked,
-    Resumed,
-    Stopping,
-    Temperature,
-)
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
@@ -66,7 +48,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.faults import Faults
     from printer_slicer.verdict import Verdict
 
-__all__ = ["dry_run_command", "print_command", "print_with", "progress", "sim_command"]
+__all__ = ["dry_run_command", "print_command", "print_with", "sim_command"]
 
 _SIMULATED = "sim:"
 
@@ -252,146 +234,6 @@ def _insist(verdict: Verdict) -> None:
     if not verdict.ok:
         more = f"\n  and {len(verdict.problems) - 1} more problems" if len(verdict.problems) > 1 else ""
         raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
-
-
-class progress:  # noqa: N801 - used like a function
-    """Turns events into a progress bar, into JSON lines, or where there is no terminal into a line now and then.
-
-    Args:
-        arguments: of the command.
-        job: that is printed.
-        events: whether --json tells all of them.
-        shares: whether each 5 % is worth a line; else only minutes are.
-    """
-
-    def __init__(
-        self, arguments: argparse.Namespace, job: Job, *, events: bool, shares: bool = False
-    ) -> None:
-        from printer_slicer.cli.milestones import Milestones
-
-        self._job = job
-        self._done = 0
-        self._quiet = arguments.quiet or arguments.json
-        self._verbose = arguments.verbose and not arguments.quiet
-        self._json = arguments.json and events
-        self._bar: Callable[[int], None] | None = None
-        self._close: Callable[[], object] = lambda: None
-        self._wanted = not (arguments.json or arguments.quiet) and sys.stderr.isatty()
-        self._lines = Milestones(
-            "printing", wanted=not (self._quiet or sys.stderr.isatty()), every_share=shares
-        )
-        self._begun = monotonic()
-        self._shown = -1
-
-    def __enter__(self) -> Callable[[Event], None]:
-        return self._tell
-
-    def __exit__(self, *_: object) -> None:
-        self._close()
-
-    def _open_bar(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-        bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.percentage:>3.0f} %"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        task = bar.add_task("printing", total=len(self._job.commands))
-        bar.start()
-        self._close = bar.stop
-        last = self._last_layer()
-
-        def update(done: int) -> None:
-            """So many commands are done."""
-            layer = self._job.layer_of(done)
-            name = f"layer {layer} of {last}" if layer else "starting"
-            bar.update(task, completed=done, description=name)
-
-        self._bar = update
-
-    def _tell(self, event: Event) -> None:
-        if isinstance(event, Accepted):
-            self._done = event.acknowledged
-            self._advance(event.acknowledged)
-        # While it heats, temperatures are all that is told.
-        self._lines.reached(self._done, max(len(self._job.commands), 1), self._where)
-        if isinstance(event, Accepted):
-            return
-        if self._json and not isinstance(event, Numbered):
-            print(
-                json.dumps({"event": type(event).__name__.lower(), **asdict(event)}, default=str), flush=True
-            )
-        elif (not self._quiet and (text := _for_people(event))) or (
-            self._verbose and (text := _as_line(event))
-        ):
-            print(visible(text), file=sys.stderr)
-
-    def _where(self) -> str:
-        """How far the job has come, in words."""
-        layer, last = self._job.layer_of(self._done), self._last_layer()
-        return f"{self._done} of {len(self._job.commands)} commands" + (
-            f", layer {layer} of {last}" if layer else ""
-        )
-
-    def _last_layer(self) -> int:
-        """The number of the last layer, 0 if the job does not tell."""
-        return self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
-
-    def _advance(self, done: int) -> None:
-        """A hundred steps are enough for people and for programs."""
-        if self._wanted and self._bar is None and monotonic() - self._begun > PATIENCE:
-            self._open_bar()
-        percent = done * 100 // len(self._job.commands)
-        if percent == self._shown:
-            return
-        self._shown = percent
-        if self._json:
-            total = len(self._job.commands)
-            line = {"event": "progress", "done": done, "total": total, "layer": self._job.layer_of(done)}
-            print(json.dumps(line), flush=True)
-        elif self._bar:
-            self._bar(done)
-
-
-def _for_people(event: Event) -> str:
-    """What a person must know of an event; empty for the rest."""
-    if isinstance(event, Stopping):
-        return "stopping; Ctrl-C again halts the printer at once"
-    if isinstance(event, Paused):
-        return f"paused: {event.reason}"
-    if isinstance(event, Resumed):
-        return "going on"
-    if isinstance(event, Note):
-        return event.text
-    if isinstance(event, Identified):
-        return event.advice
-    if isinstance(event, Prompt) and event.text + "".join(event.buttons):
-        buttons = ", ".join(f"{number} {button}" for number, button in enumerate(event.buttons))
-        return f"the printer asks: {event.text} [{buttons}]"
-    if isinstance(event, Action) and not event.name.startswith("prompt_"):
-        return f"the printer asks: {event.name}"
-    return ""
-
-
-def _as_line(event: Event) -> str:
-    """What a person wants to read of an event when every word of the printer counts; empty for the rest."""
-    if isinstance(event, Message):
-        return event.text
-    if isinstance(event, ResendAsked):
-        return f"the printer asks for everything from line {event.number} again"
-    if isinstance(event, Temperature):
-        wanted = {True: " (waiting)", False: ""}[event.waiting]
-        heaters = (
-            f"{one.name} {one.actual:g}" + (f"/{one.target:g}" if one.target else "")
-            for one in event.readings
-        )
-        return f"{', '.join(heaters)} °C{wanted}"
-    return ""
 
 
 def _repair_facts(job: Job) -> list[dict[str, Any]]:
