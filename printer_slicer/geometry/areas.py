@@ -312,6 +312,19 @@ class Areas(Drawn):
         start = np.concatenate([[0], np.cumsum(sizes)])
         return Areas(self.xy.take(consecutive(begin, sizes), axis=0), start, layer, n_layers)
 
+    def of_points(self, keep: Bool) -> Areas:
+        """Only the points for which `keep` (N,) is true; rings that keep fewer than three go altogether."""
+        keep = self.in_whole_rings(keep)
+        count = np.append(0, np.cumsum(keep))[self.ring_start]
+        kept = np.diff(count) > 0
+        start = np.append(0, count[1:][kept])
+        return Areas(self.xy.compress(keep, axis=0), start, self.ring_layer[kept], self.n_layers)
+
+    def in_whole_rings(self, keep: Bool) -> Bool:
+        """(N,) those of the points in `keep` (N,) whose ring keeps three or more."""
+        count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
+        return keep & np.repeat(count >= 3, np.diff(self.ring_start))
+
     def of_layers(self, layers: Bool | Int) -> Areas:
         """Only the rings of the layers for which `layers` (n_layers,) is true, or whose numbers it holds."""
         wanted = np.zeros(self.n_layers, np.bool_)

@@ -25,6 +25,7 @@ from printer_slicer.geometry.polygons import (
     Join,
     Operation,
 )
+from printer_slicer.geometry.spikes import without_spikes
 
 __all__ = ["combine", "load", "load_any", "offset", "opened", "outlines_within", "store", "stroke"]
 
@@ -82,7 +83,7 @@ def store(layers: list[Rings]) -> Areas:
     """The rings of all layers as one stack, mm."""
     xy, start, ring_layer = _ragged(layers)
     # Divided, not multiplied: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
-    return Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers))
+    return without_spikes(Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers)))
 
 
 def _ragged(layers: list[Rings]) -> tuple[Int, Int, Int]:

@@ -23,6 +23,7 @@ from printer_slicer.geometry.polygons import (
     Join,
     Operation,
 )
+from printer_slicer.geometry.spikes import without_spikes
 from printer_slicer.geometry.vectors import cross, dot
 
 __all__ = [
@@ -77,7 +78,7 @@ def store(layers: list[Any]) -> Areas:
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons[solid]), return_index=True)
     areas = _areas(rings, layer[solid][polygon], len(layers))
     grid = np.rint(areas.xy * STEPS_PER_MM) / STEPS_PER_MM
-    return _without_straight(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers))
+    return without_spikes(_only_corners(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
 
 
 def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
@@ -287,19 +288,13 @@ def _from_leftmost(areas: Areas) -> Areas:
     )
 
 
-def _without_straight(areas: Areas) -> Areas:
-    """The same as `_only_corners`, and without rings that hold no area."""
-    areas = _only_corners(areas)
-    return areas.select(areas.ring_area() != 0)
-
-
 def _only_corners(areas: Areas) -> Areas:
     """The rings without repeated points and points on the straight line between their neighbours."""
     while True:
         keep = _corners(areas)
         if keep.all():
             return areas
-        areas = _only_points(areas, keep)
+        areas = areas.of_points(keep)
 
 
 def _corners(areas: Areas) -> Bool:
@@ -312,15 +307,6 @@ def _corners(areas: Areas) -> Bool:
         return np.asarray(length[previous] > 0)
     cross = ahead_x[previous] * ahead_y - ahead_y[previous] * ahead_x
     return np.asarray(cross**2 > STRAIGHT**2 * length * length[previous])
-
-
-def _only_points(areas: Areas, keep: Bool) -> Areas:
-    """The stack with only the points for which `keep` is true, and only rings of three of them or more."""
-    count = np.add.reduceat(keep, areas.ring_start[:-1], dtype=np.int64)
-    whole = count >= 3
-    keep = keep & np.repeat(whole, np.diff(areas.ring_start))
-    start = np.append(0, np.cumsum(count[whole]))
-    return Areas(areas.xy.compress(keep, axis=0), start, areas.ring_layer[whole], areas.n_layers)
 
 
 class SegmentTree:

@@ -1,0 +1,82 @@
+"""Remove spikes: what the rounding of an engine leaves of strips that are narrower than its grid.
+
+Where two outlines lie a step of the grid apart, a cut between them leaves an outline that runs out and back along
+itself. Such a spike holds no area, but its rounded sides may cross, and whatever relies on simple rings (GEOS, an
+offset, a hatch) fails there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct
+from printer_slicer.geometry.polygons import STEPS_PER_MM
+
+__all__ = ["is_spike", "without_spikes"]
+
+_MOST = 2 / STEPS_PER_MM  # mm; both sides of a spike are rounded, each by up to a step
+_LEAST = (
+    1 / STEPS_PER_MM + 1e-11
+)  # mm; a ring that is no wider in the mean has no area but that of its rounding
+
+
+def without_spikes(areas: Areas) -> Areas:
+    """Remove the points in which an outline turns back on itself, and rings that hold no area.
+
+    Args:
+        areas: rings on the grid of the engines. A spike is at most two steps of that grid wide; a ring without area is
+            at most one step wide in the mean.
+    """
+    spikes = is_spike(areas)
+    if not spikes.any():
+        return areas
+    # Whatever holds no area turns back somewhere: the other rings need no second look.
+    rings = distinct(areas.point_ring[spikes])
+    points = consecutive(areas.ring_start[rings], np.diff(areas.ring_start)[rings])
+    keep = np.ones(len(areas.xy), np.bool_)
+    keep[points] = False
+    part, spikes = areas.take(rings), spikes[points]
+    while spikes.any():
+        # One of several neighbours at a time: without it, the next may be none.
+        gone = spikes & ~spikes[part.previous]
+        sound = part.in_whole_rings(~(gone | _is_flat(part, spikes)))
+        part, points = part.of_points(sound), points[sound]
+        spikes = is_spike(part)
+    keep[points] = True
+    return areas.of_points(keep)
+
+
+def _is_flat(areas: Areas, spikes: Bool) -> Bool:
+    """(N,) whether the ring of each point is at most one step wide in the mean, or has nothing but spikes (N,)."""
+    flat = 2 * np.abs(areas.ring_area()) <= areas.ring_length() * _LEAST
+    flat |= np.logical_and.reduceat(spikes, areas.ring_start[:-1])
+    return np.repeat(flat, np.diff(areas.ring_start))
+
+
+def is_spike(areas: Areas) -> Bool:
+    """(N,) whether the outline turns back in each point, within two steps of the grid from where it came."""
+    spikes = np.zeros(len(areas.xy), np.bool_)
+    if not areas.n_rings:
+        return spikes
+    first, last = areas.ring_start[:-1], areas.ring_start[1:] - 1
+    x, y = np.ascontiguousarray(areas.xy.T)
+    ahead_x, ahead_y = _to_next(x, first, last), _to_next(y, first, last)
+    # As whole arrays, not through indices: every area that an engine makes passes here.
+    along = np.zeros(len(x))
+    np.multiply(ahead_x[1:], ahead_x[:-1], out=along[1:])
+    along[1:] += ahead_y[1:] * ahead_y[:-1]
+    along[first] = ahead_x[first] * ahead_x[last] + ahead_y[first] * ahead_y[last]
+    back = np.flatnonzero(along <= 0)
+    before = areas.previous[back]
+    in_x, in_y, out_x, out_y = ahead_x[before], ahead_y[before], ahead_x[back], ahead_y[back]
+    longer = np.maximum(np.hypot(in_x, in_y), np.hypot(out_x, out_y))
+    spikes[back] = np.abs(in_x * out_y - in_y * out_x) <= longer * _MOST
+    return spikes
+
+
+def _to_next(values: Float, first: Int, last: Int) -> Float:
+    """(N,) the difference to the next point around the ring."""
+    ahead = np.empty_like(values)
+    np.subtract(values[1:], values[:-1], out=ahead[:-1])
+    ahead[last] = values[first] - values[last]
+    return ahead
