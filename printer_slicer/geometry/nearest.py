@@ -55,6 +55,21 @@ class Segments:
         result[known] = distance_to_segments(points[known], self._begin[segment], self._end[segment])
         return result
 
+    def within(self, points: Float, layer: Int, reach: float) -> tuple[Int, Int, Float]:
+        """Which segments of their `layer` (P,) points (P, 2) are near, in no order.
+
+        Returns:
+            (X,) the point, (X,) the segment, and (X,) mm between them, at most `reach`.
+        """
+        none = np.zeros(0, np.int64)
+        if self._tree is None or not len(points):
+            return none, none, np.zeros(0)
+        cell = self._cell(layer)
+        point, segment = self._tree.meeting(points + cell - reach, points + cell + reach)
+        apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
+        near = apart <= reach
+        return point[near], segment[near], apart[near]
+
     def crossed(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int, Float]:
         """Where straight ways from `begin` to `end` (P, 2) cross segments of their `layer` (P,), in no order.
 

@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from printer_slicer.geometry.nearest import Segments
-from printer_slicer.model import Bool, Int, Role, Toolpaths
+from printer_slicer.geometry.planes import spread
+from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
 from printer_slicer.travels.routes import Routes
 
 __all__ = ["over_top_skin"]
 
+_STEP = 0.5  # of the width of a bead: how far apart ways are looked at
+_OWN = 1.0  # of that width: so near to its ends a way may lie on the beads that it joins
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """The beads of top skin and ironing.
+
+    Attributes:
+        lines: their centre lines.
+        owner: (S,) the path that each belongs to.
+        width: (S,) mm of each.
+    """
+
+    lines: Segments
+    owner: Int
+    width: Float
+
 
 def over_top_skin(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
-    """(W,) whether ways cross lines of top skin that are printed before, unless they are to be ironed yet.
+    """(W,) whether ways pass over beads of top skin that are printed before, unless they are to be ironed yet.
 
     Args:
         paths: in printing order.
@@ -20,28 +41,64 @@ def over_top_skin(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
         leads_to: (W,) the path that each leads to.
     """
     result = np.zeros(len(leads_to), np.bool_)
-    lines, owner = _lines_shown(paths, ways.layer)
+    shown = _shown(paths, ways.layer)
+    if not len(shown.owner):
+        return result
     route, point = ways.legs
     shows = np.zeros(paths.plan.n_layers, np.bool_)
-    shows[paths.layer[owner]] = True
+    shows[paths.layer[shown.owner]] = True
     some = np.flatnonzero(shows[ways.layer[route]])
     route, point = route[some], point[some]
-    leg, line, _ = lines.crossed(ways.xy[point], ways.xy[point + 1], ways.layer[route])
-    way, over = route[leg], owner[line]
+    leg, line, _ = shown.lines.crossed(ways.xy[point], ways.xy[point + 1], ways.layer[route])
+    result |= _scarred(paths, leads_to, route[leg], shown.owner[line])
+    # What runs along the lines crosses none of them, and lies on them all the same.
+    left = np.flatnonzero(shows[ways.layer] & ~result)
+    way, line = _on(shown, ways.take(left))
+    return result | _scarred(paths, leads_to, left[way], shown.owner[line])
+
+
+def _scarred(paths: Toolpaths, leads_to: Int, way: Int, over: Int) -> Bool:
+    """(W,) the ways that pass over a path that is printed before and stays as it is, of pairs `way`, `over` (X,)."""
+    result = np.zeros(len(leads_to), np.bool_)
     ironed_yet = (paths.role[leads_to[way]] == Role.IRONING) & (paths.role[over] == Role.TOP_SKIN)
     result[way[(over < leads_to[way]) & ~ironed_yet]] = True
     return result
 
 
-def _lines_shown(paths: Toolpaths, layers: Int) -> tuple[Segments, Int]:
-    """The lines of top skin and ironing on `layers` (n,), and (S,) the path that each belongs to."""
+def _on(shown: _Shown, ways: Routes) -> tuple[Int, Int]:
+    """Which ways lie on which lines somewhere between their ends: (X,) the way and (X,) the line."""
+    widest, narrowest = float(shown.width.max()), float(shown.width.min())
+    way, xy, left = _sampled(ways, _STEP * narrowest)
+    inner = left > _OWN * widest
+    way, xy = way[inner], xy[inner]
+    point, line, apart = shown.lines.within(xy, ways.layer[way], widest / 2)
+    on = apart < shown.width[line] / 2
+    return way[point[on]], line[on]
+
+
+def _sampled(ways: Routes, step: float) -> tuple[Int, Float, Float]:
+    """Points along ways at most `step` mm apart: the way (P,), where (P, 2), and (P,) mm to the nearer of its ends."""
+    route, point = ways.legs
+    begin, along = ways.xy[point], ways.xy[point + 1] - ways.xy[point]
+    length = np.hypot(*along.T)
+    leg, place = spread(np.ceil(length / step).astype(np.int64))
+    share = (place + 0.5) / np.ceil(length / step)[leg]
+    before = np.append(0.0, np.cumsum(length))
+    first = np.searchsorted(route, np.arange(len(ways.count)))
+    gone = (before[:-1] - before[first[route]])[leg] + share * length[leg]
+    way = route[leg]
+    return way, begin[leg] + share[:, None] * along[leg], np.minimum(gone, ways.length()[way] - gone)
+
+
+def _shown(paths: Toolpaths, layers: Int) -> _Shown:
+    """The beads of top skin and ironing on `layers` (n,)."""
     used = np.zeros(paths.plan.n_layers, np.bool_)
     used[layers] = True
-    shown = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)
-    chosen = np.flatnonzero(shown & used[paths.layer])
+    seen = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)
+    chosen = np.flatnonzero(seen & used[paths.layer])
     lines = paths.take(chosen)
     begin, end = lines.ends_of_beads
     owner = np.repeat(chosen, lines.beads_of_each)
-    ends = lines.xy[begin], lines.xy[end]
     box = paths.xy.min(axis=0), paths.xy.max(axis=0)
-    return Segments(ends, paths.layer[owner], paths.plan.n_layers, box), owner
+    segments = Segments((lines.xy[begin], lines.xy[end]), paths.layer[owner], paths.plan.n_layers, box)
+    return _Shown(segments, owner, (lines.width[begin] + lines.width[end]) / 2)
