@@ -216,8 +216,19 @@ def _material(value: _Value, put: _Put) -> None:
     put("full_fan_speed_layer", "cool_fan_full_layer", _word(max(int(value("cool_fan_full_layer")) - 1, 0)))
 
 
+def _overlap(value: _Value, put: _Put) -> None:
+    """How far infill reaches into the walls: a percentage of the mean width of their lines, in mm."""
+    percent = _or(value, "infill_overlap", None)
+    if percent is None:
+        return
+    wall = value("wall_line_width_x" if int(value("wall_line_count")) > 1 else "wall_line_width_0")
+    width = (float(_or(value, "infill_line_width", wall)) + float(wall)) / 2
+    put("infill_overlap", "infill_overlap", _word(round(float(percent) / 100 * width, 6)))
+
+
 def _print(value: _Value, put: _Put) -> None:
     put("fill_density", "infill_sparse_density", f"{float(value('infill_sparse_density')):g}%")
+    _overlap(value, put)
     pattern = str(value("infill_pattern"))
     put("fill_pattern", "infill_pattern", _PATTERNS.get(pattern, pattern))
     put("seam_position", "z_seam_type", _SEAMS.get(str(value("z_seam_type")), "aligned"))

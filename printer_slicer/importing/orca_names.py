@@ -66,6 +66,7 @@ ORCA: Final[Mapping[str, str]] = {
     "sparse_infill_density": "fill_density",
     "sparse_infill_pattern": "fill_pattern",
     "infill_direction": "fill_angle",
+    "infill_wall_overlap": "infill_overlap",
     "minimum_sparse_infill_area": "solid_infill_below_area",
     "reduce_crossing_wall": "avoid_crossing_perimeters",
     "max_travel_detour_distance": "avoid_crossing_perimeters_max_detour",

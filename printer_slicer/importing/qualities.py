@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
+from printer_slicer import bead
 from printer_slicer.importing.conditions import known_setting
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.foreign import Unreadable
@@ -299,6 +300,8 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     if not 0 <= share <= 1:
         raise made.refuse("fill_density", f"a density of {100 * share:g} %", "write 0 to 100 %")
     made.put("infill_density", share, "fill_density")
+    if preset.has("infill_overlap"):
+        _overlap(made, height, width)
     made.held("infill_angle_deg", preset.number("fill_angle"), -360, 360, "fill_angle")
     made.held("min_sparse_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area")
     for name, most in (("infill_anchor", 50), ("infill_anchor_max", 1000)):
@@ -311,6 +314,18 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     if every > 1:
         made.held("sparse_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers")
     made.skip(["infill_every_layers"])
+
+
+def _overlap(made: Conversion, height: float, width: float) -> None:
+    """How far infill reaches into the perimeter: there mm or a percentage of the spacing, half of it each bead's.
+
+    Solid infill keeps ours: its rows fill their room exactly, so that more would be too much.
+    """
+    found = made.quantity("infill_overlap")
+    reach = found.of(float(bead.spacing(width, height)))
+    how = "percentage of the spacing" if found.percent else "mm"
+    share = round(reach / width, 4)
+    made.held("sparse_overlap", share, 0, 0.5, "infill_overlap", f"{how}; sparse infill only")
 
 
 def _bed(made: Conversion, height: float) -> None:
@@ -387,8 +402,6 @@ def _why(name: str) -> str:
         return "one tool prints"
     if name == "travel_acceleration":
         return "the printer's travel_acceleration: set it there"
-    if name == "infill_overlap":
-        return "measured otherwise here: infill_overlap and sparse_overlap keep their defaults"
     if name == "max_volumetric_speed":
         return "the material's max_flow limits it"
     return "no counterpart"

@@ -28,7 +28,7 @@ LITERALS: dict[str, Any] = {
     "acceleration_enabled": False, "retraction_amount": 4.5, "retraction_enable": True, "retraction_hop": 0.4,
     "retraction_hop_enabled": False, "retraction_retract_speed": 41, "material_flow": 97, "cool_fan_enabled": True,
     "cool_fan_speed_0": 0, "cool_fan_full_layer": 3, "material_bed_temperature": 55,
-    "infill_sparse_density": 20, "z_seam_type": "back", "initial_layer_line_width_factor": 125,
+    "infill_sparse_density": 20, "infill_overlap": 10, "z_seam_type": "back", "initial_layer_line_width_factor": 125,
     "ironing_flow": 10, "retraction_combing": "all", "xy_offset": 0, "xy_offset_layer_0": -0.1,
     "adhesion_type": "skirt",
     "skirt_line_count": 2, "brim_width": 8, "layer_height": 0.2, "material_print_temperature": 203,
@@ -40,6 +40,7 @@ EXPRESSIONS = {
     "cool_fan_speed_max": "100.0 if cool_fan_enabled else 0.0",
     "cool_fan_speed_min": "cool_fan_speed_max / 2",
     "wall_line_width_0": "machine_nozzle_size",
+    "infill_line_width": "machine_nozzle_size",
     "wall_line_width_x": "wall_line_width_0 * 1.1",
     "wall_line_count": "max(1, round(1.2 / wall_line_width_0))",
     "infill_pattern": "'lines' if infill_sparse_density > 25 else 'grid'",
@@ -101,6 +102,16 @@ def test_a_machine_with_what_it_inherits_makes_a_profile(folder: Path) -> None:
     assert (quality.speeds.travel, quality.speeds.solid) == (200, 33)
     assert (quality.infill, quality.seam, quality.skirt_loops, quality.brim_width) == ("grid", "rear", 2, 0)
     assert (quality.elephant_foot, quality.top_thickness) == (0.1, 0.8)
+
+
+@pytest.mark.parametrize(("percent", "walls", "mm"), [("20", "3", 0.126), ("20", "1", 0.12), ("0", "3", 0.0)])
+def test_the_overlap_of_infill_is_a_share_of_the_mean_width_of_infill_and_wall(
+    folder: Path, percent: str, walls: str, mm: float
+) -> None:
+    changes = {"infill_overlap": percent, "wall_line_count": walls}
+    quality = imported(folder / "acme.def.json", cura=changes)["quality"].values
+
+    assert quality["sparse_overlap"] * quality["extrusion_width"] == pytest.approx(mm, abs=1e-4)
 
 
 def test_it_heats_before_its_start_gcode_as_the_source_does(folder: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from printer_slicer import bead
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import import_profiles
 from tests.importing.files import FLAT, flat_file, imported, ini, loaded, refused
@@ -27,6 +28,27 @@ def test_what_has_a_counterpart_is_taken_with_its_value(tmp_path: Path) -> None:
     assert (quality.infill, quality.infill_density, quality.extrusion_width) == ("gyroid", 0.18, 0.45)
     assert (quality.speeds.inner_perimeter, quality.speeds.outer_perimeter) == (48, 24)
     assert (quality.speeds.solid, quality.speeds.first_layer, quality.speeds.travel) == (60, 21, 160)
+
+
+@pytest.mark.parametrize(
+    ("overlap", "share"),
+    [
+        ("25%", 0.25 * float(bead.spacing(0.45, 0.2)) / 0.45),
+        ("0.09", 0.2),
+        ("0", 0.0),
+        ("80%", 0.5),
+    ],
+)
+def test_the_overlap_of_infill_with_the_perimeters_is_taken(
+    tmp_path: Path, overlap: str, share: float
+) -> None:
+    """A percentage is one of the spacing: half that of the perimeter and half that of the infill."""
+    made = imported(flat_file(tmp_path, infill_overlap=overlap))
+    quality = loaded(made, tmp_path).quality
+
+    assert quality.sparse_overlap == pytest.approx(share, abs=1e-4)
+    assert "infill_overlap" not in {one.theirs for one in made["quality"].left}
+    assert any("infill_overlap" in one.place for one in made["quality"].notes) == (overlap == "80%")
 
 
 def test_the_account_names_what_was_taken_approximated_and_left_out(tmp_path: Path) -> None:
