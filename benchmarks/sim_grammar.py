@@ -55,6 +55,7 @@ _HEAT_KLIPPER = rf"B:{_REAL} /{_REAL}(?: T\d:{_REAL} /{_REAL})+"
 _KLIPPER = (
     *(r"ok", rf"ok {_HEAT_KLIPPER}", _HEAT_KLIPPER, rf"X:{_REAL} Y:{_REAL} Z:{_REAL} E:{_REAL}", r"echo: .*"),
     *(
+        r"!! Unable to parse move '[^\n]*'",
         rf"!! Must home axis first: {_REAL} {_REAL} {_REAL} \[{_REAL}\]",
         rf"!! Move out of range: {_REAL} {_REAL} {_REAL} \[{_REAL}\]",
     ),

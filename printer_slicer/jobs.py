@@ -220,7 +220,7 @@ def _judged(
     told = _told(name, text, streamed=streamed)
     pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
     tally = _Tally(limits_of(printer))
-    findings = scan(told.commands, profile, moves=map(tally.add, pieces), marks=told.marks)
+    findings = scan(told.commands, profile, moves=map(tally.add, pieces), marks=told.marks, whole=True)
     lines = lines_of(text, [one.index for one in findings])
     placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
     return replace(tally.job(name, text, told), findings=placed)

@@ -33,7 +33,7 @@ def check_command(arguments: argparse.Namespace) -> int:
     """Look at G-code before it is printed, hold it against its model, and say what is wrong."""
     refuse_mixing(arguments)
     refuse_other_text(arguments.gcode)
-    looked = _looked(arguments)
+    looked = look(arguments)
     if not arguments.models:
         return _tell_looked(arguments, looked)
     limits = _limits(arguments.limit)
@@ -54,14 +54,6 @@ def check_command(arguments: argparse.Namespace) -> int:
         say(arguments, "\n".join([*_lines(check, plate_name(arguments.models)), *looked.lines]))
     _insist(check, looked.wrong)
     return 0
-
-
-def _looked(arguments: argparse.Namespace) -> Looked:
-    """What is in the job: where there is no model, and where printer, material or link are named."""
-    named = arguments.printer or arguments.material or arguments.set or arguments.allow or arguments.link
-    if named or not arguments.models:
-        return look(arguments)
-    return Looked({}, [], [])
 
 
 def _tell_looked(arguments: argparse.Namespace, looked: Looked) -> int:

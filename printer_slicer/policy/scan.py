@@ -11,6 +11,8 @@ from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.heat import Heat
 from printer_slicer.policy.motion import MoveJudge
+from printer_slicer.policy.numbers import number_faults
+from printer_slicer.policy.readiness import Readiness
 from printer_slicer.policy.table import RULES, Rule
 from printer_slicer.policy.words import Command, read_commands, unusual
 from printer_slicer.profile import Profile
@@ -31,6 +33,7 @@ def scan(
     *,
     moves: Iterable[Moves] | None = None,
     marks: Mapping[int, int] | None = None,
+    whole: bool = False,
 ) -> tuple[Finding, ...]:
     """Everything in a job that a person should know, or must allow, before a printer gets it.
 
@@ -39,6 +42,7 @@ def scan(
         profile: the machine and its material, with their ceilings.
         moves: of the commands, piece by piece, if somebody else wants to see them too.
         marks: command index -> layer, ascending.
+        whole: the commands are a whole print, which has to home and to heat by itself.
 
     Returns:
         What was found, in the order of the commands; the same thing done again is counted.
@@ -48,9 +52,10 @@ def scan(
         moves = pieces_of(commands, profile.printer.corners[0], dialect)
     found: dict[_Key, Finding] = {}
     factors: list[tuple[int, float]] = []
-    heat = Heat(profile)
+    heat, readiness = Heat(profile), Readiness()
     for index, line in unusual(commands):
         for command in read_commands(line):
+            readiness.follow(index, command)
             if command.code == "M221" and (ratio := command.most("S")):
                 factors.append((index, ratio / 100))
             for name, refused, what, why in _said(command, profile, heat):
@@ -65,11 +70,18 @@ def scan(
     judge = MoveJudge(profile, factors)
     for piece in moves:
         judge.see(piece)
-    everything = [*found.values(), *judge.findings(commands)]
-    begins, layers = list(marks or ()), list((marks or {}).values())
+        if whole:
+            readiness.watch(piece)
+    everything = [*found.values(), *judge.findings(commands), *readiness.findings(commands)]
+    return _in_order(everything, marks or {})
+
+
+def _in_order(findings: Iterable[Finding], marks: Mapping[int, int]) -> tuple[Finding, ...]:
+    """Findings with their layers, in the order of the commands."""
+    begins, layers = list(marks), list(marks.values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)
-        for one in everything
+        for one in findings
     )
     return tuple(sorted(placed, key=lambda one: (one.index, not one.refused, one.name)))
 
@@ -82,6 +94,8 @@ def _said(command: Command, profile: Profile, heat: Heat) -> Iterator[tuple[str,
         said = rule.judge(command, profile.printer)
         if said is not None:
             yield rule.name, *said, rule.why
+    for what in number_faults(command, profile.printer.flavour):
+        yield "unreadable", True, what, "firmwares differ in what they make of it"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
         yield "debug", True, "is a command for developers", "it may read and write memory and pins"
     scripted = command.code in _SCRIPTS and "_" not in command.code

@@ -32,6 +32,10 @@ _OPTION: Final = re.compile(r"(?:[AEP]\d *)*")
 _ANSWER: Final = re.compile(
     r"OK\b|RESEND|RS |ERROR|START\b|WAIT\b|!!|FATAL|ECHO: *BUSY|BUSY|FIRMWARE_NAME|CAP:|T\d*:|B:|X:"
 )
+_FLOW: Final = (75.0, 130.0)
+"""% of flow that machines and materials are known to ask for."""
+
+_SPEED: Final = (25.0, 200.0)
 _COLDEST: Final = 170.0  # °C; Marlin's own EXTRUDE_MINTEMP
 
 
@@ -122,6 +126,25 @@ def _cold(command: Command, _printer: Printer) -> Said | None:
     return True, f"lets the extruder turn at {least:g} °C"
 
 
+def _flow_ratio(command: Command, _printer: Printer) -> Said | None:
+    """M221: what start G-code of machines sets is told, what starves or floods the part is refused."""
+    return _ratio(command, "extrudes", _FLOW)
+
+
+def _speed_ratio(command: Command, _printer: Printer) -> Said | None:
+    """M220: firmware holds speeds back to its limits, so only the absurd is refused."""
+    return _ratio(command, "moves at", _SPEED)
+
+
+def _ratio(command: Command, what: str, usual: tuple[float, float]) -> Said | None:
+    percent = command.most("S")
+    if percent is None or percent == 100:
+        return None
+    low, high = usual
+    of = "the plastic" if what == "extrudes" else "the speed"
+    return not low <= percent <= high, f"{what} {percent:g} % of {of} from here on"
+
+
 def _off(command: Command, _printer: Printer) -> Said | None:
     """Only where a zero switches something off."""
     off = [letter for letter, values in command.words.items() if letter in "SH" and 0 in values]
@@ -194,6 +217,8 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     Rule("autotune", _codes("M303 PID_CALIBRATE"), _always("heats to tune a heater"), "it heats by itself"),
     Rule("cold", _codes("M302"), _cold, "an extruder that turns cold grinds its filament"),
+    Rule("ratio", _codes("M221"), _flow_ratio, "the part was sliced for 100 %"),
+    Rule("ratio", _codes("M220"), _speed_ratio, "the part was sliced for 100 %"),
     Rule("protection", _codes("M143 M562 M570"), _always("changes what guards heaters"), _GUARDS),
     Rule("endstops", _codes("M211 M564"), _off, _GUARDS),
     Rule("endstops", _codes("FORCE_MOVE"), _always("moves past all limits"), _GUARDS),

@@ -30,8 +30,9 @@ _TEXTS: Final = frozenset(
 )
 """Commands with free text behind them."""
 
-_ORDINARY: Final = re.compile(rb"(?m)^(?!G[0-3] [-+.0-9XYZEFIJR ]*$).+$")
-"""A line that is no plain move."""
+_PLAIN_WORD: Final = r" *[XYZEFIJR] *[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)"
+_ORDINARY: Final = re.compile(rf"(?m)^(?!G[0-3](?:{_PLAIN_WORD})++ *$).+$".encode())
+"""A line that is no plain move, or one with a word that is no letter and number."""
 
 _AT_ONCE: Final = 1 << 15
 
@@ -46,6 +47,7 @@ class Command:
         words: letter -> all its numbers, none for a letter alone.
         settings: NAME -> number, of NAME=number.
         further: whether it is not the first of its line.
+        rest: what stands behind the code, without texts in quotes and brackets, up to a further command.
     """
 
     code: str
@@ -53,6 +55,7 @@ class Command:
     words: dict[str, list[float]] = field(default_factory=dict)
     settings: dict[str, float] = field(default_factory=dict)
     further: bool = False
+    rest: str = ""
 
     def most(self, letters: str) -> float | None:
         """The largest number behind any of the letters, None without one."""
@@ -90,12 +93,13 @@ def read_commands(line: bytes) -> Iterator[Command]:
         yield Command(code, text, _words(rest))
         return
     found = list(_FURTHER.finditer(rest))
-    yield Command(code, text, _words(rest[: found[0].start()] if found else rest))
+    own = rest[: found[0].start()] if found else rest
+    yield Command(code, text, _words(own), rest=own)
     ends = [*(one.start() for one in found), len(rest)][1:]
     for one, end in zip(found, ends, strict=True):
         name = one.group().replace(" ", "")
         own = rest[one.end() : end]
-        yield Command(f"{name[0]}{int(name[1:])}", text, _words(own), further=True)
+        yield Command(f"{name[0]}{int(name[1:])}", text, _words(own), further=True, rest=own)
 
 
 def _words(text: str) -> dict[str, list[float]]:

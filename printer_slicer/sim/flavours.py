@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.answers import limit_accelerations, nothing, positive
 from printer_slicer.sim.heating import tool_target, wait_for_all
+from printer_slicer.sim.klipper import unparsed
 from printer_slicer.sim.machine import AXES, replaced
-from printer_slicer.sim.moves import firmware_retraction, probe
+from printer_slicer.sim.moves import firmware_retraction, line, line_of_zeros, probe
 from printer_slicer.sim.pausing import ask_person
 
 if TYPE_CHECKING:
@@ -89,10 +90,17 @@ def _retraction_or_tool(board: Board, command: Command) -> Steps | None:
     return None
 
 
+def _parsed_line(board: Board, command: Command) -> Steps | None:
+    """Klipper's G0 and G1."""
+    return None if unparsed(board, command) else line(board, command)
+
+
 FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] = {
     "marlin": {},
     "marlin_legacy": {},
     "prusa": {
+        "G0": line_of_zeros,
+        "G1": line_of_zeros,
         "G80": probe,
         "M403": nothing,  # the kind of filament, told to the MMU
         "M862.1": nothing,  # nozzle, model, firmware: whether the file is for this printer
@@ -104,6 +112,8 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "M907": nothing,
     },
     "klipper": {
+        "G0": _parsed_line,
+        "G1": _parsed_line,
         "M200": lambda board, command: board.unknown(command.text),
         "PAUSE": ask_person,
         "SET_RETRACTION": _retraction,
@@ -119,6 +129,8 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "M572": nothing,
     },
     "repetier": {
+        "G0": line_of_zeros,
+        "G1": line_of_zeros,
         "@pause": ask_person,
         "M201": _print_acceleration,
         "M202": _travel_acceleration,
@@ -129,6 +141,8 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "M208": nothing,
     },
     "smoothie": {
+        "G0": line_of_zeros,
+        "G1": line_of_zeros,
         "M204": _accelerations,
         "M205": _junction_deviation,
     },

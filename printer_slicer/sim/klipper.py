@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from printer_slicer.sim.board import Board, Steps
     from printer_slicer.sim.words import Command
 
-__all__ = ["ANYWAY", "KNOWN", "TABLE", "refuse_shut_down", "straight"]
+__all__ = ["ANYWAY", "KNOWN", "TABLE", "refuse_shut_down", "straight", "unparsed"]
 
 ANYWAY: Final = frozenset({"M105", "M110", "M112", "M115", "FIRMWARE_RESTART", "RESTART"})
 """What is obeyed in a shutdown too."""
@@ -131,7 +131,18 @@ def _not_to_extrude(board: Board, goal: Axes) -> str:
     return ""
 
 
+def unparsed(board: Board, command: Command) -> bool:
+    """Whether a move holds a letter without a number: it is refused as a whole, as heard of `G1 Z.2.3`."""
+    if not command.without_number("XYZEF"):
+        return False
+    board.say(f"!! Unable to parse move '{command.text}'")
+    board.violated("move that cannot be parsed")
+    return True
+
+
 def _move(board: Board, command: Command) -> Steps | None:
+    if not board.shut_down and unparsed(board, command):
+        return None
     return straight(board, [command.value(letter) for letter in "XYZEF"])
 
 

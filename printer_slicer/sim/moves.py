@@ -20,7 +20,17 @@ if TYPE_CHECKING:
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.words import Command
 
-__all__ = ["FARTHEST", "STOP_SECONDS", "TABLE", "firmware_retraction", "goal_of", "probe", "straight"]
+__all__ = [
+    "FARTHEST",
+    "STOP_SECONDS",
+    "TABLE",
+    "firmware_retraction",
+    "goal_of",
+    "line",
+    "line_of_zeros",
+    "probe",
+    "straight",
+]
 
 LARGEST_RADIUS: Final = 10_000.0
 """mm; an arc of a larger circle has more chords than a firmware can count."""
@@ -145,8 +155,15 @@ def _pushed_later(board: Board, block: Block, target: Axes) -> Steps:
     mover.push(block, target, board.now)
 
 
-def _line(board: Board, command: Command) -> Steps | None:
+def line(board: Board, command: Command) -> Steps | None:
+    """G0 and G1 with their words in any form."""
     return straight(board, [command.value(letter) for letter in "XYZEF"])
+
+
+def line_of_zeros(board: Board, command: Command) -> Steps | None:
+    """G0 and G1 of firmwares that read numbers with C's strtod: a letter alone is 0."""
+    zeros = {letter: 0.0 for letter in command.without_number("XYZE") if not command.words[letter]}
+    return straight(board, [zeros.get(letter, command.value(letter)) for letter in "XYZEF"])
 
 
 def _arc(board: Board, command: Command) -> Steps | None:
@@ -341,8 +358,8 @@ def _units(board: Board, command: Command) -> None:
 
 
 TABLE: Final = {
-    "G0": _line,
-    "G1": _line,
+    "G0": line,
+    "G1": line,
     "G2": _arc,
     "G3": _arc,
     "G4": _dwell,

@@ -20,6 +20,8 @@ SIMPLE_MOVE: Final = re.compile(
 
 _CODE: Final = re.compile(r"([A-Z]) *([0-9]+(?:\.[0-9]+)?)")
 _SETTING: Final = re.compile(rf"\b([A-Z_]+)=({_NUMBER})")
+_WRITTEN: Final = re.compile(r"([A-Z]) *([-+.0-9]*)")
+_WHOLE: Final = re.compile(_NUMBER).fullmatch
 _WORD: Final = re.compile(rf"([A-Z]) *({_NUMBER})?")
 
 
@@ -51,6 +53,11 @@ class Command:
     def values(self, letters: str) -> dict[str, float]:
         """The numbers behind those of the letters that have one."""
         return {letter: value for letter in letters if (value := self.value(letter)) is not None}
+
+    def without_number(self, letters: str) -> list[str]:
+        """Those of the letters behind which there is no number, or something that only begins like one."""
+        found = _WRITTEN.findall(self.rest)
+        return [letter for letter, text in found if letter in letters and not _WHOLE(text)]
 
     def setting(self, name: str) -> float | None:
         """The number of NAME=number, as extended commands have it."""

@@ -100,6 +100,7 @@ _RULES: Final[Mapping[str, _Rule]] = {
     "hotend asked for": _Rule("temperature", "choose a temperature that the printer stands"),
     "bed asked for": _Rule("temperature", "choose a temperature that the printer stands"),
     "no such extruder": _Rule("tool", "slice for one extruder, or say how many there are: --extruders N"),
+    "move that cannot be parsed": _Rule("unreadable", "put a number behind every letter of this line"),
     "arc without a centre": _Rule("arc", "switch arcs off in the slicer"),
 }
 

@@ -87,6 +87,7 @@ HARM = {
     "box": ["G1 X300", "G1 Y-30", "G1 Z-0.5", "G1 Z300", "G1 X226 E1"],
     "feed": ["G1 X100 F90000"],
     "flow": ["G1 X100 E50 F6000"],
+    "ratio": ["M221 S50", "M221 S200", "M220 S10", "M220 S400"],
     "cold": ["M302 S0", "M302 P1", "M302 S100"],
     "eeprom": ["M500", "M501", "M502", "M504", "SAVE_CONFIG"],
     "limits": ["M201 X20000", "M203 X30000", "M204 S50000", "M205 X500"],
@@ -106,10 +107,21 @@ HARM = {
     "shell": ["RUN_SHELL_COMMAND CMD=rm"],
     "unreadable": ["G1 X{random(400)}", "M107 G1 X500", "while true", "G5 X500 Y0 I0 J3 P0 Q-3", "G18"],
 }
+HARM["unreadable"] += [
+    "G1 X",
+    "G1 Xnan",
+    "G1 X1 Y-inf",
+    "G1 X1.2.3 Y5",
+    "G1 Y.",
+    "G92 E",
+    "M104 Snan",
+    "M204 P1.2.3",
+]
+OF_WHOLE_JOBS = {"homing"}
 
 
 def test_every_name_has_an_example() -> None:
-    assert set(HARM) == set(NAMES)
+    assert set(HARM) | OF_WHOLE_JOBS == set(NAMES)
 
 
 @pytest.mark.parametrize(("name", "line"), [(name, line) for name, lines in HARM.items() for line in lines])
@@ -130,7 +142,20 @@ def test_each_kind_is_found_in_the_middle_of_a_good_job_whatever_its_spelling(na
 HARMLESS = [
     *("M104 S260", "M109 R200", "M140 S0", "M104", "M109", "M105", "M106 S255", "M107", "M115", "M117 M112"),
     *("M302", "M302 S170", "M503", "M201 X500 Y500 Z100 E5000", "M203 X500 Y500 Z5 E25", "M204 S500"),
-    *("M205 X10 Y10 Z0.3 E5", "M92", "M301", "M211", "M211 S1", "M851", "M73 P10 R20", "M220 S100"),
+    *(
+        "M205 X10 Y10 Z0.3 E5",
+        "M92",
+        "M301",
+        "M211",
+        "M211 S1",
+        "M851",
+        "M73 P10 R20",
+        "M220 S100",
+        "M221 S100",
+        "M220 B",
+        "M220 R",
+    ),
+    *("G1 X5. Y.5 E-.5 F1200", "G1X5Y5", "g1 x5", "G2 X5 Y5 I1 J-1 E.1", "M106", "M109 S200 F"),
     *(
         "M118 S500 G1 X999",
         "M118 okay then",
@@ -196,6 +221,29 @@ def test_temperatures_in_other_units_are_understood() -> None:
     assert refused("M149 F", "M149 C", "M104 S428") == ["temperature"]
 
 
+def test_a_whole_job_has_to_home_and_to_heat() -> None:
+    """Single commands, such as a person types, need not."""
+    cold = [one for one in COMMANDS if not one.startswith((b"M104", b"M109"))]
+    lost = [one for one in COMMANDS if not one.startswith(b"G28")]
+
+    for job, name in ((cold, "cold"), (lost, "homing")):
+        assert [one.name for one in scan(job, PROFILE, whole=True)] == [name]
+        assert scan(job, PROFILE) == ()
+    assert scan(COMMANDS, PROFILE, whole=True) == ()
+
+
+def test_another_tool_may_rest_and_the_same_may_be_cold_for_a_moment() -> None:
+    at = COMMANDS.index(b"G1 X150 Y50 E3.3 F1800") + 1
+    for pause in ([b"M104 T1 S0"], [b"M104 S0", b"G1 X60 F6000", b"M109 S215"], [b"M104 S0"]):
+        assert scan([*COMMANDS[:at], *pause, *COMMANDS[at:]], PROFILE, whole=True) == ()
+
+
+def test_a_macro_that_starts_the_print_is_trusted_to_home_and_to_heat() -> None:
+    own = [one for one in COMMANDS if not one.startswith((b"G28", b"M104", b"M109", b"M140", b"M190"))]
+
+    assert scan([b"PRINT_START EXTRUDER_TEMP=215 BED_TEMP=60", *own], PROFILE, whole=True) == ()
+
+
 def test_inches_are_followed() -> None:
     assert refused("G20", "G1 X8 F100") == []
     assert refused("G20", "G1 X10 F100") == ["box"]
@@ -241,7 +289,7 @@ def test_a_ratio_of_flow_counts() -> None:
     bead = ["M83", "G1 X100 E12 F1800"]
 
     assert refused(*bead) == []
-    assert refused("M221 S500", *bead) == ["flow"]
+    assert refused("M221 S500", *bead) == ["ratio", "flow"]
 
 
 def test_a_feed_that_the_firmware_holds_back_is_told_unless_the_file_lifts_the_limit() -> None:

@@ -503,3 +503,27 @@ def test_a_spiral_lists_a_bounded_number_of_layers() -> None:
     assert len(report.layers) == 20_000
     assert report.laid_max is not None
     assert report.laid_max[2] == pytest.approx(210.0)
+
+
+def test_klipper_refuses_a_move_with_a_letter_alone() -> None:
+    """As heard: `G1 Z.2.3` is answered by "Unable to parse move"."""
+    console = Console(KLIPPER, COLD_OK)
+    console.do("G28", "G1 X10 Y10 F6000")
+    for line in ("G1 X Y5", "G1 Z.2.3", "G1 X1 F"):
+        assert console.do(line) == [f"!! Unable to parse move '{line}'", "ok"]
+    assert place(console)["X"] == place(console)["Y"] == 10.0
+
+
+@pytest.mark.parametrize("flavour", ["prusa", "repetier", "smoothie"])
+def test_firmware_that_reads_as_c_does_takes_a_letter_alone_for_zero(flavour: str) -> None:
+    console = Console(replace(MARLIN_2_1_ADVANCED, flavour=flavour), COLD_OK)
+    console.do("G28", "G1 X10 Y10 F6000", "G1 X Y5")
+
+    assert (place(console)["X"], place(console)["Y"]) == (0.0, 5.0)
+
+
+def test_marlin_passes_over_a_letter_alone() -> None:
+    console = Console(MARLIN_2_1_ADVANCED, COLD_OK)
+    console.do("G28", "G1 X10 Y10 F6000", "G1 X Y5")
+
+    assert (place(console)["X"], place(console)["Y"]) == (10.0, 5.0)

@@ -1,0 +1,151 @@
+"""The same fault in the same file: `check`, `check --model` and `dry-run` agree, for every flavour of G-code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from printer_slicer.gcode import FLAVOURS
+from printer_slicer.mesh_io import export_stl
+from tests.cli.command_line import typed
+from tests.parts import box
+
+Lines = list[str]
+HEIGHTS = ("--set", "layer_height=0.3", "--set", "first_layer_height=0.3", "--planner", "uniform")
+
+
+def without(*beginnings: str) -> Callable[[Lines], Lines]:
+    """A file that lacks these commands."""
+    return lambda lines: [line for line in lines if not line.startswith(beginnings)]
+
+
+def with_line(line: str) -> Callable[[Lines], Lines]:
+    """A file with one more line where the fourth layer begins."""
+
+    def plant(lines: Lines) -> Lines:
+        at = [nth for nth, one in enumerate(lines) if one == ";LAYER_CHANGE"][3] + 1
+        return [*lines[:at], line, *lines[at:]]
+
+    return plant
+
+
+NUMBERS = {
+    "bare letter": ("G1 X Y100", "X has no number"),
+    "bare feed": ("G1 X100 F", "F has no number"),
+    "nan": ("G1 Xnan Y100", "X is nan"),
+    "infinity": ("G1 X100 E-inf", "E is -inf"),
+    "two points": ("G1 X100.2.3 Y100", "X100.2.3 is no number"),
+    "two signs": ("G1 X100 Y--5", "Y--5 is no number"),
+    "position": ("G92 E1.2.3", "E1.2.3 is no number"),
+    "temperature": ("M104 Snan", "S is nan"),
+    "limit": ("M204 S1.2.3", "S1.2.3 is no number"),
+}
+FAULTS: dict[str, tuple[Callable[[Lines], Lines], str]] = {
+    "half the plastic": (with_line("M221 S50"), "50 % of the plastic"),
+    "a tenth of the speed": (with_line("M220 S10"), "10 % of the speed"),
+    "no heating": (without("M104 S2", "M109"), "cold"),
+    "no waiting for heat": (without("M190", "M109"), "cold"),
+    "switched off": (with_line("M104 S0"), "cold"),
+    "cooled": (with_line("M109 R60"), "cold"),
+    "no homing": (without("G28"), "moved before homing|moves before homing"),
+    "motors off": (with_line("M84"), "motors were off"),
+    "under the bed": (with_line("G1 Z-0.5"), "out of the machine: Z|driven into the bed"),
+    "350 C": (with_line("M104 S350"), "350"),
+    "stored settings": (with_line("M500"), "M500"),
+    "a long line": (with_line("G1 X" + "0" * 100 + "100"), "bytes long"),
+}
+
+
+@cache
+def part(folder: Path) -> Path:
+    path = folder / "part.stl"
+    export_stl(box((10.0, 10.0, 2.4)), path)
+    return path
+
+
+@cache
+def sliced(folder: Path, flavour: str) -> tuple[str, ...]:
+    path = folder / f"{flavour}.gcode"
+    done = typed("slice", part(folder), "-o", path, "--set", f"printer.flavour={flavour}", *HEIGHTS)
+    assert done.code == 0, done.err
+    return tuple(path.read_text().splitlines())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("agreement")
+
+
+def told(folder: Path, flavour: str, plant: Callable[[Lines], Lines]) -> dict[str, tuple[int, str]]:
+    """Exit code and words of each tool about a file with a fault in it."""
+    path = folder / "planted.gcode"
+    path.write_text("\n".join(plant(list(sliced(folder, flavour)))) + "\n")
+    machine = ("--set", f"printer.flavour={flavour}")
+    runs = {
+        "check": typed("check", path, *machine),
+        "check --model": typed("check", path, "--model", part(folder), *machine),
+        "dry-run": typed("dry-run", path, *machine),
+    }
+    return {name: (run.code, run.out + run.err) for name, run in runs.items()}
+
+
+@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
+def test_every_tool_passes_a_good_file(flavour: str, folder: Path) -> None:
+    found = told(folder, flavour, lambda lines: lines)
+
+    assert {name: code for name, (code, _) in found.items()} == dict.fromkeys(found, 0), found
+
+
+@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
+@pytest.mark.parametrize("fault", NUMBERS)
+def test_every_tool_refuses_words_that_hold_no_number(fault: str, flavour: str, folder: Path) -> None:
+    line, words = NUMBERS[fault]
+    found = told(folder, flavour, with_line(line))
+
+    assert {name: code for name, (code, _) in found.items()} == dict.fromkeys(found, 7), found
+    for name, (_, text) in found.items():
+        assert words in text or "cannot be parsed" in text, name
+
+
+@pytest.mark.parametrize("flavour", ["klipper", "marlin", "reprapfirmware"])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_tool_refuses_the_same_faults(fault: str, flavour: str, folder: Path) -> None:
+    plant, words = FAULTS[fault]
+    found = told(folder, flavour, plant)
+
+    codes = {code for code, _ in found.values()}
+    assert codes in ({7}, {2}), found
+    for name, (_, text) in found.items():
+        assert any(one in text for one in words.split("|")), (name, text)
+
+
+def test_a_ratio_that_machines_are_known_to_ask_for_is_told(folder: Path) -> None:
+    found = told(folder, "marlin", with_line("M221 S95"))
+
+    for name, (code, text) in found.items():
+        assert code == 0, name
+        assert "95 % of the plastic" in text, name
+
+
+READS = {
+    ("marlin", "G1 X Y5"): "passes over the word",
+    ("prusa", "G1 X Y5"): "reads it as 0",
+    ("smoothie", "G1 X Y5"): "reads it as 0",
+    ("repetier", "G1 X Y5"): "reads it as 0",
+    ("klipper", "G1 X Y5"): "refuses the whole line",
+    ("reprapfirmware", "G1 X Y5"): "refuses the whole line",
+    ("klipper", "G1 X1.2.3"): "refuses the whole line",
+    ("marlin_legacy", "G1 X1.2.3"): "stops being a number",
+    ("klipper", "G1 Xnan"): "passes over the word",
+    ("prusa", "G1 Xnan"): "knows no position",
+}
+
+
+@pytest.mark.parametrize(("flavour", "line"), READS)
+def test_what_a_firmware_makes_of_a_word_is_said(flavour: str, line: str, folder: Path) -> None:
+    _, text = told(folder, flavour, with_line(line))["check"]
+
+    assert READS[flavour, line] in text
