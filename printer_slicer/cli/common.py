@@ -88,12 +88,21 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
                 f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2"
             )
         changes[key.strip()] = value.strip()
+    if getattr(arguments, "firmware", None) and not {"flavour", "printer.flavour"} & set(changes):
+        changes["printer.flavour"] = _flavour_of(arguments.firmware)
     for flag in ("printer", "material", "quality"):
         if getattr(arguments, flag, None) == "":
             raise UsageError(
                 f"--{flag}: the name is empty", remedy="leave it out, or see `printer-slicer profiles`"
             )
     return changes
+
+
+def _flavour_of(firmware: str) -> str:
+    """The G-code that a simulated firmware understands: what is sliced for it, and how files are read for it."""
+    from printer_slicer.sim.front_end import FRONT_ENDS
+
+    return FRONT_ENDS[firmware].flavour
 
 
 def _dialled(arguments: argparse.Namespace) -> dict[str, object]:

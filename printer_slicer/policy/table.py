@@ -71,9 +71,12 @@ def _if_any(letters: str, what: str, *, told: bool = False) -> _Judge:
 
 
 def _limits(command: Command, printer: Printer) -> Said | None:
-    """Limits over the profile's: told, or refused where they are far over it."""
+    """Limits over the profile's: told, or refused where they are far over it, or of speed far under it."""
     worst: tuple[float, str] = (1.0, "")
     for letter, asked, most in _asked_limits(command, printer):
+        if command.code == "M203" and 0 < asked < most / _FAR:
+            unit = "it reads mm/min" if printer.flavour == "reprapfirmware" else "it reads mm/s"
+            return True, f"{letter} {asked:.3g} mm/s, the profile has {most:g}; {unit}"
         if most > 0 and asked / most > worst[0] * 1.001:
             worst = (asked / most, f"{letter} {asked:g}, the profile has {most:g}")
     return (worst[0] > _FAR, worst[1]) if worst[1] else None
@@ -193,7 +196,7 @@ RULES: Final[tuple[Rule, ...]] = (
         "limits",
         _codes("M201 M203 M204 M205 M566 SET_VELOCITY_LIMIT"),
         _limits,
-        "the machine may lose steps",
+        "the machine may lose steps, or hardly move",
     ),
     Rule("calibration", _codes("M92"), _if_any("XYZEABC", "sets steps per mm"), "lengths come out wrong"),
     Rule(

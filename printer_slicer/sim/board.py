@@ -80,7 +80,7 @@ class Board:
         self._alarms: dict[str, tuple[float, Callable[[], None]]] = {}
         self.limits: Limits = machine.limits
         self.steps: Axes = machine.steps
-        self.mover = Mover(machine.limits, machine.first_move_delay, tally)
+        self.mover = Mover(machine.limits, machine.first_move_delay, tally, front_end.ahead_seconds)
         self.heaters = Heaters(machine, now)
         self._clogged_from = 0.0
         self.clogged = 0.0

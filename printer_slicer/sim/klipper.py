@@ -49,10 +49,6 @@ KNOWN: Final = frozenset(
 )
 """Commands that it has in common with Marlin, in the configuration that was recorded."""
 
-AHEAD_SECONDS: Final = 3.0
-"""A dwell of 3 s was seen to be answered at once; Klipper does not plan much further ahead than that, so a longer one
-is answered when it is over."""
-
 RESTART_SECONDS: Final = 1.7
 LONGEST_EXTRUSION: Final = 50.0
 """mm of filament without motion: its option max_extrude_only_distance."""
@@ -158,7 +154,7 @@ def _dwell(board: Board, command: Command) -> Steps | None:
 
 def _dwelling(board: Board, seconds: float) -> Steps:
     yield from board.planned_pause(seconds)
-    if seconds > AHEAD_SECONDS:
+    if seconds > board.front_end.ahead_seconds:  # a longer one is answered when it is over
         yield from board.until(board.now + seconds)
 
 

@@ -57,6 +57,12 @@ class Mover:
     A planner of n blocks has n - 1 places, one of them held by the block that is being executed: a ring needs
     one empty place to be told from an empty ring.
 
+    Args:
+        limits: of the machine; its planner holds so many blocks.
+        first_move_delay: s that a standing machine waits for more moves.
+        tally: counts what is done.
+        horizon: s of motion, at the speeds asked for, that are planned ahead at most, however few moves that are.
+
     Attributes:
         ends: when the running move ends, or the standing machine will start; infinite when it stands for
             good.
@@ -65,12 +71,15 @@ class Mover:
     """
 
     __slots__ = (
+        "_ahead",
         "_began",
         "_delay",
         "_dry_since",
+        "_horizon",
         "_lookahead",
         "_places",
         "_running",
+        "_seconds",
         "_standing",
         "_tally",
         "_woken_by",
@@ -79,7 +88,7 @@ class Mover:
         "targets",
     )
 
-    def __init__(self, limits: Limits, first_move_delay: float, tally: Tally) -> None:
+    def __init__(self, limits: Limits, first_move_delay: float, tally: Tally, horizon: float = inf) -> None:
         self.ends = inf
         self.targets: deque[Axes] = deque()
         self.expects_stop = True
@@ -92,6 +101,9 @@ class Mover:
         self._dry_since = -inf
         self._woken_by = 0
         self._standing: Axes = (0.0, 0.0, 0.0, 0.0)
+        self._horizon = horizon
+        self._ahead = 0.0
+        self._seconds: deque[float] = deque()  # of each of the targets, only where there is a horizon
 
     @property
     def busy(self) -> bool:
@@ -101,6 +113,8 @@ class Mover:
     @property
     def room(self) -> int:
         """Moves that can be taken without waiting."""
+        if self._ahead > self._horizon:
+            return 0
         return self._places - len(self.targets)
 
     def set_limits(self, limits: Limits) -> None:
@@ -114,6 +128,9 @@ class Mover:
             start = self.targets[-1] if self.targets else self._standing
             track.planned(self._tally.lines, start, target, block.speed)
         self.targets.append(target)
+        if self._horizon != inf:
+            self._seconds.append(block.length / block.speed)
+            self._ahead += self._seconds[-1]
         if self._running:
             return
         if self.ends == inf:
@@ -137,6 +154,8 @@ class Mover:
             at = self.ends
             if self._running:
                 self._standing = self.targets.popleft()
+                if self._seconds:
+                    self._ahead -= self._seconds.popleft()
             if self.targets:
                 if not self._running:
                     self._start(at)
@@ -192,6 +211,8 @@ class Mover:
         if self._running:
             self._tally.motion_seconds -= self.ends - now
         self.targets.clear()
+        self._seconds.clear()
+        self._ahead = 0.0
         if self._tally.track is not None:
             self._tally.track.forget()
         self._lookahead = Lookahead(self._lookahead.limits)

@@ -67,6 +67,7 @@ class FrontEnd:
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
         wait_seconds: an idle printer says `wait` so often; 0 = never.
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
+        ahead_seconds: s of motion that are planned ahead; a move beyond is answered when the plan has become shorter.
         queue_places: commands read ahead, the one being executed included.
         line_size: bytes of the line buffer; one less is kept of a longer line, the rest is cut off.
         boot_seconds: after a reset it hears nothing for so long.
@@ -114,6 +115,7 @@ class FrontEnd:
     babysteps: bool = True
     wait_seconds: float = 0.0
     busy_seconds: float = 2.0
+    ahead_seconds: float = inf
     queue_places: int = 4
     line_size: int = 96
     boot_seconds: float = 0.0

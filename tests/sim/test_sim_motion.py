@@ -505,6 +505,19 @@ def test_a_spiral_lists_a_bounded_number_of_layers() -> None:
     assert report.laid_max[2] == pytest.approx(210.0)
 
 
+def test_klipper_plans_some_seconds_ahead_however_many_moves_there_is_room_for() -> None:
+    """The host may count on an answer to M400 after those seconds, not after a thousand moves."""
+    console = Console(KLIPPER, replace(COLD_OK, limits=replace(LIMITS, planner_blocks=1000)))
+    console.do("G28", "G1 X10 Y10 F600")
+    began = console.now
+    console.do(*[f"G1 X{20 if nth % 2 else 10}" for nth in range(100)])  # a second each
+
+    assert console.now - began > 90.0
+    last = console.now
+    console.do("M400")
+    assert console.now - last < 6.0
+
+
 def test_klipper_refuses_a_move_with_a_letter_alone() -> None:
     """As heard: `G1 Z.2.3` is answered by "Unable to parse move"."""
     console = Console(KLIPPER, COLD_OK)
