@@ -267,6 +267,66 @@ def test_wide_parts_have_the_loops_they_had() -> None:
     assert np.diff(walls.paths.start).tolist() == [4, 4]
 
 
+LOBE = [
+    (6.29, 0.01),
+    (6.5, 0.05),
+    (6.7, 0.13),
+    (6.89, 0.25),
+    (7.07, 0.4),
+    (7.23, 0.58),
+    (7.37, 0.79),
+    (7.52, 1.09),
+    (7.59, 1.28),
+    (7.66, 1.55),
+    (7.7, 1.84),
+    (7.72, 2.13),
+    (7.71, 2.42),
+    (7.67, 2.7),
+    (7.6, 2.98),
+    (7.51, 3.25),
+    (7.39, 3.5),
+    (7.26, 3.73),
+    (7.1, 3.93),
+    (6.92, 4.1),
+    (6.73, 4.24),
+    (6.59, 4.31),
+    (13.82, 4.31),
+    (13.82, 15.93),
+    (0, 15.93),
+    (0, 4.31),
+    (5.49, 4.31),
+    (5.3, 4.2),
+    (5.13, 4.05),
+    (4.97, 3.86),
+    (4.82, 3.65),
+    (4.71, 3.42),
+    (4.61, 3.16),
+    (4.51, 2.7),
+    (4.48, 2.32),
+    (4.49, 2.03),
+    (4.53, 1.74),
+    (4.6, 1.46),
+    (4.69, 1.2),
+    (4.8, 0.95),
+    (4.94, 0.72),
+    (5.1, 0.52),
+    (5.28, 0.35),
+    (5.46, 0.21),
+    (5.7, 0.09),
+    (5.87, 0.03),
+    (6.08, 0),
+]
+"""A block of 13.8 mm by 11.6 mm with an oval of 3.2 mm by 4.3 mm on a neck of 1.1 mm."""
+
+
+def test_a_lobe_on_a_narrow_neck_takes_no_loop_from_what_it_stands_on() -> None:
+    """A corner of the loop in the block touches what leads into the neck; the whole loop was taken for narrow."""
+    walls = lay_walls(stack([np.array(LOBE)], height=0.25), plain(perimeters=2))
+    inner = walls.paths.length()[walls.paths.role == Role.INNER_PERIMETER]
+
+    assert inner.max(initial=0.0) == pytest.approx(2 * (13.8 + 11.6 - 4 * 0.65), abs=1.0)
+
+
 def test_a_pin_as_wide_as_long_gets_a_dot_of_its_own_volume() -> None:
     sections = stack([circle(0.3, 24)])
     walls = lay_walls(sections, plain(perimeters=2))

@@ -15,6 +15,9 @@ from printer_slicer.ledger.account import Ledger
 __all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]
 
 _LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
+_DOTS: Final = (
+    2.0  # squares of a bead's width: a bead that is left out or laid too much at a tip is no finding
+)
 _FAR: Final = np.inf
 
 
@@ -169,11 +172,13 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
 
 
 def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
-    """Too little and too much material in the shell."""
+    """Too little and too much material in the shell, where it is more than the shortest beads hold."""
     fill, height = ledger.fill.shell, ledger.stack.height
+    least = _DOTS * ledger.stack.beads.usual_width**2
+    much = np.abs(fill - 1) * ledger.shell.area() > least
     for name, limit, broken in (
-        ("under", limits.under, fill < limits.under),
-        ("over", limits.over, fill > limits.over),
+        ("under", limits.under, (fill < limits.under) & much),
+        ("over", limits.over, (fill > limits.over) & much),
     ):
         yield _Kind(
             name,

@@ -16,6 +16,9 @@ __all__ = ["OutlineError", "outline_error", "sampled"]
 _APART: Final = 0.5  # mm between samples along an outline, at most
 _ROUGH: Final = 0.005  # mm by which the distances of neighbouring samples may differ without a closer look
 _FINER: Final = 8  # as many samples there
+_SHORT: Final = (
+    2.0  # mm of both outlines that are let pass: the tips of fins narrower than any bead end in them
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,7 +26,7 @@ class OutlineError:
     """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
 
     Attributes:
-        p95: (L,) exceeded on a twentieth of the length of both.
+        p95: (L,) exceeded on a twentieth of the length of both, and on 2 mm of it.
         largest: (L,) the largest.
         place: (L, 2) where that is.
     """
@@ -63,7 +66,8 @@ def outline_error(sections: Areas, printed: Areas) -> OutlineError:
     last = np.append(first[1:], len(layer)) - 1
     reached = np.cumsum(weight)
     before = reached[first] - weight[first]
-    wanted = np.searchsorted(reached, before + 0.95 * (reached[last] - before))
+    total = reached[last] - before
+    wanted = np.searchsorted(reached, before + np.maximum(total - np.maximum(0.05 * total, _SHORT), 0.0))
     p95, largest, place = nothing.p95.copy(), nothing.largest.copy(), nothing.place.copy()
     p95[used], largest[used] = distance[np.minimum(wanted, last)], distance[last]
     place[used] = points[order[last]]

@@ -220,7 +220,7 @@ class _Ordinary:
         ring_of_point = areas.point_ring
         touched = np.zeros(areas.n_rings, np.bool_)
         touched[ring_of_point[side[gap <= _ON]]] = True
-        touched[~touched] = ~_begin_beside(areas.select(~touched), layout)
+        touched[~touched] = ~_lie_beside(areas.select(~touched), layout)
         points = np.flatnonzero(touched[ring_of_point])
         found = gap <= _ON
         at = np.concatenate([points.astype(np.float64), (side + np.clip(share, 1e-9, 1 - 1e-9))[found]])
@@ -271,27 +271,47 @@ class _Ordinary:
         return links, lost
 
 
-def _begin_beside(rings: Areas, layout: Layout) -> Bool:
-    """(R,) whether rings begin between the outline and a piece that is used, on the way from one to the other."""
+def _lie_beside(rings: Areas, layout: Layout) -> Bool:
+    """(R,) whether rings lie between the outline and pieces that are used, on the way from one to the other.
+
+    Two of their points tell, a corner and the middle of the longest side: a ring in a wide place may touch with either
+    what leads into a narrow one.
+    """
+    corner = rings.xy.take(rings.ring_start[:-1], axis=0)
+    beside = np.zeros(rings.n_rings, np.bool_)
+    beside[_beside(np.arange(rings.n_rings), corner, rings, layout)] = True
+    left = np.flatnonzero(beside)
+    beside[:] = False
+    beside[_beside(left, _longest_middles(rings)[left], rings, layout)] = True
+    return beside
+
+
+def _beside(ring: Int, point: Float, rings: Areas, layout: Layout) -> Int:
+    """Which of the rings have their point (n, 2) between the outline and a piece that is used; may repeat."""
     graph, layer = layout.graph, np.zeros(rings.n_layers, np.bool_)
-    layer[rings.ring_layer] = True
+    layer[rings.ring_layer[ring]] = True
     half = np.flatnonzero(np.repeat(layout.used & layer[graph.piece_layer], 2))
     start = graph.start[half]
     foot = graph.foot.take(half, axis=0)
     ends = (graph.xy.take(index, axis=0) for index in (start, graph.start[half ^ 1]))
     corners = [*ends, foot[:, 1], foot[:, 0]]
     low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
-    point = rings.xy.take(rings.ring_start[:-1], axis=0)
-    found, beside = Boxes(point, point, rings.ring_layer).overlapping(
+    found, piece = Boxes(point, point, rings.ring_layer[ring]).overlapping(
         Boxes(low, high, graph.layer[start]).grown(_SAME)
     )
     # The outline lies on the left: counter-clockwise, what is inside lies to the left of all four sides.
-    corner, place = np.stack([some.take(beside, axis=0) for some in corners], axis=1), point[found]
+    corner, place = np.stack([some.take(piece, axis=0) for some in corners], axis=1), point[found]
     sides = np.roll(corner, -1, axis=1) - corner
     inside = (cross(sides, place[:, None] - corner) >= -_SAME * norm(sides)).all(axis=1)
-    result = np.zeros(rings.n_rings, np.bool_)
-    result[found[inside]] = True
-    return result
+    return ring[found[inside]]
+
+
+def _longest_middles(rings: Areas) -> Float:
+    """(R, 2) the middle of the longest side of each ring, mm."""
+    way = rings.xy.take(rings.following, axis=0) - rings.xy
+    order = np.lexsort((norm(way), rings.point_ring))
+    longest = order[rings.ring_start[1:] - 1]
+    return np.asarray(rings.xy.take(longest, axis=0) + way.take(longest, axis=0) / 2)
 
 
 def _on_rings(areas: Areas, points: Float, layer: Int) -> tuple[Int, Float, Float]:
