@@ -42,7 +42,8 @@ _BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there 
 _DIFFERENT: Final = 1.0  # mm² by which those two differ where there is a flat
 _NEAR: Final = 3.0  # mm around the part: beads farther away make no layers
 _ROUNDED: Final = 0.01  # mm of heights in files
-_SEEN: Final = 1.0  # mm²; a smaller tip may be left out
+_SEEN: Final = 1.0  # mm² of room for beads in all layers that are missing; a smaller tip may be left out
+_NEEDLE: Final = 1.0  # mm²; slicers print what is as large, though it be narrower than a usual bead
 _FITS: Final = 0.5  # of the length of the outer perimeters: with less the file is of another part
 
 
@@ -268,19 +269,23 @@ def _problems(ledger: Ledger, match: Match, part: Mesh) -> Iterator[str]:
         many = f"{len(lines)} beads lie" if len(lines) > 1 else "1 bead lies"
         yield f"{many} far from the part, the first in line {lines[0]}"
     over, height = part.height - float(stack.top[-1]), float(stack.height[-1])
-    if abs(over) > height + _ROUNDED or _left_out(part, stack, over):
+    if -over > height + _ROUNDED or _left_out(part, ledger, over):
         where = "under" if over > 0 else "over"
         yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
 
 
-def _left_out(part: Mesh, stack: Stack, over: float) -> bool:
-    """Whether the part has room for beads in the middle of one more layer, which slicers then print."""
+def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
+    """Whether the part has room for beads over the last layer, as the tips of needles have not."""
+    stack = ledger.stack
     height = float(stack.height[-1])
     if over <= height / 2 + _ROUNDED:
         return False
-    top = float(stack.top[-1]) + height
-    above = cut(part, LayerPlan(np.array([top]), np.array([top - height / 2])), _RESOLUTION).solid
-    return bool(offset_open(above, stack.beads.usual_width / 2).area().sum() > _SEEN)
+    count = max(int(over / height + 0.5), 1)
+    top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
+    above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
+    width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
+    room = offset_open(above, width / 2).area().sum() > _SEEN
+    return bool(room or (over > height + _ROUNDED and above.area().sum() > _NEEDLE))
 
 
 def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float
+from printer_slicer.geometry import Areas, Bool, Float, difference, intersection, offset, offset_open
 from printer_slicer.ledger.account import Ledger
 
 __all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]
@@ -158,11 +158,11 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
     )
     yield from _of_volume(ledger, limits)
     yield _of_air(ledger, limits)
-    outline = ledger.outline
+    outline, size = ledger.outline, np.maximum(ledger.sections.area(), covered)
     yield _Kind(
         "outline",
         outline.p95,
-        outline.p95 > limits.outline,
+        (outline.p95 > limits.outline) & (size > _LITTLE),
         limits.outline,
         lambda k: (
             f"the outline is off by {outline.p95[k]:.2f} mm (95th percentile), {outline.largest[k]:.2f} mm at most"
@@ -173,12 +173,17 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
 
 def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
     """Too little and too much material in the shell, where it is more than the shortest beads hold."""
-    fill, height = ledger.fill.shell, ledger.stack.height
-    least = _DOTS * ledger.stack.beads.usual_width**2
-    much = np.abs(fill - 1) * ledger.shell.area() > least
+    fill, height, shell = ledger.fill.shell, ledger.stack.height, ledger.shell.area()
+    width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
+    surplus, missing = (fill - min(limits.over, 1)) * shell, (max(limits.under, 1) - fill) * shell
+    least = _DOTS * width**2
+    over = (fill > limits.over) & (surplus > least)
+    if over.any():
+        surplus = surplus - _beside_fins(ledger, over, width)
+        over &= (surplus > least) & (surplus > (limits.over - 1) * shell)
     for name, limit, broken in (
-        ("under", limits.under, (fill < limits.under) & much),
-        ("over", limits.over, (fill > limits.over) & much),
+        ("under", limits.under, (fill < limits.under) & (missing > least)),
+        ("over", limits.over, over),
     ):
         yield _Kind(
             name,
@@ -190,6 +195,14 @@ def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
             ),
             lambda _: (np.nan, np.nan),
         )
+
+
+def _beside_fins(ledger: Ledger, layers: Bool, width: float) -> Float:
+    """(L,) mm² of some layers (L,) that beads cover beside fins narrower than themselves, which get whole beads."""
+    sections = ledger.sections.of_layers(layers)
+    fins = difference(sections, offset_open(sections, width / 2))
+    beside = difference(ledger.covered.of_layers(layers), sections)
+    return intersection(beside, offset(fins, width)).area()
 
 
 def _of_air(ledger: Ledger, limits: Limits) -> _Kind:

@@ -543,7 +543,7 @@ def test_no_setting_whatever_makes_a_traceback(tmp_path_factory: pytest.TempPath
     [
         (["slice", "nowhere.stl"], 2),
         (["slice", "empty.stl"], 3),
-        (["print", "x.gcode", "--port", "/dev/no_such_port"], 4),
+        (["print", "x.gcode", "--port", "/dev/no_such_port", "--allow", "homing"], 4),
         (["dry-run", "x.gcode"], 7),
     ],
     ids=["usage", "part", "port", "verification"],

@@ -112,7 +112,8 @@ def test_printing_on_the_simulated_port_tells_events_as_json_lines(tmp_path: Pat
 
 def test_a_file_that_must_not_be_printed_ends_with_7_on_the_simulated_port(tmp_path: Path) -> None:
     (tmp_path / "cold.gcode").write_text("G28\nG1 X50 E5 F3000\n", encoding="utf-8")
-    outcome = typed("print", "cold.gcode", "--port", "sim:", "--json", *QUICK, cwd=tmp_path)
+    allowed = ("--allow", "cold")
+    outcome = typed("print", "cold.gcode", "--port", "sim:", "--json", *allowed, *QUICK, cwd=tmp_path)
 
     assert outcome.code == 7
     assert events(outcome.out)[-1]["ok"] is False
