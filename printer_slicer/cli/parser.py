@@ -98,7 +98,9 @@ class _Version(argparse.Action):
 def _common(parser: argparse.ArgumentParser) -> None:
     """Flags that decide how a part becomes G-code, and how results are said."""
     group = add_settings(parser)
-    group.add_argument("--strict", action="store_true", help="refuse a part whose mesh needs repair")
+    group.add_argument(
+        "--strict", action="store_true", help="refuse a part whose mesh needs repair, or that needs supports"
+    )
     add_dials(parser)
     _output(parser)
 

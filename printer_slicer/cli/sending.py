@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
@@ -29,8 +30,7 @@ def send_command(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{path}: is no G-code", remedy="slice it first: printer-slicer slice MODEL")
     if not path.is_file():
         raise UsageError(f"{path}: no such file", remedy="check the path")
-    if arguments.start:
-        _look(arguments)
+    _look(arguments)
     kind, url = arguments.to
     with _progress(arguments) as tell:
         upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, tell)
@@ -50,6 +50,8 @@ def send_command(arguments: argparse.Namespace) -> int:
 def _look(arguments: argparse.Namespace) -> None:
     """Look at what is to be printed before a byte of it is sent, as `print` does.
 
+    What is only uploaded is refused for what is unsupported alone: who starts it may never see the file.
+
     Raises:
         PolicyError: it holds what was not allowed.
         UsageError: it is no job, or the profile or a name makes no sense.
@@ -58,6 +60,8 @@ def _look(arguments: argparse.Namespace) -> None:
     from printer_slicer.jobs import job_of_file
 
     job = job_of_file(arguments.gcode, profile_from(arguments, slices=False), streamed=False)
+    if not arguments.start:
+        job = replace(job, findings=tuple(one for one in job.findings if one.name == "unsupported"))
     insist_on_policy(arguments, job)
 
 

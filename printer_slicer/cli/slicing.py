@@ -19,6 +19,8 @@ from printer_slicer.cli.completing import MODELS
 from printer_slicer.cli.facts import facts_of, sentences
 from printer_slicer.cli.models import plate_from, warn
 from printer_slicer.cli.projects import with_projects
+from printer_slicer.cli.unsupported import refuse_unsupported, unsupported_facts, unsupported_warnings
+from printer_slicer.deposition import unsupported_of_program
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import LayerPlan, Program
@@ -52,6 +54,9 @@ def slice_command(arguments: argparse.Namespace) -> int:
             meshes.pop(), profile, placement=plate.placement, report=report, strict=arguments.strict
         )
         program = stage.program
+        unsupported = unsupported_of_program(program, profile)
+        if arguments.strict:
+            refuse_unsupported(stage.part.name, unsupported)
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
@@ -61,11 +66,11 @@ def slice_command(arguments: argparse.Namespace) -> int:
             output, gcode_of(program, profile, part=stage.part, certificate=certificate, labels=stage.labels)
         )
     facts = facts_of(stage, profile, seconds, certificate)
-    unreached = list(_unreached(profile, stage.sections.plan))
-    warn(arguments, unreached)
+    late = [*unsupported_warnings(unsupported), *_unreached(profile, stage.sections.plan)]
+    warn(arguments, late)
     if arguments.json:
-        warnings = {"warnings": [*plate.warnings, *unreached]}
-        print(json.dumps({"output": str(output), **facts, **plate.facts(), **warnings}))
+        told = {"unsupported": unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
+        print(json.dumps({"output": str(output), **facts, **plate.facts(), **told}))
     elif str(output) != "-":
         first, *more = sentences(facts, arguments.set)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))

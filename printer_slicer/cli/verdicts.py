@@ -48,7 +48,7 @@ def _unsaid(verdict: Verdict, job: Job) -> list[str]:
     """What is refused and no fault says already: of the same line, or of the same kind where the file is full of it."""
     kinds = {one.kind for one in verdict.faults if not one.harmless}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
-    said |= {"flow": {"flow", "extrusion"}}
+    said |= {"flow": {"flow", "extrusion"}, "unsupported": {"air"}}
     return [sentence(one) for one in refused_findings(job) if not said.get(one.name, set()) & kinds]
 
 

@@ -7,11 +7,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.deposition.relief import Plate
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text
 from printer_slicer.drawing.frame import Panel, marks
 from printer_slicer.geometry import Float
 from printer_slicer.ledger.executed import Account, Layer
-from printer_slicer.ledger.relief import Plate
 
 __all__ = ["Mark", "rehearsal_picture"]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from math import pi
 from typing import Final
 
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.deposition.purposes import Purpose, purposes_of_roles
 from printer_slicer.gcode import Moves
 from printer_slicer.geometry import Bool, Float, Int, frozen_array
 from printer_slicer.model import Program, Role
@@ -17,44 +17,6 @@ from printer_slicer.model import Program, Role
 __all__ = ["Beads", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
 
 _NOTHING: Final = 1e-9  # mm³ or mm: less is rounding
-
-
-class Purpose(IntEnum):
-    """Why a bead is laid, as far as comments tell."""
-
-    UNKNOWN = 0
-    OUTER_PERIMETER = 1
-    INNER_PERIMETER = 2
-    OVERHANG = 3
-    SKIN = 4
-    BRIDGE = 5
-    SPARSE = 6
-    GAP = 7
-    IRONING = 8
-    SUPPORT = 9
-    BESIDE = 10
-
-    @property
-    def spoken(self) -> str:
-        """In words."""
-        return self.name.lower().replace("_", " ")
-
-
-_OF_ROLE: Final = {
-    Role.SKIRT: Purpose.BESIDE,
-    Role.BRIM: Purpose.BESIDE,
-    Role.RAFT: Purpose.SUPPORT,
-    Role.INNER_PERIMETER: Purpose.INNER_PERIMETER,
-    Role.OUTER_PERIMETER: Purpose.OUTER_PERIMETER,
-    Role.OVERHANG_PERIMETER: Purpose.OVERHANG,
-    Role.BRIDGE: Purpose.BRIDGE,
-    Role.INTERNAL_BRIDGE: Purpose.BRIDGE,
-    Role.BOTTOM_SKIN: Purpose.SKIN,
-    Role.SOLID: Purpose.SKIN,
-    Role.TOP_SKIN: Purpose.SKIN,
-    Role.IRONING: Purpose.IRONING,
-    Role.SPARSE: Purpose.SPARSE,
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,8 +124,6 @@ def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
     begin, end = program.start, program.xyz
     length = np.hypot(*(end - begin)[:, :2].T)
     kept = np.flatnonzero((program.role != Role.TRAVEL) & (laid > _NOTHING) & (length > _NOTHING))
-    of_role = np.zeros(len(Role), np.int64)
-    of_role[list(_OF_ROLE)] = list(_OF_ROLE.values())
     beads = Beads(
         begin=begin[kept, :2],
         end=end[kept, :2],
@@ -171,7 +131,7 @@ def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
         rise=(end - begin)[kept, 2],
         height=program.height[kept],
         area=laid[kept] * (pi * filament_diameter**2 / 4) / length[kept],
-        purpose=of_role[program.role[kept]],
+        purpose=purposes_of_roles(program.role[kept]),
         line=np.zeros(len(kept), np.int64),
     )
     return beads, kept

@@ -6,34 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
+from printer_slicer.deposition.marks import Mishap
+from printer_slicer.deposition.relief import Plate
 
-from printer_slicer.geometry import Int
-from printer_slicer.ledger.relief import Plate
-
-__all__ = ["Account", "Drought", "Layer", "Marks", "Mishap"]
-
-
-class Mishap(NamedTuple):
-    """Something that went wrong with the material.
-
-    Attributes:
-        kind: "air", "crash", "bed" or "flow".
-        command: that did it, as the printer counts them from 1.
-        layer: see `Marks.layer`.
-        z, x, y: mm, where.
-        amount: mm in the air, mm gone through, mm over the bed, mm³/s.
-        depth: mm, of a crash.
-    """
-
-    kind: str
-    command: int
-    layer: int
-    z: float
-    x: float
-    y: float
-    amount: float
-    depth: float = 0.0
+__all__ = ["Account", "Drought", "Layer"]
 
 
 @dataclass(slots=True)
@@ -90,47 +66,6 @@ class Drought(NamedTuple):
     pushed: float = 0.0
     back: float = 0.0
     wrong: int = 0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Marks:
-    """What comments tell about commands, as the printer counts them.
-
-    Attributes:
-        layers: (M,) commands at which a layer begins, ascending; empty where nothing tells: then heights are counted.
-        roles: (R,) commands from which on beads have another name.
-        names: (R,) index into `spoken` of each.
-        spoken: names; the first is that of beads without one.
-        loose: names of what is taken off the part again.
-        changes: (T,) commands that choose a tool.
-        tools: (T,) the tool of each; before the first it is 0.
-    """
-
-    layers: Int = field(default_factory=lambda: np.zeros(0, np.int64))
-    roles: Int = field(default_factory=lambda: np.zeros(0, np.int64))
-    names: Int = field(default_factory=lambda: np.zeros(0, np.int64))
-    spoken: tuple[str, ...] = ("printing",)
-    loose: frozenset[int] = frozenset()
-    changes: Int = field(default_factory=lambda: np.zeros(0, np.int64))
-    tools: Int = field(default_factory=lambda: np.zeros(0, np.int64))
-
-    @property
-    def told(self) -> bool:
-        """Whether comments name beads at all."""
-        return len(self.roles) > 0
-
-    def role(self, command: Int) -> Int:
-        """(n,) the name of what each command lays."""
-        at = np.searchsorted(self.roles, command, side="right")
-        return np.append(0, self.names)[at]
-
-    def tool(self, command: Int) -> Int:
-        """(n,) the tool of each command."""
-        return np.append(0, self.tools)[np.searchsorted(self.changes, command, side="right")]
-
-    def layer(self, command: Int) -> Int:
-        """(n,) the layer of each command, counted from 1; 0 before the first."""
-        return np.searchsorted(self.layers, command, side="right")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """What goes wrong with plastic while it is laid, looked for height by height against everything laid before.
 
 what                when
-in the air          beads lie farther than 5 mm from any bead of their height that rests, or bridges
+in the air          beads that nothing holds, see `deposition.unsupported`
 through the print   the nozzle, laying or not, is more than 0.12 mm lower than the plastic in its way
 on the bed          beads lie less than 0.04 mm above it
 too much            more plastic per second than the material melts
@@ -13,25 +13,20 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Int
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.ledger.batches import NOTHING, Batch
-from printer_slicer.ledger.executed import Marks, Mishap
-from printer_slicer.ledger.relief import Cut, Relief, cut_up
+from printer_slicer.deposition.batches import NOTHING, Batch
+from printer_slicer.deposition.marks import Marks, Mishap
+from printer_slicer.deposition.relief import Cut, Relief, cut_up
+from printer_slicer.deposition.unsupported import WORTH, lay, unsupported_pieces
+from printer_slicer.geometry import Int
 
 __all__ = ["DEEP", "Watch"]
 
 DEEP: Final = 0.12
 """mm lower than the plastic in its way that are a crash."""
 
-_THREAD: Final = 1.15  # of its thickness a thread may sink
-_CONTACT: Final = 0.32  # mm that slicers leave between what is taken off again and the part
-_LIP: Final = 5.0  # mm that plastic may stand out over air, bead beside bead
-_WORTH: Final = 3.0  # mm in the air or through the print, of one height, that are worth telling
 _PLUNGE: Final = 0.5  # mm straight down into what stands there, or to the side of it
 _SCRAPES: Final = 0.04  # mm over the bed
 _OVER: Final = 1.01
-_STRAIGHT: Final = 0.95  # chord by length, from which what rests at both ends is a bridge
 _MOST_MISHAPS: Final = 200
 
 
@@ -51,7 +46,6 @@ class Watch:
 
     def __init__(self, relief: Relief, max_flow: float, marks: Marks) -> None:
         self._relief, self._max_flow, self._marks = relief, max_flow, marks
-        self._loose = [*marks.loose]
         self.mishaps: list[Mishap] = []
         self.counts: dict[str, int] = {}
         self.peak: Mishap | None = None
@@ -66,7 +60,7 @@ class Watch:
         if len(laid):
             some = cut.take(laid)
             self._air(batch, some, cell[laid], numbers)
-            self._lay(batch, some, cell[laid])
+            lay(self._relief, batch, some, cell[laid], self._marks)
 
     def _flow(self, batch: Batch, numbers: Int) -> None:
         """Plastic per second."""
@@ -96,7 +90,7 @@ class Watch:
         if not len(hit):
             return
         through = float(cut.length[hit].sum())
-        if through < _WORTH and not upright[hit].any():
+        if through < WORTH and not upright[hit].any():
             return
         worst = float(depth[hit].max())
         self._tell(batch.mishap("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
@@ -104,38 +98,15 @@ class Watch:
     def _air(self, batch: Batch, cut: Cut, cell: Int, numbers: Int) -> None:
         """Beads with nothing under them that nothing holds."""
         low = batch.end[cut.move, 2] < _SCRAPES
-        if float(cut.length[low].sum()) > _WORTH:
+        if float(cut.length[low].sum()) > WORTH:
             first = int(cut.move[np.flatnonzero(low)[0]])
             self._tell(batch.mishap("bed", first, numbers, float(batch.end[first, 2])))
-        if not numbers.any() and len(self._marks.layers):
-            return  # what primes the nozzle may do so in the air
-        lowest = cut.z - batch.thread[cut.move] * _THREAD
-        spare = _CONTACT
-        if not self._marks.told:
-            lowest = lowest - _CONTACT  # what lies below may be there to be taken off
-        rests = self._relief.rests(cell, lowest, spare) | (lowest <= 0)
-        if rests.all():
-            return
-        held = rests | _bridges(batch, cut, rests)
-        if held.all():
-            return
-        # Supports are there to be taken off: how they stand is the slicer's business.
-        loose = np.isin(batch.role[cut.move], self._loose)
-        lost = np.flatnonzero(~self._relief.connected(cell, held, _LIP) & ~loose)
+        lost = unsupported_pieces(self._relief, batch, cut, cell, self._marks)
         length = float(cut.length[lost].sum())
-        if length > _WORTH:
+        if length > WORTH:
             at = lost[0]
             mishap = batch.mishap("air", int(cut.move[at]), numbers, length)
             self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))
-
-    def _lay(self, batch: Batch, cut: Cut, cell: Int) -> None:
-        """Put the beads into the relief, as wide as they are."""
-        width = batch.width(-self._relief.depth(cell, cut.z))
-        loose = np.isin(batch.role[cut.move], self._loose)
-        for kind in (True, False):
-            own = np.flatnonzero(loose == kind)
-            if len(own):
-                self._relief.lay(cut.take(own), batch.sideways, width, loose=kind)
 
     def _tell(self, mishap: Mishap) -> None:
         """Keep a mishap, one of each kind in a layer."""
@@ -152,25 +123,3 @@ class Watch:
         self.counts[mishap.kind] = self.counts.get(mishap.kind, 0) + 1
         if len(self.mishaps) < _MOST_MISHAPS:
             self.mishaps.append(mishap)
-
-
-def _bridges(batch: Batch, cut: Cut, rests: Bool) -> Bool:
-    """(P,) which pieces are of a straight stretch over air that rests at both ends."""
-    broken = (np.diff(cut.move) > 0) & (
-        np.hypot(*(batch.start[cut.move[1:]] - batch.end[cut.move[:-1]])[:, :2].T) > NOTHING
-    )
-    path = np.append(0, np.cumsum(broken))
-    hangs = ~rests
-    begins = hangs & (np.append(True, rests[:-1]) | np.append(True, np.diff(path) > 0))
-    first = np.flatnonzero(begins)
-    ends = hangs & (np.append(rests[1:], True) | np.append(np.diff(path) > 0, True))
-    last = np.flatnonzero(ends)
-    same_before = (first > 0) & (path[np.maximum(first - 1, 0)] == path[first])
-    same_behind = (last < len(path) - 1) & (path[np.minimum(last + 1, len(path) - 1)] == path[last])
-    total = np.append(0.0, np.cumsum(cut.length))
-    length = total[last + 1] - total[first]
-    chord = np.hypot(cut.x[last] - cut.x[first], cut.y[last] - cut.y[first]) + cut.length[first]
-    bridge = same_before & same_behind & (chord >= _STRAIGHT * length)
-    result = np.zeros(len(rests), np.bool_)
-    result[consecutive(first[bridge], (last - first + 1)[bridge])] = True
-    return result

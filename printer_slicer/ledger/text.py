@@ -9,12 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.deposition.purposes import Purpose, purpose_of
 from printer_slicer.gcode import Moves, read_moves
 from printer_slicer.geometry import Float, Int, frozen_array
-from printer_slicer.ledger.beads import Beads, Purpose, beads_of_moves
+from printer_slicer.ledger.beads import Beads, beads_of_moves
 from printer_slicer.stream.framing import strip
 
-__all__ = ["Deposit", "beads_of_gcode", "purpose_of"]
+__all__ = ["Deposit", "beads_of_gcode"]
 
 USUAL_DIAMETER: Final = 1.75
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
@@ -28,37 +29,6 @@ _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _LAYERS: Final = (b"LAYER_CHANGE", b"CHANGE_LAYER", b"LAYER")
 _TYPES: Final = (b"TYPE", b"FEATURE")
 _HEIGHTS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
-
-# What slicers call their beads, in small letters with blanks; the first that the name begins with counts.
-# PrusaSlicer and SuperSlicer; OrcaSlicer and Bambu Studio; CuraEngine.
-_NAMES: Final = (
-    ("external perimeter", Purpose.OUTER_PERIMETER),
-    ("outer wall", Purpose.OUTER_PERIMETER),
-    ("wall outer", Purpose.OUTER_PERIMETER),
-    ("overhang", Purpose.OVERHANG),
-    ("perimeter", Purpose.INNER_PERIMETER),
-    ("inner wall", Purpose.INNER_PERIMETER),
-    ("wall inner", Purpose.INNER_PERIMETER),
-    ("internal infill", Purpose.SPARSE),
-    ("sparse infill", Purpose.SPARSE),
-    ("internal bridge", Purpose.BRIDGE),
-    ("bridge", Purpose.BRIDGE),
-    ("gap", Purpose.GAP),
-    ("thin wall", Purpose.GAP),
-    ("ironing", Purpose.IRONING),
-    ("solid infill", Purpose.SKIN),
-    ("internal solid infill", Purpose.SKIN),
-    ("top", Purpose.SKIN),
-    ("bottom", Purpose.SKIN),
-    ("skin", Purpose.SKIN),
-    ("fill", Purpose.SPARSE),
-    ("support", Purpose.SUPPORT),
-    ("skirt", Purpose.BESIDE),
-    ("brim", Purpose.BESIDE),
-    ("prime", Purpose.BESIDE),
-    ("wipe", Purpose.BESIDE),
-    ("custom", Purpose.BESIDE),
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,12 +163,6 @@ def _noted(text: bytes, line: Int) -> _Notes:
     if turn.max(initial=0):
         purpose[turn == 0] = Purpose.BESIDE
     return _Notes(purpose, name, names, height, turn)
-
-
-def purpose_of(name: str) -> Purpose:
-    """What a slicer's name for a bead means."""
-    plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
-    return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
 
 
 def _height(text: str) -> float:

@@ -18,6 +18,7 @@ NAMES: Final[Mapping[str, str]] = {
     "feed": "speeds far over the profile's",
     "flow": "more plastic per second than the material's max_flow",
     "ratio": "flow or speed far from 100 % (M221, M220)",
+    "unsupported": "extrusion with nothing under it, which falls",
     "cold": "extrusion below the firmware's least temperature (M302, or no heating before it)",
     "homing": "moves before homing, extrusion after the motors were off",
     "eeprom": "storing, loading or resetting the firmware's settings (M500, M501, M502, M504, SAVE_CONFIG)",

@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.deposition import Tracker, describe
 from printer_slicer.gcode import Moves
 from printer_slicer.geometry import Bool, Float
 from printer_slicer.motion.flow import ENOUGH, flow_of
@@ -40,10 +41,13 @@ class MoveJudge:
     Args:
         profile: of the machine and its material.
         factors: of flow (M221): from which command on, ratio; ascending.
+        tracker: looks for what nothing holds; None where the moves are no whole print.
     """
 
-    def __init__(self, profile: Profile, factors: Sequence[tuple[int, float]] = ()) -> None:
-        self._profile = profile
+    def __init__(
+        self, profile: Profile, factors: Sequence[tuple[int, float]] = (), tracker: Tracker | None = None
+    ) -> None:
+        self._profile, self._tracker = profile, tracker
         self._factor_from = np.array([index for index, _ in factors], np.int64)
         self._factor = np.array([1.0, *(ratio for _, ratio in factors)])
         self._raised = np.array(limits_of(profile.printer).max_speed)
@@ -58,6 +62,8 @@ class MoveJudge:
         speed, part = _speeds(moves)
         ratio = self._factor[np.searchsorted(self._factor_from, moves.line, side="right")]
         fresh = self._fresh(moves, moves.delta[:, 3] * ratio)
+        if self._tracker is not None:
+            self._tracker.feed(moves.line + 1, moves.end - moves.delta[:, :3], moves.end, fresh)
         cases = (
             _box(moves, self._profile),
             _feed(self._profile, speed, part, raised),
@@ -71,6 +77,10 @@ class MoveJudge:
         for (name, what, refused), one in self._found.items():
             command = commands[one.index].decode("latin-1")
             yield Finding(name, refused, one.index, command, what.format(one.worst), one.why, one.times)
+        if self._tracker is not None and (found := self._tracker.close()):
+            index = found[0].command - 1
+            command, why = commands[index].decode("latin-1"), "it falls: turn the part, or add supports"
+            yield Finding("unsupported", True, index, command, describe(found), why)
 
     def _keep(self, moves: Moves, case: _Case) -> None:
         """Keep the first of the moves, the number of commands, and the worst size."""

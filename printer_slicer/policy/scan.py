@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+from printer_slicer.deposition import Tracker
 from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.heat import Heat
@@ -34,6 +35,7 @@ def scan(
     moves: Iterable[Moves] | None = None,
     marks: Mapping[int, int] | None = None,
     whole: bool = False,
+    tracker: Tracker | None = None,
 ) -> tuple[Finding, ...]:
     """Everything in a job that a person should know, or must allow, before a printer gets it.
 
@@ -43,6 +45,7 @@ def scan(
         moves: of the commands, piece by piece, if somebody else wants to see them too.
         marks: command index -> layer, ascending.
         whole: the commands are a whole print, which has to home and to heat by itself.
+        tracker: looks for what nothing holds; None where the commands are no whole print.
 
     Returns:
         What was found, in the order of the commands; the same thing done again is counted.
@@ -67,7 +70,7 @@ def scan(
                     if old
                     else Finding(name, refused, index, shown, what, why)
                 )
-    judge = MoveJudge(profile, factors)
+    judge = MoveJudge(profile, factors, tracker)
     for piece in moves:
         judge.see(piece)
         if whole:

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from printer_slicer.deposition.marks import Mishap
 from printer_slicer.jobs import Job
-from printer_slicer.ledger.executed import Account, Mishap
+from printer_slicer.ledger.executed import Account
 from printer_slicer.sim.tally import Report
 from printer_slicer.verdict.comparison import Comparison
 from printer_slicer.verdict.faults import rule_of

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from printer_slicer.commands import lines_of
+from printer_slicer.deposition.marks import Mishap
 from printer_slicer.jobs import Job
-from printer_slicer.ledger.executed import Account, Mishap
+from printer_slicer.ledger.executed import Account
 from printer_slicer.policy.motion import MELTS
 from printer_slicer.profile import Profile
 from printer_slicer.sim.tally import Report, kind_of

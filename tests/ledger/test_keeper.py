@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from printer_slicer.ledger.executed import Account, Marks
+from printer_slicer.deposition.marks import Marks
+from printer_slicer.ledger.executed import Account
 from printer_slicer.ledger.keeper import Keeper
 
 AREA = 2.405  # mm²

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.deposition.marks import Mishap
 from printer_slicer.jobs import Job, job_from, job_of
-from printer_slicer.ledger.executed import Mishap
 from printer_slicer.profile import Profile, load_profile, profile_with
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Final
 
 import numpy as np
 
+from printer_slicer.deposition.marks import Marks, Mishap
 from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.ledger.executed import Marks, Mishap
 from printer_slicer.motion.flow import flow_of
 
-__all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "runs_of"]
+__all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "Laid", "runs_of"]
 
 COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
 """Columns of the rows that a printer keeps of its moves: see `sim.track`."""
@@ -20,40 +21,31 @@ COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
 NOTHING: Final = 1e-9
 """mm³ or mm: less is rounding."""
 
+_COLUMNS: Final = ("command", "start", "end", "volume", "flat", "lays", "role")
 _FLATTEST: Final = 3.0  # times as thick as its bead is the thread of the flattest: six times as wide as high
 _LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Batch:
-    """Moves of one height: columns of their rows, and what follows from them."""
+class Laid:
+    """Moves of one height, and which of them lay plastic.
+
+    Attributes:
+        command: (n,) that makes each, as the printer counts them from 1.
+        start, end: (n, 3) mm.
+        volume: (n,) mm³ that leave the nozzle.
+        flat: (n,) mm in the plane.
+        lays: (n,) whether plastic is laid along the move.
+        role: (n,) what for, see `Marks.role`.
+    """
 
     command: Int
     start: Float
     end: Float
-    fed: Float
-    seconds: Float
     volume: Float
     flat: Float
     lays: Bool
     role: Int
-    flow: Float
-
-    @classmethod
-    def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> Batch:
-        """The batch that some rows are."""
-        command = rows[:, COMMAND].astype(np.int64)
-        start, end = rows[:, START], rows[:, END]
-        flat = np.hypot(*(end - start)[:, :2].T)
-        lays = (fresh > NOTHING) & (flat > NOTHING)
-        flow = np.zeros(len(rows))
-        flow[lays] = flow_of(fresh[lays], seconds[lays])
-        return cls(command, start, end, rows[:, FED], seconds, fresh, flat, lays, marks.role(command), flow)
-
-    @property
-    def empty(self) -> Bool:
-        """(n,) whether filament is pushed and nothing comes out."""
-        return (self.fed > NOTHING) & ~self.lays
 
     @property
     def thread(self) -> Float:
@@ -76,6 +68,46 @@ class Batch:
         height = float(np.median(free)) if len(free) else 0.0
         thread = np.maximum(self.thread, NOTHING)
         return np.asarray(thread**2 * (pi / 4) / np.clip(height, thread / _FLATTEST, thread))
+
+    def between(self, first: int, last: int) -> Laid:
+        """The moves from one up to another."""
+        return Laid(*(getattr(self, name)[first:last] for name in _COLUMNS))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Laid]) -> Laid:
+        """Moves that follow each other as one value."""
+        return Laid(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch(Laid):
+    """The same as a printer executed them.
+
+    Attributes:
+        fed: (n,) mm of filament that are pushed.
+        seconds: (n,) that each takes.
+        flow: (n,) mm³/s.
+    """
+
+    fed: Float
+    seconds: Float
+    flow: Float
+
+    @classmethod
+    def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> Batch:
+        """The batch that some rows are."""
+        command = rows[:, COMMAND].astype(np.int64)
+        start, end = rows[:, START], rows[:, END]
+        flat = np.hypot(*(end - start)[:, :2].T)
+        lays = (fresh > NOTHING) & (flat > NOTHING)
+        flow = np.zeros(len(rows))
+        flow[lays] = flow_of(fresh[lays], seconds[lays])
+        return cls(command, start, end, fresh, flat, lays, marks.role(command), rows[:, FED], seconds, flow)
+
+    @property
+    def empty(self) -> Bool:
+        """(n,) whether filament is pushed and nothing comes out."""
+        return (self.fed > NOTHING) & ~self.lays
 
     def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Mishap:
         """What went wrong at one of the moves, where it ends."""

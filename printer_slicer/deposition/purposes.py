@@ -1,0 +1,96 @@
+"""What extrusion is for, by the names that slicers give it in comments."""
+
+from __future__ import annotations
+
+import re
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Int
+from printer_slicer.model import Role
+
+__all__ = ["Purpose", "purpose_of", "purposes_of_roles"]
+
+
+class Purpose(IntEnum):
+    """Why a bead is laid, as far as comments tell."""
+
+    UNKNOWN = 0
+    OUTER_PERIMETER = 1
+    INNER_PERIMETER = 2
+    OVERHANG = 3
+    SKIN = 4
+    BRIDGE = 5
+    SPARSE = 6
+    GAP = 7
+    IRONING = 8
+    SUPPORT = 9
+    BESIDE = 10
+
+    @property
+    def spoken(self) -> str:
+        """In words."""
+        return self.name.lower().replace("_", " ")
+
+
+# What slicers call their beads, in small letters with blanks; the first that the name begins with counts.
+# PrusaSlicer and SuperSlicer; OrcaSlicer and Bambu Studio; CuraEngine.
+_NAMES: Final = (
+    ("external perimeter", Purpose.OUTER_PERIMETER),
+    ("outer wall", Purpose.OUTER_PERIMETER),
+    ("wall outer", Purpose.OUTER_PERIMETER),
+    ("overhang", Purpose.OVERHANG),
+    ("perimeter", Purpose.INNER_PERIMETER),
+    ("inner wall", Purpose.INNER_PERIMETER),
+    ("wall inner", Purpose.INNER_PERIMETER),
+    ("internal infill", Purpose.SPARSE),
+    ("sparse infill", Purpose.SPARSE),
+    ("internal bridge", Purpose.BRIDGE),
+    ("bridge", Purpose.BRIDGE),
+    ("gap", Purpose.GAP),
+    ("thin wall", Purpose.GAP),
+    ("ironing", Purpose.IRONING),
+    ("solid infill", Purpose.SKIN),
+    ("internal solid infill", Purpose.SKIN),
+    ("top", Purpose.SKIN),
+    ("bottom", Purpose.SKIN),
+    ("skin", Purpose.SKIN),
+    ("fill", Purpose.SPARSE),
+    ("support", Purpose.SUPPORT),
+    ("skirt", Purpose.BESIDE),
+    ("brim", Purpose.BESIDE),
+    ("prime", Purpose.BESIDE),
+    ("wipe", Purpose.BESIDE),
+    ("custom", Purpose.BESIDE),
+)
+
+_OF_ROLE: Final = {
+    Role.SKIRT: Purpose.BESIDE,
+    Role.BRIM: Purpose.BESIDE,
+    Role.RAFT: Purpose.SUPPORT,
+    Role.INNER_PERIMETER: Purpose.INNER_PERIMETER,
+    Role.OUTER_PERIMETER: Purpose.OUTER_PERIMETER,
+    Role.OVERHANG_PERIMETER: Purpose.OVERHANG,
+    Role.BRIDGE: Purpose.BRIDGE,
+    Role.INTERNAL_BRIDGE: Purpose.BRIDGE,
+    Role.BOTTOM_SKIN: Purpose.SKIN,
+    Role.SOLID: Purpose.SKIN,
+    Role.TOP_SKIN: Purpose.SKIN,
+    Role.IRONING: Purpose.IRONING,
+    Role.SPARSE: Purpose.SPARSE,
+}
+
+
+def purpose_of(name: str) -> Purpose:
+    """What a slicer's name for a bead means."""
+    plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
+    return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
+
+
+def purposes_of_roles(roles: Int) -> Int:
+    """(n,) the `Purpose` of each `Role`."""
+    table = np.zeros(len(Role), np.int64)
+    table[list(_OF_ROLE)] = list(_OF_ROLE.values())
+    return np.asarray(table[roles])
