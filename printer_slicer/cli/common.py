@@ -90,6 +90,7 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
         changes[key.strip()] = value.strip()
     if getattr(arguments, "firmware", None) and not {"flavour", "printer.flavour"} & set(changes):
         changes["printer.flavour"] = _flavour_of(arguments.firmware)
+    _choose_uniform(changes)
     for flag in ("printer", "material", "quality"):
         if getattr(arguments, flag, None) == "":
             raise UsageError(
@@ -103,6 +104,25 @@ def _flavour_of(firmware: str) -> str:
     from printer_slicer.sim.front_end import FRONT_ENDS
 
     return FRONT_ENDS[firmware].flavour
+
+
+def _choose_uniform(changes: dict[str, object]) -> None:
+    """Who names a layer height means it: layers are uniform, unless a planner is named, too.
+
+    Raises:
+        UsageError: a planner that chooses heights itself.
+    """
+    named = {key.removeprefix("quality."): value for key, value in changes.items()}
+    if "layer_height" not in named:
+        return
+    planner = changes.setdefault("quality.planner.kind", named.get("planner.kind", "uniform"))
+    if planner != "uniform":
+        height = named["layer_height"]
+        raise UsageError(
+            f"layer height {height}: layers of one height are those of --planner uniform, and {planner} was named, "
+            "which chooses heights itself",
+            remedy=f"leave out one of the two, or bound the heights: --heights 0.1:{height}",
+        )
 
 
 def _dialled(arguments: argparse.Namespace) -> dict[str, object]:

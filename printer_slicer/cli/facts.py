@@ -117,22 +117,17 @@ def _faults(part: Mesh, shift: Float) -> dict[str, Any]:
     }
 
 
-def sentences(facts: dict[str, Any], changes: list[str]) -> list[str]:
+def sentences(facts: dict[str, Any]) -> list[str]:
     """The facts for people: first what was made, then everything that deserves a look.
 
     Args:
         facts: of `facts_of`.
-        changes: settings changed on the command line.
     """
     metres, grams = facts["filament_mm"] / 1000, facts["filament_g"]
     lines = [
         f"{facts['layers']} layers ({runs_text(facts['heights'])})" + _raft_text(facts["raft"]),
         f"{spoken(facts['seconds'])} of printing, {metres:.2f} m of filament, {grams} g",
     ]
-    if facts["planner"] != "uniform" and any(
-        change.removeprefix("quality.").startswith("layer_height") for change in changes
-    ):
-        lines.append(f"layer_height was not used: {facts['planner']} chooses heights; try --planner uniform")
     first = certificate_sentences(facts["certificate"])[0]
     lines += [first, *unkept_sentences(facts["certificate"])]
     if facts["empty_layers"]:

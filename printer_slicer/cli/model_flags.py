@@ -84,6 +84,9 @@ def _add_group(parser: argparse.ArgumentParser) -> None:
         default=True,
         help="put the plate down on the bed (default), or keep z of the files",
     )
+    group.add_argument(
+        "--fuse", action="store_true", help="print parts of several files that overlap as one; else refused"
+    )
 
 
 def attached(argv: Sequence[str]) -> list[str]:

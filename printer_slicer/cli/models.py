@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.memory import keep_memory
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PartError, UsageError
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, joined, transformed
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["Plate", "plate_from", "plate_name", "refuse_model_flags", "repaired_plate", "warn"]
 
 _IN_THE_AIR = 0.01  # mm
-_MOST_OF_IT = 0.5  # of the volume of an envelope
 _MOST_TOLD = 3
 _MODEL_FLAGS = {
     "units": None,
@@ -36,6 +36,7 @@ _MODEL_FLAGS = {
     "center": None,
     "as_placed": False,
     "drop": True,
+    "fuse": False,
 }
 
 
@@ -65,6 +66,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
 
     Raises:
         UsageError, MeshError: a file cannot be read, or is no part.
+        PartError: parts overlap, and --fuse is not given.
     """
     keep_memory()
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
@@ -81,7 +83,9 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
         models.append(_facts(model))
         meshes.append(mesh)
     placement = _placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
-    warnings += _in_the_air(arguments.models, meshes, placement) + _in_one_place(arguments.models, meshes)
+    warnings += _in_the_air(arguments.models, meshes, placement)
+    if not arguments.fuse:
+        _refuse_overlaps(arguments.models, meshes)
     warn(arguments, warnings)
     return joined(meshes), Plate(placement, tuple(warnings), tuple(models))
 
@@ -157,24 +161,28 @@ def _in_the_air(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placem
     ]
 
 
-def _in_one_place(paths: Sequence[Path], meshes: Sequence[Mesh]) -> list[str]:
-    """Name the files whose part stands where one before it stands: most of its envelope is within that one's.
+def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
+    """Parts of different files that overlap would become one; objects of one file are left as they were modelled.
 
-    A part in the hollow of another does so too, hence it is only told.
+    Raises:
+        PartError: some do; names the files, and mm.
     """
-    low, high = (np.array([mesh.bounds[side] for mesh in meshes]) for side in (0, 1))
-    told = []
-    for k in range(1, len(meshes)):
-        common = np.minimum(high[:k], high[k]) - np.maximum(low[:k], low[k])
-        volume = np.prod(np.maximum(common, 0.0), axis=1)
-        where = np.flatnonzero(volume > _MOST_OF_IT * np.prod(high[k] - low[k]))
-        if len(where):
-            told.append(
-                f"{paths[k].name}: stands where {paths[where[0]].name} does, as their files place them; nothing is "
-                "arranged, and what overlaps becomes one"
-            )
-    more = len(told) - _MOST_TOLD
-    return [*told[:_MOST_TOLD], *([f"and {more} more files stand where others do"] if more > 0 else [])]
+    if len(meshes) < 2:
+        return
+    from printer_slicer.overlaps import find_overlaps
+
+    found = list(islice(find_overlaps(meshes), _MOST_TOLD + 1))
+    if not found:
+        return
+    told = [
+        f"{paths[one.second].name} overlaps {paths[one.first].name} by {one.width:.4g} x {one.depth:.4g} mm"
+        for one in found[:_MOST_TOLD]
+    ]
+    told += ["and there are more"] if len(found) > _MOST_TOLD else []
+    raise PartError(
+        f"{'; '.join(told)}, as their files place them",
+        remedy="slice them one by one (-o FOLDER/ does), move one in its file, or print them as one with --fuse",
+    )
 
 
 def plate_name(paths: Sequence[Path]) -> str:

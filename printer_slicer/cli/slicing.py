@@ -72,7 +72,7 @@ def slice_command(arguments: argparse.Namespace) -> int:
         told = {"unsupported": unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
         print(json.dumps({"output": str(output), **facts, **plate.facts(), **told}))
     elif str(output) != "-":
-        first, *more = sentences(facts, arguments.set)
+        first, *more = sentences(facts)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))
     return 0
 

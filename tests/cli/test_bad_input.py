@@ -164,7 +164,7 @@ def test_a_part_too_narrow_for_any_bead_is_refused(planner: str, tmp_path: Path)
     """A file that prints nothing must not be called a success."""
     part = stretched(tmp_path, "needle.stl", 0.08, 0.08, 5)
 
-    refused(typed("slice", part, *QUICK, "--planner", planner), 3, "needle")
+    refused(typed("slice", part, *QUICK[:-2], "--planner", planner), 3, "needle")
 
 
 def test_a_small_hole_in_the_mesh_is_closed_and_told(tmp_path: Path) -> None:

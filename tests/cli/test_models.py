@@ -13,6 +13,8 @@ from command_line import BOX, PARTS, QUICK, Outcome, is_message, process, typed
 from printer_slicer.cli.model_flags import attached
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
+from tests.mesh_io.tiny_files import binary_stl, write
+from tests.parts import box, box_with_hole, joined
 
 CONE = PARTS / "cone.stl"
 
@@ -134,25 +136,46 @@ def test_a_model_over_the_bed_is_told(tmp_path: Path) -> None:
     high = part(tmp_path, "high.stl", (50, 0, 2.5), (60, 20, 6))
     outcome = typed("slice", low, high, "--json", *QUICK)
 
-    assert (
-        outcome.err
-        == "printer-slicer: warning: high.stl: begins 2.5 mm over the bed, as its file places it\n"
-    )
-    assert fact(outcome)["warnings"] == ["high.stl: begins 2.5 mm over the bed, as its file places it"]
+    above = "high.stl: begins 2.5 mm over the bed, as its file places it"
+    assert outcome.err.startswith(f"printer-slicer: warning: {above}\n")
+    assert fact(outcome)["warnings"][0] == above
+    assert "with nothing under it" in fact(outcome)["warnings"][1]
     assert typed("slice", low, high, "-q", *QUICK).err == ""
 
 
-def test_models_in_one_place_are_told(tmp_path: Path) -> None:
+def test_parts_that_overlap_are_refused_unless_they_shall_fuse(tmp_path: Path) -> None:
     one = part(tmp_path, "one.stl", (0, 0, 0), (20, 20, 6))
     inside = part(tmp_path, "two.stl", (2, 2, 0), (10, 10, 6))
-    beside = part(tmp_path, "three.stl", (18, 0, 0), (40, 20, 6))
-    told = "stands where one.stl does, as their files place them; nothing is arranged, and what overlaps becomes one"
+    beside = part(tmp_path, "three.stl", (18, 5, 0), (40, 20, 6))
+    touching = part(tmp_path, "four.stl", (20, 0, 0), (30, 20, 6))
 
-    assert fact(typed("slice", one, inside, beside, "--json", *QUICK))["warnings"] == [f"two.stl: {told}"]
-    assert fact(typed("slice", one, one, "--json", *QUICK))["warnings"] == [f"one.stl: {told}"]
-    many = fact(typed("slice", *[one] * 9, "--json", *QUICK))["warnings"]
-    assert len(many) == 4
-    assert many[3] == "and 5 more files stand where others do"
+    for command in ("slice", "plan", "dry-run"):
+        outcome = typed(command, one, inside, beside, *QUICK)
+        assert outcome.code == 3
+        assert "two.stl overlaps one.stl by 8 x 8 mm; three.stl overlaps one.stl by 2 x 15 mm" in outcome.err
+        assert "--fuse" in outcome.err
+    assert "one.stl overlaps one.stl by 20 x 20 mm" in typed("slice", one, one, *QUICK).err
+    assert "and there are more" in typed("slice", *[one] * 9, *QUICK).err
+    assert typed("slice", one, inside, "--fuse", *QUICK).code == 0
+    assert typed("slice", one, touching, *QUICK).code == 0
+
+
+def test_a_part_in_a_hole_of_another_does_not_overlap(tmp_path: Path) -> None:
+    write(tmp_path, binary_stl(box_with_hole((40, 40, 6), (20, 20)).triangles), "frame.stl")
+    low, high = 11, 29
+    inside = part(tmp_path, "inside.stl", (low, low, 0), (high, high, 6))
+    outside = part(tmp_path, "outside.stl", (9, low, 0), (high, high, 6))
+    frame = tmp_path / "frame.stl"
+
+    assert typed("slice", frame, inside, *QUICK).code == 0
+    assert "outside.stl overlaps frame.stl by 1 x 18 mm" in typed("slice", frame, outside, *QUICK).err
+
+
+def test_objects_of_one_file_may_overlap(tmp_path: Path) -> None:
+    both = joined([box((20, 20, 6)), box((8, 8, 6), at=(16, 2, 0))])
+    path = write(tmp_path, binary_stl(both.triangles), "both.stl")
+
+    assert typed("slice", path, *QUICK).code == 0
 
 
 def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) -> None:

@@ -183,7 +183,7 @@ def test_messages_do_not_show_where_stdin_was_kept(tmp_path: Path) -> None:
 def test_patterns_that_the_shell_left_alone_are_expanded(tmp_path: Path) -> None:
     for name in ("a.stl", "b.stl"):
         shutil.copy(BOX, tmp_path / name)
-    outcome = typed("slice", "*.stl", "-o", "plate.gcode", "--json", *QUICK, cwd=tmp_path)
+    outcome = typed("slice", "*.stl", "-o", "plate.gcode", "--json", "--fuse", *QUICK, cwd=tmp_path)
 
     assert [one["file"] for one in json.loads(outcome.out)["models"]] == ["a.stl", "b.stl"]
 

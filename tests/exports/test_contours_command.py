@@ -34,7 +34,8 @@ QUICK = ("--printer", NAMES[0], "--material", NAMES[1], "--quality", NAMES[2], "
 
 def asked(model: Path, output: object, *flags: str, **own: Any) -> Namespace:
     """The command line with all usual settings, and what is only asked of `contours`."""
-    arguments = build_parser().parse_args(["slice", str(model), *QUICK, *flags])
+    usual = QUICK[:-2] if "--planner" in flags else QUICK  # a height contradicts most planners
+    arguments = build_parser().parse_args(["slice", str(model), *usual, *flags])
     arguments.output = str(output)
     vars(arguments).update({"binary": False, "smooth": None, "resample": None, **own})
     return arguments

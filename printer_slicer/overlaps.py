@@ -1,0 +1,79 @@
+"""Parts on one plate that overlap, seen from above: printed together they would become one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, intersection, normalize
+from printer_slicer.geometry.areas import consecutive
+from printer_slicer.model import Float, Int, Mesh
+
+__all__ = ["Overlap", "find_overlaps"]
+
+_LEAST: Final = 0.01  # mm: less is rounding
+_TILES: Final = 16  # of a window to a side: many small unions take less time than a large one
+
+
+class Overlap(NamedTuple):
+    """Two parts that overlap.
+
+    Attributes:
+        first, second: their numbers among those that were given.
+        width: mm in x that the overlap reaches over.
+        depth: mm in y.
+    """
+
+    first: int
+    second: int
+    width: float
+    depth: float
+
+
+def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
+    """The pairs of parts whose projections onto the bed overlap by more than 0.01 mm, ordered by the second.
+
+    A part in a hole of another does not overlap with it; one over or under another does.
+    """
+    low, high = (np.array([mesh.bounds[side, :2] for mesh in meshes]) for side in (0, 1))
+    for second in range(1, len(meshes)):
+        room = np.minimum(high[:second], high[second]) - np.maximum(low[:second], low[second])
+        for first in np.flatnonzero((room > _LEAST).all(axis=1)).tolist():
+            window = np.maximum(low[first], low[second]), np.minimum(high[first], high[second])
+            common = intersection(*(_projection(meshes[at], *window) for at in (first, second)))
+            common = common.take(np.flatnonzero(np.abs(common.ring_area()) > _LEAST**2))
+            if common.n_rings:
+                width, depth = np.ptp(common.xy, axis=0).tolist()
+                if min(width, depth) > _LEAST:
+                    yield Overlap(first, second, width, depth)
+
+
+def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:
+    """What facets that look up cover of a window (2,) to (2,) mm, tile by tile: each tile is a layer.
+
+    Areas reach out of their tile as far as the facets do that touch it; tiles of two meshes in one window are the same.
+    """
+    xy = mesh.triangles[:, :, :2]
+    one, two = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
+    ends = xy.min(axis=1), xy.max(axis=1)
+    seen = (one[:, 0] * two[:, 1] > one[:, 1] * two[:, 0]) & (ends[1] > low).all(axis=1)
+    chosen = np.flatnonzero(seen & (ends[0] < high).all(axis=1))
+    facet, tile = _tiled(ends[0][chosen], ends[1][chosen], low, high)
+    order = np.argsort(tile, kind="stable")
+    rings = xy[chosen[facet[order]]].reshape(-1, 2)
+    return normalize(Areas(rings, np.arange(0, len(rings) + 1, 3), tile[order], _TILES**2))
+
+
+def _tiled(first: Float, last: Float, low: Float, high: Float) -> tuple[Int, Int]:
+    """Which boxes (n, 2) to (n, 2) mm touch which tiles of a window: (m,) boxes, (m,) tiles."""
+    size = (high - low) / _TILES
+    begin, end = (
+        np.clip(((corner - low) / size).astype(np.int64), 0, _TILES - 1) for corner in (first, last)
+    )
+    count = end - begin + 1
+    boxes = np.repeat(np.arange(len(first)), count.prod(axis=1))
+    nth = consecutive(np.zeros(len(first), np.int64), count.prod(axis=1))
+    row, column = np.divmod(nth, count[boxes, 0])
+    return boxes, (begin[boxes, 1] + row) * _TILES + begin[boxes, 0] + column
