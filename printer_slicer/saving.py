@@ -8,7 +8,7 @@ from tempfile import NamedTemporaryFile
 
 from printer_slicer.errors import OutputError
 
-__all__ = ["check_writable", "save"]
+__all__ = ["check_writable", "make_folder", "save"]
 
 
 def check_writable(path: Path) -> None:
@@ -23,6 +23,21 @@ def check_writable(path: Path) -> None:
         raise OutputError(
             f"{path}: the folder {path.parent} does not exist", remedy=f"mkdir -p {path.parent}"
         )
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, where they are missing.
+
+    Raises:
+        OutputError: it cannot be made, or something else has its name.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise OutputError(
+            f"{path}: the folder cannot be made: {reason}", remedy="check name and permissions"
+        ) from None
 
 
 def save(path: Path, data: bytes) -> None:

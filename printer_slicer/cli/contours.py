@@ -42,6 +42,7 @@ from printer_slicer.healing import refuse_repaired
 from printer_slicer.model import Repairs, Sections
 from printer_slicer.pipeline import plan_part
 from printer_slicer.placing import place
+from printer_slicer.saving import make_folder
 from printer_slicer.slicing import cut, section_repairs
 
 if TYPE_CHECKING:
@@ -189,12 +190,7 @@ def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
 
 def _write_layers(sections: Sections, target: _Target) -> list[int]:
     """One SVG per layer."""
-    try:
-        target.path.mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{target.path}: the folder cannot be made: {error.strerror}", remedy="check name and permissions"
-        ) from None
+    make_folder(target.path)
     sizes = []
     for layer, (name, data) in enumerate(write_svgs(sections)):
         write_file(target.path / (target.pattern % layer if target.pattern else name), data)

@@ -114,8 +114,14 @@ def _only(path: Path) -> Path:
 
 def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> None:
     """G-code of a model from stdin has no name of its own."""
-    if models[0] == _STDIN and "output" in vars(arguments) and arguments.output is None:
+    if _STDIN in models and "output" in vars(arguments) and _unnamed(arguments, models):
         raise UsageError("-: G-code of a model from stdin has no name", remedy="name it with -o; - is stdout")
+
+
+def _unnamed(arguments: argparse.Namespace, models: Sequence[Path]) -> bool:
+    """Whether the G-code of stdin has no name."""
+    into = getattr(arguments, "output_dir", None) is not None
+    return into or (models[0] == _STDIN and arguments.output is None)
 
 
 def kept(stream: IO[bytes], folder: Path, suffix: str = "", most: int = _MOST) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -87,6 +88,17 @@ class _Parser(Parser):
         return super().parse_known_args(attached(sys.argv[1:] if args is None else args), namespace)
 
 
+class _Output(argparse.Action):
+    """The file of -o; a folder, also one that is not there yet but whose name ends with /, is that of --output-dir."""
+
+    def __call__(
+        self, _parser: object, namespace: argparse.Namespace, value: object, _flag: object = None
+    ) -> None:
+        path = Path(str(value))
+        is_folder = str(value).endswith(("/", os.sep)) or path.is_dir()
+        setattr(namespace, "output_dir" if is_folder else "output", path)
+
+
 class _Version(argparse.Action):
     """Says the version."""
 
@@ -114,11 +126,20 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "  printer-slicer slice part.stl --set infill_density=0.3 --set speeds.travel=200\n"
         "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12\n"
         "  printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%\n"
-        "  printer-slicer slice lid.stl box.3mf -o plate.gcode     one plate, as the files place them",
+        "  printer-slicer slice lid.stl box.3mf -o plate.gcode     one plate, as the files place them\n"
+        "  printer-slicer slice *.stl -o gcode/                    one file of G-code for each",
     )
     add_models(parser)
-    parser.add_argument(
-        "-o", "--output", metavar="OUT.gcode", type=Path, help="default: beside the first model; - for stdout"
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.gcode",
+        action=_Output,
+        help="default: beside the first model; - for stdout; a folder, or a name with / at its end: as --output-dir",
+    )
+    where.add_argument(
+        "--output-dir", metavar="DIR", type=Path, help="one G-code file for each model in it; made if missing"
     )
     parser.add_argument(
         "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"

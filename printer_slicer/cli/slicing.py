@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -27,24 +27,35 @@ from printer_slicer.model import LayerPlan, Program
 from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.profile.places import heights_of
+from printer_slicer.saving import make_folder
 from printer_slicer.surface import certify, read_surface
 
 __all__ = ["slice_command"]
 
 
-def slice_command(arguments: argparse.Namespace) -> int:
-    """Slice a model and write the G-code."""
+def slice_command(arguments: Namespace) -> int:
+    """Slice models and write the G-code: of all together, or into a folder of each by itself."""
     profile = profile_from(arguments)
     refuse_mixing(arguments)
     if arguments.layer is not None and not arguments.picture:
         raise UsageError(
             f"--layer {arguments.layer}: there is no picture", remedy="name its file with --picture"
         )
+    if arguments.output_dir is None:
+        _slice_plate(arguments, profile, arguments.output)
+        return 0
+    for model, output in _outputs(arguments):
+        _slice_plate(Namespace(**{**vars(arguments), "models": [model]}), profile, output)
+    return 0
+
+
+def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
+    """Slice all models together, and say what came of it; without `output` the G-code goes beside the first."""
     with stages(arguments) as report:
         report("loading")
         mesh, plate = plate_from(arguments, profile.printer, report)
         profile, plate = with_projects(arguments, profile, mesh, plate)
-        output = arguments.output or _beside(arguments.models[0])
+        output = output or _beside(arguments.models[0])
         for path in arguments.models:
             refuse_same(output, path)
         _refuse_model_name(output)
@@ -74,7 +85,31 @@ def slice_command(arguments: argparse.Namespace) -> int:
     elif str(output) != "-":
         first, *more = sentences(facts)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))
-    return 0
+
+
+def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
+    """Each model with the file in the folder of --output-dir that its G-code goes to; the folder is made.
+
+    Raises:
+        UsageError: two models would go to one file, or to one picture.
+        OutputError: the folder cannot be made.
+    """
+    folder: Path = arguments.output_dir
+    outputs: dict[Path, Path] = {}
+    for model in arguments.models:
+        output = folder / f"{model.stem}.gcode"
+        if output in outputs:
+            raise UsageError(
+                f"{model}: its G-code would go to {output}, as that of {outputs[output]} does",
+                remedy="rename one of them, or slice them into different folders",
+            )
+        outputs[output] = model
+    if arguments.picture and len(outputs) > 1:
+        raise UsageError(
+            f"--picture {arguments.picture}: there are {len(outputs)} models", remedy="draw them one by one"
+        )
+    make_folder(folder)
+    return [(model, output) for output, model in outputs.items()]
 
 
 def _refuse_model_name(output: Path) -> None:
