@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from math import inf
 from typing import Any, Final
 
-from printer_slicer.cli.common import profile_from
+from printer_slicer.cli.common import profile_facts, profile_from
 from printer_slicer.cli.policy import finding_facts, finding_lines, refused
 from printer_slicer.commands import lines_of
 from printer_slicer.feasibility import Feasibility, Link, Stretch, feasibility
@@ -36,7 +36,7 @@ def look(arguments: argparse.Namespace) -> Looked:
     Raises:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
-    profile = profile_from(arguments, slices=False)
+    profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = job_of_file(arguments.gcode, profile).allowing(arguments.allow)
     wrong = refused(job)
     facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
@@ -58,7 +58,7 @@ def look(arguments: argparse.Namespace) -> Looked:
         facts["link"] = _facts(told)
         lines += _lines(arguments, told)
         wrong += _wrong(told)
-    return Looked(facts, lines, wrong)
+    return Looked(facts | profile_facts(arguments), lines, wrong)
 
 
 def _located(job: Job, told: Feasibility) -> Feasibility:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock, Timer
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import check_writable, save
@@ -24,6 +24,7 @@ __all__ = [
     "changes_from",
     "check_writable",
     "named_folders",
+    "profile_facts",
     "profile_from",
     "refuse_mixing",
     "refuse_same",
@@ -39,21 +40,64 @@ PATIENCE = 1.0  # s before a progress bar appears
 _STAGES = 11  # from loading to writing
 
 
-def profile_from(arguments: argparse.Namespace, *, slices: bool = True) -> Profile:
-    """The profile that --printer, --material, --quality, --planner and --set describe.
+def profile_from(
+    arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
+) -> Profile:
+    """The profile that --printer, --material, --quality, --planner and --set describe; says which that is.
 
     Args:
-        arguments: the command line.
+        arguments: the command line; `profile_facts` tells afterwards where the profile is from.
         slices: whether a part is sliced with it; what is only printed need not suit the quality.
+        gcode: a file whose own machine, material and quality are taken where none is named.
+        tell: whether people are told; `sim` says itself what it is, and a console's lines are the printer's.
 
     Raises:
         UsageError: a name or setting that does not exist or is out of bounds.
     """
-    from printer_slicer.profile import load_profile
+    from printer_slicer.cli.own_settings import OwnSettings, own_settings, provenance
+    from printer_slicer.profile import load_profile, profile_over
 
-    names = (arguments.printer, getattr(arguments, "material", None), getattr(arguments, "quality", None))
+    names: dict[str, Any] = {
+        kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
+    }
     folders = named_folders(arguments)
-    return load_profile(*names, changes_from(arguments), slices=slices, folders=folders)
+    changes = changes_from(arguments)
+    if gcode is None:
+        own = OwnSettings({}, ())
+        profile = load_profile(**names, changes=changes, slices=slices, folders=folders)
+    else:
+        own = own_settings(gcode, folders)
+        profile = profile_over(own.values, names, changes, folders)
+    used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
+    told = provenance({kind: name for kind, name in names.items() if kind in used}, own, folders)
+    arguments.profile_facts = {"profile": told}
+    if tell:
+        _tell_profile(arguments, told, own.refused)
+    return profile
+
+
+def _tell_profile(
+    arguments: argparse.Namespace, told: dict[str, dict[str, str]], refused: Sequence[str]
+) -> None:
+    """Say which machine, material and quality these are and where they come from, before anything else.
+
+    It goes to stderr where stdout is for data; --json has it in `profile`.
+    """
+    if arguments.quiet:
+        return
+    for reason in refused:
+        text = f"printer-slicer: warning: the settings in the file are not used: {reason}"
+        print(visible(text), file=sys.stderr)
+    if not arguments.json:
+        data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
+        line = ", ".join(f"{one['name']} ({one['from']})" for one in told.values())
+        print(visible(without_stdin(arguments, line)), file=sys.stderr if data else sys.stdout)
+
+
+def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The machine, material and quality of a command and where they come from, for JSON."""
+    facts: dict[str, Any] = getattr(arguments, "profile_facts", {})
+    return facts
 
 
 def named_folders(arguments: argparse.Namespace) -> Sequence[Path]:

@@ -30,7 +30,7 @@ def console_command(arguments: argparse.Namespace) -> int:
     from printer_slicer.cli.policy import reason_behind
     from printer_slicer.stream.serial_port import open_port
 
-    allow = reason_behind(profile_from(arguments, slices=False), arguments.allow)
+    allow = reason_behind(profile_from(arguments, slices=False, tell=False), arguments.allow)
     log = _log(arguments.log)
     with contextlib.ExitStack() as stack:
         if log:

@@ -15,6 +15,7 @@ import numpy as np
 
 from printer_slicer.cli.common import (
     check_writable,
+    profile_facts,
     profile_from,
     refuse_same,
     say,
@@ -97,7 +98,7 @@ def contours_command(arguments: argparse.Namespace) -> int:
         sizes = _write(sections, target, binary=arguments.binary)
     facts = _facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
     if arguments.json:
-        print(json.dumps(facts | plate.facts()))
+        print(json.dumps(facts | plate.facts() | profile_facts(arguments)))
     else:
         say(arguments, "\n  ".join([*_sentences(facts), *repair_sentences(facts["repairs"])]))
     return 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from printer_slicer.cli.common import profile_from, refuse_mixing, stages, write_file
+from printer_slicer.cli.common import profile_facts, profile_from, refuse_mixing, stages, write_file
 from printer_slicer.cli.facts import (
     certificate_facts,
     certificate_sentences,
@@ -83,7 +83,9 @@ def plan_command(arguments: argparse.Namespace) -> int:
         layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
         layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
         told = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
-        print(json.dumps(told | {"repairs": repair_facts(repairs)} | plate.facts()))
+        print(
+            json.dumps(told | {"repairs": repair_facts(repairs)} | plate.facts() | profile_facts(arguments))
+        )
     elif not arguments.quiet:
         print(_as_text(name, table, rows))
         print(

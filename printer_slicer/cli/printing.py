@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.common import (
     check_writable,
+    profile_facts,
     profile_from,
     refuse_same,
     say,
@@ -60,7 +61,7 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
         from printer_slicer.drawing.canvas import check_picture
 
         check_picture(arguments.picture)
-    profile = profile_from(arguments, slices=not _has_gcode(arguments))
+    profile = profile_from(arguments, **_judged_by(arguments))
     with stages(arguments) as report:
         job, known = _job(arguments, profile, report)
     job = job.allowing(arguments.allow)
@@ -71,6 +72,7 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
         findings = {"ok": verdict.ok and not refused(job), "findings": finding_facts(job)}
         repairs = {"repairs": _repair_facts(job)}
         facts = verdict_facts(verdict, job, profile) | findings | repairs | known | planted_facts(faults)
+        facts |= profile_facts(arguments)
         print(json.dumps(facts))
     else:
         told = [verdict_text(arguments, verdict, job, profile), *planted_lines(faults), *_repaired(job)]
@@ -82,11 +84,13 @@ def dry_run_command(arguments: argparse.Namespace) -> int:
 
 def print_command(arguments: argparse.Namespace) -> int:
     """Print over a port; `sim:` is the simulated printer in this process."""
-    profile = profile_from(arguments, slices=not _has_gcode(arguments))
+    profile = profile_from(arguments, **_judged_by(arguments))
     with stages(arguments) as report:
         job, known = _job(arguments, profile, report)
     if arguments.json and known["models"]:
         print(json.dumps({"event": "models", **known}), flush=True)
+    if arguments.json:
+        print(json.dumps({"event": "profile", **profile_facts(arguments)}), flush=True)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
     first = f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion"
     say(arguments, "\n  ".join([first, *_repaired(job)]))
@@ -108,6 +112,14 @@ def print_command(arguments: argparse.Namespace) -> int:
 def _has_gcode(arguments: argparse.Namespace) -> bool:
     """Whether G-code is given, not models."""
     return any(map(is_gcode, arguments.models))
+
+
+def _judged_by(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What `profile_from` is to know: G-code is judged by its own machine and material, a part must suit all three."""
+    return {
+        "slices": bool(arguments.models) and not _has_gcode(arguments),
+        "gcode": arguments.models[0] if _has_gcode(arguments) else None,
+    }
 
 
 def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tuple[Job, dict[str, Any]]:
@@ -260,7 +272,7 @@ def sim_command(arguments: argparse.Namespace) -> int:
 
     _look_at_sim_flags(arguments)
     faults = faults_of(arguments)
-    profile = profile_from(arguments, slices=bool(arguments.models) and not _has_gcode(arguments))
+    profile = profile_from(arguments, **_judged_by(arguments), tell=False)
     job, known = _job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     if faults and job:
@@ -274,6 +286,7 @@ def sim_command(arguments: argparse.Namespace) -> int:
         "job_digest": comparison.digest,
         **known,
         **planted_facts(faults),
+        **profile_facts(arguments),
     }
     verdict = judge(job, profile, report, comparison) if job else None
     if verdict and job:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from printer_slicer.cli.common import write_file
-from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.errors import UsageError
+from printer_slicer.saving import make_folder
 
 __all__ = ["kept_schemas", "make_folder", "own_folder", "write_schemas"]
 
@@ -28,20 +29,6 @@ def own_folder(named: Sequence[Path], what: str, remedy: str) -> Path:
     if not folders:
         raise UsageError(f"{what}: there is no folder of your own", remedy=remedy)
     return folders[0]
-
-
-def make_folder(folder: Path) -> None:
-    """A folder with those above it, if it is not there.
-
-    Raises:
-        OutputError: it cannot be.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot be made: {error.strerror}", remedy="check permissions, or use -o"
-        ) from None
 
 
 def write_schemas(folder: Path) -> list[Path]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
-from printer_slicer.cli.common import PATIENCE, profile_from, say
+from printer_slicer.cli.common import PATIENCE, profile_facts, profile_from, say
 from printer_slicer.errors import UsageError
 
 __all__ = ["send_command"]
@@ -40,7 +40,7 @@ def send_command(arguments: argparse.Namespace) -> int:
     size = path.stat().st_size
     if arguments.json:
         facts = {"file": path.name, "to": kind, "url": url, "place": place, "bytes": size}
-        print(json.dumps(facts | {"printing": arguments.start}))
+        print(json.dumps(facts | {"printing": arguments.start} | profile_facts(arguments)))
     else:
         what = "sent and started" if arguments.start else "sent"
         say(arguments, f"{path.name}: {what}, {size} bytes, as {place} on {url}")
@@ -59,7 +59,8 @@ def _look(arguments: argparse.Namespace) -> None:
     from printer_slicer.cli.policy import insist_on_policy
     from printer_slicer.jobs import job_of_file
 
-    job = job_of_file(arguments.gcode, profile_from(arguments, slices=False), streamed=False)
+    profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
+    job = job_of_file(arguments.gcode, profile, streamed=False)
     if not arguments.start:
         job = replace(job, findings=tuple(one for one in job.findings if one.name == "unsupported"))
     insist_on_policy(arguments, job)

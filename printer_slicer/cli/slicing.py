@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from printer_slicer.cli.common import (
+    profile_facts,
     profile_from,
     refuse_mixing,
     refuse_same,
@@ -81,7 +82,9 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
     warn(arguments, late)
     if arguments.json:
         told = {"unsupported": unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
-        print(json.dumps({"output": str(output), **facts, **plate.facts(), **told}))
+        print(
+            json.dumps({"output": str(output), **facts, **plate.facts(), **told, **profile_facts(arguments)})
+        )
     elif str(output) != "-":
         first, *more = sentences(facts)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))

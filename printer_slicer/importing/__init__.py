@@ -1,5 +1,6 @@
 """Profiles of other slicers: read, converted, with an account of what was taken, approximated and left."""
 
+from printer_slicer.importing.embedded import NoSettingsError
 from printer_slicer.importing.importing import Wanted, import_profiles
 from printer_slicer.importing.report import Imported, Left, Note, Refused, Taken
 from printer_slicer.importing.safety import Ceilings
@@ -9,6 +10,7 @@ __all__ = [
     "Ceilings",
     "Imported",
     "Left",
+    "NoSettingsError",
     "Note",
     "Refused",
     "Taken",

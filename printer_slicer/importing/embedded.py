@@ -10,7 +10,7 @@ from typing import Final
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.unpacking import unpacked
 
-__all__ = ["CONFIGS_IN_3MF", "OBJECTS_IN_3MF", "config_in_3mf", "config_in_gcode"]
+__all__ = ["CONFIGS_IN_3MF", "OBJECTS_IN_3MF", "NoSettingsError", "config_in_3mf", "config_in_gcode"]
 
 CONFIGS_IN_3MF: Final = (
     "Metadata/Slic3r_PE.config",
@@ -28,11 +28,15 @@ _SETTING: Final = re.compile(r";\s*([a-z][a-z0-9_]*) = ?(.*)")
 _FEWEST: Final = 20  # settings in a row that are taken for a block without marks
 
 
+class NoSettingsError(ProfileError):
+    """G-code in which no slicer's settings stand."""
+
+
 def config_in_gcode(path: Path) -> list[tuple[int, str]]:
     """Lines of settings in G-code, each with its number.
 
     Raises:
-        ProfileError: there are none, or the file cannot be read.
+        NoSettingsError: there are none.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -46,7 +50,7 @@ def config_in_gcode(path: Path) -> list[tuple[int, str]]:
         found = list(_block(data.decode("utf-8", "replace").splitlines(), first))
         if found:
             return found
-    raise ProfileError(
+    raise NoSettingsError(
         f"{path}: G-code without settings of PrusaSlicer, SuperSlicer, OrcaSlicer, BambuStudio or Slic3r",
         remedy="take a file that one of them wrote, or export the settings themselves",
     )

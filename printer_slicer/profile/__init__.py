@@ -1,6 +1,13 @@
 """The settings: what they are (`settings`), where they come from (`files`), what they mean together (`checks`)."""
 
-from printer_slicer.profile.files import load_profile, profile_from, profile_with, settings_of, settings_text
+from printer_slicer.profile.files import (
+    load_profile,
+    profile_from,
+    profile_over,
+    profile_with,
+    settings_of,
+    settings_text,
+)
 from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.folders import profile_paths
 from printer_slicer.profile.profile import Profile
@@ -43,6 +50,7 @@ __all__ = [
     "UniformPlanner",
     "load_profile",
     "profile_from",
+    "profile_over",
     "profile_paths",
     "profile_with",
     "settings_of",

@@ -36,6 +36,7 @@ __all__ = [
     "faults_together",
     "load_profile",
     "profile_from",
+    "profile_over",
     "profile_with",
     "read_sources",
     "settings_of",
@@ -75,6 +76,32 @@ def load_profile(
             remedy='write changes={"layer_height": 0.2}',
         )
     return _built(read_sources(names, changes, folders), slices=slices)
+
+
+def profile_over(
+    own: Mapping[str, Mapping[str, Any]],
+    names: Mapping[str, str | None],
+    changes: Mapping[str, object] | None = None,
+    folders: Sequence[Path] = (),
+) -> Profile:
+    """The profile of something that is not sliced, but printed, and holds settings of its own.
+
+    Args:
+        own: kind -> its settings, which are taken where `names` has no other.
+        names: as for `read_sources`.
+        changes: as for `load_profile`.
+        folders: likewise.
+
+    Raises:
+        ProfileError: naming file, line, key and bound.
+    """
+    sources = {
+        kind: Source(dict(own[kind]), {}, f"{kind} of the file")
+        if kind in own and not names.get(kind)
+        else read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders)
+        for kind in KINDS
+    }
+    return _built(_changed(sources, changes or {}), slices=False)
 
 
 def read_sources(

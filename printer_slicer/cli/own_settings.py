@@ -1,0 +1,98 @@
+"""The machine and the material that a G-code file was made for, as it says itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+__all__ = ["OwnSettings", "own_settings", "provenance"]
+
+_HEAD: Final = 1 << 14  # bytes in which Cura names the machine
+_MACHINE: Final = re.compile(rb"^;TARGET_MACHINE\.NAME:([^\r\n]{1,100})", re.MULTILINE)
+_NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
+
+
+class OwnSettings(NamedTuple):
+    """What a file says about itself.
+
+    Attributes:
+        values: kind -> settings; those of which it says nothing are not in it.
+        refused: why something that it says is not used, one sentence each.
+    """
+
+    values: Mapping[str, Mapping[str, Any]]
+    refused: Sequence[str]
+
+
+def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
+    """The settings in G-code of this program, of PrusaSlicer and its kin, or the machine that Cura names.
+
+    Settings that an import would refuse, as temperatures that no usual hotend stands, are not used.
+
+    Args:
+        path: of the G-code.
+        folders: of profiles, besides the usual ones.
+    """
+    from printer_slicer.errors import ProfileError
+    from printer_slicer.importing import NoSettingsError, Refused, import_profiles
+
+    try:
+        found = import_profiles(path)
+    except NoSettingsError:
+        return OwnSettings(_named_by_cura(path, folders), ())
+    except ProfileError as error:
+        # Who reads all of a file that cannot be read says so.
+        return OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
+    refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, Refused)]
+    return OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
+
+
+def _named_by_cura(path: Path, folders: Sequence[Path]) -> Mapping[str, Mapping[str, Any]]:
+    """The machine of this name among the profiles: Cura's G-code holds no other settings of it."""
+    from printer_slicer.profile import load_profile, settings_of
+
+    try:
+        with path.open("rb") as file:
+            named = _MACHINE.search(file.read(_HEAD))
+    except (OSError, ValueError):
+        return {}  # who reads all of it says so
+    name = named[1].decode("utf-8", "replace").strip() if named else ""
+    profile = _called("printer", name, folders) if name else ""
+    return {"printer": settings_of(load_profile(profile, slices=False))["printer"]} if profile else {}
+
+
+def provenance(
+    names: Mapping[str, str | None], own: OwnSettings, folders: Sequence[Path]
+) -> dict[str, dict[str, str]]:
+    """Kind -> the `name` of its profile, and where that is `from`.
+
+    Args:
+        names: kind -> what was typed; None where nothing was.
+        own: what the file says.
+        folders: of profiles, besides the usual ones.
+    """
+    from printer_slicer.profile import DEFAULT_NAMES
+
+    told: dict[str, dict[str, str]] = {}
+    for kind, name in names.items():
+        if name:
+            told[kind] = {"name": name, "from": f"--{kind}"}
+        elif kind in own.values:
+            said = str(own.values[kind].get("name", ""))
+            told[kind] = {"name": _called(kind, said, folders) or said, "from": "from the file"}
+        else:
+            told[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
+    return told
+
+
+def _called(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
+    """What to type for the profile whose `name` setting this is; empty if there is none."""
+    from printer_slicer.profile import profile_paths
+
+    for typed, path in profile_paths(kind, folders).items():
+        found = _NAME.search(path.read_text(encoding="utf-8", errors="replace"))
+        if found and found[1] == name:
+            return typed
+    return ""
