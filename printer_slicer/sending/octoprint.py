@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from printer_slicer.errors import PortError
 from printer_slicer.sending.connection import Connection, Upload, refused
 
 __all__ = ["send_to_octoprint"]
+
+_BUSY: Final = ("Printing", "Starting", "Sending", "Paus", "Resum", "Cancel", "Finish", "Transfer")
+_APART: Final = ("Offline", "Closed", "Opening", "Detecting", "Connecting")
+"""How the states of OctoPrint's `PrinterInterface` begin, by what they mean."""
 
 
 def send_to_octoprint(connection: Connection, upload: Upload) -> str:
@@ -30,6 +36,17 @@ def send_to_octoprint(connection: Connection, upload: Upload) -> str:
     if upload.start and not told.get("effectivePrint", True):
         raise PortError(
             f"{connection.url}: {place} is there, but is not printed",
-            remedy="connect OctoPrint to its printer, and start it on its page",
+            remedy=_reason(connection),
         )
     return place
+
+
+def _reason(connection: Connection) -> str:
+    """Why OctoPrint does not print, and what helps, by the state that it tells of its job."""
+    answer = connection.ask("GET", "/api/job")
+    state = str(connection.said(answer).get("state", "")) if answer.status_code == 200 else ""
+    if state.startswith(_BUSY):
+        return f"it is busy with another print ({state}): start this one on its page when that is done"
+    if not state or state.startswith(_APART):
+        return "connect OctoPrint to its printer, and start it on its page"
+    return f"its printer is {state!r}: look at its page, and start it there"

@@ -275,6 +275,31 @@ def test_what_is_not_printed_is_told_with_the_reason(
     assert (done.code, done.err) == (4, f"printer-slicer: {seen.url}: {said}\n")
 
 
+@pytest.mark.parametrize(
+    ("state", "advice"),
+    [
+        ("Printing from SD", "it is busy with another print (Printing from SD)"),
+        ("Paused", "it is busy with another print (Paused)"),
+        ("Offline (Error: timeout)", "connect OctoPrint to its printer"),
+        ("Operational", "its printer is 'Operational': look at its page"),
+    ],
+)
+def test_octoprint_that_does_not_print_is_asked_why(state: str, advice: str, tmp_path: Path) -> None:
+    job = tmp_path / "b.gcode"
+    job.write_text("G28\n", encoding="ascii")
+    says = {
+        "/api/version": (200, {"api": "0.1"}),
+        "/api/files/local": (201, {"effectivePrint": False}),
+        "/api/job": (200, {"state": state}),
+    }
+    with fixed(says) as seen:
+        done = typed("send", job, "--to", "octoprint", seen.url, "--print")
+
+    assert done.code == 4
+    assert advice in done.err
+    assert ("connect OctoPrint" in done.err) == state.startswith("Offline")
+
+
 # All of them
 
 
