@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 
 import numpy as np
 
@@ -309,7 +310,7 @@ def slice_part(  # noqa: PLR0913 - every choice has a usual value
     ).program
 
 
-def gcode_of(
+def gcode_of(  # noqa: PLR0913 - every choice has a usual value
     program: Program,
     profile: Profile,
     *,
@@ -317,6 +318,7 @@ def gcode_of(
     certificate: Certificate | None = None,
     labels: Labels | None = None,
     strategies: Strategies = OURS,
+    made: datetime | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect; the same program and profile give the same bytes.
 
@@ -327,6 +329,7 @@ def gcode_of(
         certificate: of the plan, to be told in comments.
         labels: which moves lay which of several things on the plate, to be marked.
         strategies: may hold a flavour, and functions that change the lines.
+        made: when, in UTC, for the first line; None: it has no date.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
@@ -345,6 +348,13 @@ def gcode_of(
     pictures = thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []
     seconds = move_seconds(program, profile)
     text = write_gcode(
-        program, profile, seconds, facts, comments=pictures, labels=labels, flavour=strategies.own_flavour
+        program,
+        profile,
+        seconds,
+        facts,
+        comments=pictures,
+        labels=labels,
+        flavour=strategies.own_flavour,
+        made=made,
     )
     return checked_lines(text, strategies.on_lines)

@@ -147,6 +147,11 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.add_argument(
         "--layer", metavar="N", type=whole, help="which layer of the print to draw, from 1; default: 1"
     )
+    parser.add_argument(
+        "--timestamp",
+        action="store_true",
+        help="the first line says when; default: it does not, or tells SOURCE_DATE_EPOCH, for the same bytes",
+    )
     _common(parser)
     parser.set_defaults(run=_later("slicing", "slice_command"))
 

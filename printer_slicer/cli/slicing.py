@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from argparse import Namespace
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from printer_slicer.cli.common import (
@@ -42,6 +44,7 @@ def slice_command(arguments: Namespace) -> int:
         raise UsageError(
             f"--layer {arguments.layer}: there is no picture", remedy="name its file with --picture"
         )
+    arguments.made = _made(arguments)
     if arguments.output_dir is None:
         _slice_plate(arguments, profile, arguments.output)
         return 0
@@ -75,7 +78,15 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
             _draw_layer(program, 1 if arguments.layer is None else arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), stage.sections.plan)
         write_file(
-            output, gcode_of(program, profile, part=stage.part, certificate=certificate, labels=stage.labels)
+            output,
+            gcode_of(
+                program,
+                profile,
+                part=stage.part,
+                certificate=certificate,
+                labels=stage.labels,
+                made=arguments.made,
+            ),
         )
     facts = facts_of(stage, profile, seconds, certificate)
     late = [*unsupported_warnings(unsupported), *_unreached(profile, stage.sections.plan)]
@@ -113,6 +124,23 @@ def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
         )
     make_folder(folder)
     return [(model, output) for output, model in outputs.items()]
+
+
+def _made(arguments: Namespace) -> datetime | None:
+    """What the first line gives as its date: that of SOURCE_DATE_EPOCH, or with --timestamp now; else none.
+
+    Raises:
+        UsageError: SOURCE_DATE_EPOCH is no number of seconds.
+    """
+    told = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if told:
+        try:
+            return datetime.fromtimestamp(int(told), UTC)
+        except (ValueError, OverflowError, OSError):
+            raise UsageError(
+                f"SOURCE_DATE_EPOCH={told}: no date", remedy="set it to seconds since 1970, or unset it"
+            ) from None
+    return datetime.now(UTC) if arguments.timestamp else None
 
 
 def _refuse_model_name(output: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect
@@ -54,6 +55,7 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
     comments: Sequence[str] = (),
     labels: Labels | None = None,
     flavour: Dialect | None = None,
+    made: datetime | None = None,
 ) -> bytes:
     """The text of a program in the printer's dialect, settings included as comments.
 
@@ -65,9 +67,10 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
         comments: lines that stand behind the first one as they are.
         labels: which moves lay which of several things.
         flavour: takes the place of the profile's.
+        made: when, in UTC, for the first line; None: it has no date.
 
     Raises:
         ProfileError: a macro that cannot be filled in.
     """
     dialect = flavour or FLAVOURS[profile.printer.flavour]
-    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels))
+    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels, made))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from itertools import chain, pairwise
 
 import numpy as np
@@ -40,12 +41,14 @@ class Told:
         facts: more to tell at the top.
         comments: lines that stand behind the first one as they are.
         labels: which moves lay which of several things.
+        made: when, in UTC; None: the file does not say.
     """
 
     seconds: Float | None = None
     facts: Sequence[str] = ()
     comments: Sequence[str] = ()
     labels: Labels | None = None
+    made: datetime | None = None
 
 
 def write_program(
@@ -54,7 +57,7 @@ def write_program(
     dialect: Dialect,
     told: Told,
 ) -> bytes:
-    """The whole file; nothing in it depends on when or where it was made.
+    """The whole file; nothing in it depends on when or where it was made, but for the time that `told` may hold.
 
     Args:
         program: the moves.
@@ -89,7 +92,7 @@ def _file(
         taken = macros * _of_macros(writing, spelt.rows)
         begins += taken
     total = None if seconds is None else float(begins[-1])
-    first, *others = first_lines(program, total, told.facts)
+    first, *others = first_lines(program, total, told.facts, told.made)
     before = [first, *told.comments, *others]
     before += begins_with(writing)
     before += ["G21 ; mm", "G90", "M83", fan_line(0.0)]

@@ -10,6 +10,7 @@ import json
 import os
 import subprocess
 import sys
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -69,7 +70,7 @@ def printed(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, Progr
     """A file, and what is in it."""
     stages, usual = sliced(request.param), wanted(request.param)
     path = tmp_path / "cone.gcode"
-    path.write_bytes(gcode_of(stages.program, usual, part=stages.part))
+    path.write_bytes(gcode_of(stages.program, usual, part=stages.part, made=datetime(2026, 1, 2, tzinfo=UTC)))
     return path, stages.program, usual
 
 
