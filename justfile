@@ -64,6 +64,10 @@ settings:
     printer-slicer profiles settings --markdown > docs/reference/settings.md
     printer-slicer profiles schema -o profiles/schema
 
+# figures of README.md that commands print
+readme:
+    python -m benchmarks.readme
+
 # parts and pictures of docs/gallery.md
 gallery *NAMES:
     python -m benchmarks.gallery {{NAMES}}

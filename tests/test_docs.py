@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from benchmarks.readme import BLOCKS, written
 from printer_slicer.planning import PLANNERS
 from printer_slicer.policy import NAMES
 from printer_slicer.stream.states import TRANSITIONS
@@ -36,3 +39,8 @@ def test_the_table_of_names_that_allow_is_the_one_in_the_code() -> None:
     )
 
     assert written.splitlines()[2:] == [f"| `{name}` | {meaning} |" for name, meaning in NAMES.items()]
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_the_readme_shows_what_the_commands_print(name: str) -> None:
+    assert written(name) == BLOCKS[name](), "`just readme` writes it anew"
