@@ -1,6 +1,6 @@
 """Figures of README.md that commands print: `just readme` writes them anew, a test holds them against the commands.
 
-    python -m benchmarks.readme
+python -m benchmarks.readme
 """
 
 from __future__ import annotations
@@ -18,7 +18,14 @@ from printer_slicer.cli import main as command_line
 
 ROOT: Final = Path(__file__).parents[1]
 README: Final = ROOT / "README.md"
-_PLAN: Final = ("plan", "sample_parts/case_study.stl", "--printer", "marlin_220_06", "--quality", "case_study")
+_PLAN: Final = (
+    "plan",
+    "sample_parts/case_study.stl",
+    "--printer",
+    "marlin_220_06",
+    "--quality",
+    "case_study",
+)
 
 
 def _said(*arguments: str) -> str:
@@ -44,12 +51,16 @@ def _row(plan: Mapping[str, Any]) -> str:
     minutes = round(plan["seconds"] / 60)
     saved = f"{plan['layers_saved']:.1%}".replace("%", " %"), f"{plan['time_saved']:.1%}".replace("%", " %")
     label = plan["plan"] if name == "uniform" else f"{name}, aligned: {runs} mm"
-    return f"| {label} | {plan['layers']} | {saved[0]} | {minutes // 60} h {minutes % 60:02d} min | {saved[1]} |"
+    return (
+        f"| {label} | {plan['layers']} | {saved[0]} | {minutes // 60} h {minutes % 60:02d} min | {saved[1]} |"
+    )
 
 
 def _dry_run() -> str:
     """The dry run of the vase, as the README's command before it slices it."""
-    made = re.findall(r"^printer-slicer (slice sample_parts/vase\.stl -o vase\.gcode .*)$", _text(), re.MULTILINE)
+    made = re.findall(
+        r"^printer-slicer (slice sample_parts/vase\.stl -o vase\.gcode .*)$", _text(), re.MULTILINE
+    )
     arguments = next(one for one in reversed(made) if "--time-budget" in one).split()
     arguments[1] = str(ROOT / arguments[1])
     with TemporaryDirectory() as folder, chdir(folder):
