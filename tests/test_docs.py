@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,17 @@ def test_the_table_of_names_that_allow_is_the_one_in_the_code() -> None:
 @pytest.mark.parametrize("name", BLOCKS)
 def test_the_readme_shows_what_the_commands_print(name: str) -> None:
     assert written(name) == BLOCKS[name](), "`just readme` writes it anew"
+
+
+def test_contributing_names_files_that_there_are_and_that_know_the_firmwares() -> None:
+    root = DOCS.parent
+    table = root.joinpath("CONTRIBUTING.md").read_text()
+    rows = [line for line in table.splitlines() if line.startswith(("| a flavour", "| the firmware"))]
+    named = set(re.findall(r"`([a-z]+/\w+\.py)`", "".join(rows)))
+    silent = [
+        path for path in named if "klipper" not in root.joinpath("printer_slicer", path).read_text().lower()
+    ]
+
+    assert len(rows) == 2
+    assert len(named) >= 8
+    assert silent == []

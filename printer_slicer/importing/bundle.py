@@ -107,6 +107,34 @@ class Bundle:
                 return name
         return ""
 
+    def printer_called(self, name: str) -> str:
+        """The printer of this name, also where it is that of a model or an older one; empty: there is none.
+
+        Of a model it is the printer with the nozzle that comes first.
+        """
+        printers = self.sections["printer"]
+        if name in printers:
+            return name
+        presets = [
+            self.preset("printer", one) for one in printers if not one.startswith("*") and self._stands(one)
+        ]
+        renamed = [one for one in presets if name in split_texts(one.raw("renamed_from"))]
+        for model, section in self.models.items():
+            if name in (model, section.texts.get("name", "")):
+                variants = split_texts(section.texts.get("variants", ""))
+                own = [one for one in presets if one.text("printer_model") == model]
+                first = [one for one in own if variants and one.text("printer_variant") == variants[0]]
+                return next((one.name for one in (*first, *renamed, *own)), "")
+        return renamed[0].name if renamed else ""
+
+    def _stands(self, name: str) -> bool:
+        """Whether all that a printer inherits is there."""
+        try:
+            self.preset("printer", name)
+        except ProfileError:
+            return False
+        return True
+
     def _materials_of(self, printer: Preset) -> list[str]:
         """What the printer's model is sold with."""
         model = self.models.get(printer.text("printer_model"))

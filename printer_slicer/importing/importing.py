@@ -32,7 +32,8 @@ class Wanted:
     Attributes:
         names: patterns, of which a preset's name must match one; empty: all.
         kinds: `printer`, `material`, `quality`.
-        printer: name of a printer in a bundle: it and its default material and quality, as they are for it.
+        printer: name of a printer in a bundle, or of its model: it and its default material and quality, as they are
+            for it.
         ceilings: of temperatures.
         folders: where presets are that others inherit from.
         cura: changes of Cura's settings.
@@ -117,7 +118,8 @@ def _triple(bundle: Bundle, wanted: Wanted) -> list[Preset]:
     Raises:
         ProfileError: there is no such printer.
     """
-    if wanted.printer not in bundle.sections["printer"]:
+    called = bundle.printer_called(wanted.printer)
+    if not called:
         known = [name for name in bundle.sections["printer"] if not name.startswith("*")]
         near = get_close_matches(wanted.printer, known, n=3)
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
@@ -125,7 +127,7 @@ def _triple(bundle: Bundle, wanted: Wanted) -> list[Preset]:
             f"{bundle.place}: no printer {wanted.printer!r} among {len(known)}",
             remedy=f"{hint}--list names all",
         )
-    printer = bundle.preset("printer", wanted.printer)
+    printer = bundle.preset("printer", called)
     found = [printer]
     for kind in _WITH_PRINTER:
         named = [name for name in bundle.sections[kind] if wanted.names and wanted.takes(kind, name)]

@@ -85,6 +85,70 @@ inherits = *ring*
 """
 
 
+# As PrusaSlicer's bundles of other vendors name their printers.
+SHOP = """\
+[vendor]
+name = Shop
+
+[printer_model:E3V2]
+name = Shop E-3 V2
+variants = 0.4; 0.3
+default_materials = Shop PLA
+
+[print:0.16 mm]
+layer_height = 0.16
+perimeters = 2
+
+[filament:Shop PLA]
+temperature = 205
+first_layer_temperature = 210
+
+[printer:*e3*]
+gcode_flavor = marlin
+bed_shape = 5x0,215x0,215x220,5x220
+printer_model = E3V2
+
+[printer:Shop E-3 V2 (0.3 mm nozzle)]
+inherits = *e3*
+nozzle_diameter = 0.3
+printer_variant = 0.3
+
+[printer:Shop E-3 V2 (0.4 mm nozzle)]
+inherits = *e3*
+nozzle_diameter = 0.4
+printer_variant = 0.4
+renamed_from = "Shop Ender V2"; "Shop E-3V2"
+default_print_profile = "0.16 mm"
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "nozzle"),
+    [
+        ("Shop E-3 V2", 0.4),
+        ("E3V2", 0.4),
+        ("Shop E-3V2", 0.4),
+        ("Shop E-3 V2 (0.3 mm nozzle)", 0.3),
+    ],
+)
+def test_a_printer_of_a_bundle_is_found_by_model_and_older_names(
+    name: str, nozzle: float, tmp_path: Path
+) -> None:
+    (tmp_path / "Shop.ini").write_text(SHOP, encoding="utf-8")
+    made = import_profiles(tmp_path / "Shop.ini", Wanted(printer=name))
+
+    assert [one.kind for one in made] == ["printer", "material", "quality"]
+    assert made[0].name == f"Shop E-3 V2 ({nozzle} mm nozzle)"
+    assert values(made[0])["nozzle_diameter"] == nozzle
+
+
+def test_a_printer_that_a_bundle_does_not_hold_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "Shop.ini").write_text(SHOP, encoding="utf-8")
+
+    with pytest.raises(ProfileError, match="no printer 'E-9' among 2"):
+        import_profiles(tmp_path / "Shop.ini", Wanted(printer="E-9"))
+
+
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:
     path = tmp_path / "Acme.ini"
