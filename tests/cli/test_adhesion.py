@@ -36,7 +36,7 @@ def test_what_is_told_of_the_part_does_not_depend_on_a_raft(tmp_path: Path) -> N
 def test_people_are_told_what_the_part_stands_on(tmp_path: Path) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path / "b.gcode", *QUICK, *sets(raft_height=0.8))
 
-    assert " on a raft of 0.8 mm (3 layers), 0.16 mm over it" in outcome.out.splitlines()[0]
+    assert " on a raft of 0.8 mm (3 layers), 0.16 mm over it" in outcome.out.splitlines()[1]
 
 
 def test_the_layers_of_a_raft_can_be_drawn_and_rehearsed(tmp_path: Path) -> None:

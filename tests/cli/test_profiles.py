@@ -209,7 +209,11 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "file").touch()
     monkeypatch.setenv(VARIABLE, str(tmp_path / "file"))
 
-    assert is_message(failed("new", "quality", "mine"), f"{tmp_path}/file/qualities: cannot be made", "-o")
+    assert is_message(
+        failed("new", "quality", "mine"),
+        f"{tmp_path}/file/qualities: the folder cannot be made",
+        "Not a directory",
+    )
 
 
 # Flags
