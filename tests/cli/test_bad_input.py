@@ -24,9 +24,9 @@ AS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
 def refused(outcome: Outcome, code: int, *parts: object) -> None:
-    """The command ended with this code, said nothing on stdout, and all parts in its message with a remedy."""
+    """The command ended with this code, said no more than its machine on stdout, and all parts in its message with a remedy."""
     assert outcome.code == code, outcome.err
-    assert outcome.out == ""
+    assert len(outcome.out.splitlines()) <= 1, "more than what machine, material and quality are"
     assert is_message(outcome, *parts)
     assert len(outcome.err.splitlines()) >= 2, "no remedy"
 
