@@ -42,6 +42,8 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
         found = import_profiles(path)
     except NoSettingsError:
         return OwnSettings(_named_by_cura(path, folders), ())
+    except (OSError, ValueError):  # a name that no file can have
+        return OwnSettings({}, ())
     except ProfileError as error:
         # Who reads all of a file that cannot be read says so.
         return OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())

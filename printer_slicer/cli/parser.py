@@ -95,7 +95,7 @@ class _Output(argparse.Action):
         self, _parser: object, namespace: argparse.Namespace, value: object, _flag: object = None
     ) -> None:
         path = Path(str(value))
-        is_folder = str(value).endswith(("/", os.sep)) or path.is_dir()
+        is_folder = str(value).endswith(("/", os.sep)) or (value != "" and path.is_dir())
         setattr(namespace, "output_dir" if is_folder else "output", path)
 
 
