@@ -26,9 +26,8 @@ _Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
 
 # The keys of policy.NAMES, which is not imported: --help answers at once.
 _ALLOWED: Final = (
-    "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, protection, "
-    "endstops, "
-    "offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"
+    "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, "
+    "protection, endstops, offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"
 )
 
 
