@@ -22,9 +22,18 @@ from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
 from printer_slicer.ledger.ground import Air
 from printer_slicer.ledger.outline import OutlineError, outline_error
 from printer_slicer.ledger.stack import Stack, through_layers
-from printer_slicer.ledger.zones import body_of, exposed, footprint, shell_depth, without_slits
+from printer_slicer.ledger.zones import (
+    body_of,
+    exposed,
+    footprint,
+    shell_depth,
+    without_slits,
+    without_specks,
+)
 
 __all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
+
+_DOTS: Final = 2.0  # squares of a bead's width: islands that are smaller may be left out
 
 
 _FAR: Final = 50.0  # mm
@@ -149,7 +158,10 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         covered=covered,
         uncovered=offset_open(difference(shell, covered), rules.slit / 2),
         outside=difference(covered, offset(sections, rules.beyond)),
-        outline=outline_error(without_slits(sections, rules.slit), without_slits(body, rules.slit)),
+        outline=outline_error(
+            without_specks(without_slits(sections, rules.slit), _DOTS * stack.beads.usual_width**2),
+            without_slits(body, rules.slit),
+        ),
         fill=fill,
         air=air,
         volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
