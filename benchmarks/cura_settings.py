@@ -161,7 +161,7 @@ def _shape(profile: Profile) -> dict[str, object]:
 
 
 def _speeds(profile: Profile) -> dict[str, object]:
-    speeds = profile.quality.speeds
+    speeds = profile.speeds
     return {
         "speed_wall_0": speeds.outer_perimeter,
         "speed_wall_x": speeds.inner_perimeter,

@@ -92,7 +92,7 @@ def _shape(profile: Profile) -> dict[str, str]:
 
 
 def _speeds(profile: Profile) -> dict[str, str]:
-    speeds = profile.quality.speeds
+    speeds = profile.speeds
     numbers = {
         "perimeter-speed": speeds.inner_perimeter,
         "external-perimeter-speed": speeds.outer_perimeter,

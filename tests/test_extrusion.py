@@ -310,13 +310,13 @@ def test_the_first_layer_is_slow(printer: str, mesh: Mesh) -> None:
     program = made(mesh, wanted).program
     first = is_bead(program) & (program.layer == 0)
 
-    assert program.speed[first].max() <= wanted.quality.speeds.first_layer
+    assert program.speed[first].max() <= wanted.speeds.first_layer
 
 
 def test_every_role_has_its_speed_above_the_first_layer() -> None:
     wanted = usual(min_layer_time=0, max_flow=100)
     program = slice_part(box((20, 20, 6)), wanted)
-    speeds = wanted.quality.speeds
+    speeds = wanted.speeds
     above = program.layer > 0
 
     for role, speed in (
@@ -416,7 +416,7 @@ def test_travels_and_retractions_have_their_speeds(printer: str) -> None:
     flat = ~is_bead(program) & (travelled(program) > 0)
     upright = ~is_bead(program) & (travelled(program) == 0) & (program.filament == 0)
 
-    assert np.unique(program.speed[flat]).tolist() == [wanted.quality.speeds.travel]
+    assert np.unique(program.speed[flat]).tolist() == [wanted.speeds.travel]
     assert program.speed[upright].max() <= wanted.printer.max_speed_z
     assert np.unique(program.speed[program.filament < 0]).tolist() == [wanted.printer.retract_speed]
     pushes = ~is_bead(program) & (program.filament > 0)

@@ -151,7 +151,7 @@ def mushroom() -> Program:
 
 
 def test_beads_carried_by_less_than_half_are_overhang_perimeters_and_slow() -> None:
-    program, speeds = mushroom(), plain().quality.speeds
+    program, speeds = mushroom(), plain().speeds
     hangs = program.role == Role.OVERHANG_PERIMETER
 
     assert hangs.any()

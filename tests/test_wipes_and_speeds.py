@@ -105,7 +105,7 @@ def test_small_holes_are_slower_and_the_outside_is_not() -> None:
     outer = (program.role == Role.OUTER_PERIMETER) & (program.layer > 0)
     inside = (np.abs(program.xyz[:, :2] - program.xyz[outer, :2].mean(axis=0)) < 4).all(axis=1)
     assert program.speed[outer & inside] == pytest.approx(11)
-    assert program.speed[outer & ~inside] == pytest.approx(wanted.quality.speeds.outer_perimeter)
+    assert program.speed[outer & ~inside] == pytest.approx(wanted.speeds.outer_perimeter)
 
 
 def test_speeds_grow_from_the_first_layer_up() -> None:

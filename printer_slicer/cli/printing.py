@@ -237,7 +237,7 @@ def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
     found = [Mark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if not fault.harmless]
     title = f"{verdict.job}: {'prints as it should' if verdict.ok else 'do NOT print it'}"
     return picture_bytes(
-        rehearsal_picture(verdict.account, found, title, profile.printer.corners, profile.material.max_flow),
+        rehearsal_picture(verdict.account, found, title, profile.printer.corners, profile.max_flow),
         path,
     )
 

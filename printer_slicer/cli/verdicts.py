@@ -149,7 +149,7 @@ def _flow(account: Account, profile: Profile) -> str:
     where = f" (layer {account.peak.layer}, z {account.peak.z:.6g} mm)" if account.peak.layer else ""
     return (
         f"{account.peak.amount:.1f} mm3/s at most{where}, {mean:.1f} in the mean; "
-        f"{profile.material.name} melts {profile.material.max_flow:g}"
+        f"{profile.material.name} melts {profile.max_flow:g}"
     )
 
 
@@ -208,7 +208,7 @@ def _material_facts(account: Account, profile: Profile) -> Mapping[str, object]:
         "peak_flow": None
         if peak is None
         else {"mm3_per_s": round(peak.amount, 3), "layer": peak.layer, "z": round(peak.z, 4)},
-        "max_flow": profile.material.max_flow,
+        "max_flow": profile.max_flow,
         "layers": [
             {
                 "layer": layer.number,

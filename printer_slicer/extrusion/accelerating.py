@@ -20,9 +20,9 @@ def acceleration_events(
     profile = rules[0]
     beads = np.flatnonzero(role != Role.TRAVEL)
     wanted = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
-    first = profile.quality.accelerations.first_layer
+    first = profile.accelerations.first_layer
     if first:
-        wanted = np.where(layer[beads] == 0, min(first, profile.printer.acceleration), wanted)
+        wanted = np.where(layer[beads] == 0, first, wanted)
     change = np.flatnonzero(np.diff(wanted, prepend=profile.printer.acceleration) != 0)
     return tuple(
         Acceleration(index, value)
@@ -47,13 +47,13 @@ def accelerations_of(program: Program, printer: Printer, first: int, last: int) 
 
 def _of_roles(profile: Profile) -> Float:
     """(roles,) mm/s²."""
-    wanted, most = profile.quality.accelerations, profile.printer.acceleration
-    of_role = np.zeros(len(Role))
-    of_role[Role.OUTER_PERIMETER] = wanted.outer_perimeter
-    of_role[Role.INNER_PERIMETER] = wanted.inner_perimeter
-    of_role[Role.OVERHANG_PERIMETER] = wanted.overhang
-    of_role[[Role.BRIDGE, Role.INTERNAL_BRIDGE]] = wanted.bridge
-    of_role[Role.SPARSE] = wanted.sparse
-    of_role[[Role.SOLID, Role.BOTTOM_SKIN]] = wanted.solid
-    of_role[[Role.TOP_SKIN, Role.IRONING]] = wanted.top_skin
-    return np.where(of_role > 0, np.minimum(of_role, most), most)
+    resolved = profile.accelerations
+    of_role = np.full(len(Role), resolved.default)
+    of_role[Role.OUTER_PERIMETER] = resolved.outer_perimeter
+    of_role[Role.INNER_PERIMETER] = resolved.inner_perimeter
+    of_role[Role.OVERHANG_PERIMETER] = resolved.overhang
+    of_role[[Role.BRIDGE, Role.INTERNAL_BRIDGE]] = resolved.bridge
+    of_role[Role.SPARSE] = resolved.sparse
+    of_role[[Role.SOLID, Role.BOTTOM_SKIN]] = resolved.solid
+    of_role[[Role.TOP_SKIN, Role.IRONING]] = resolved.top_skin
+    return of_role

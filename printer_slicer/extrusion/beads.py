@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.extrusion.rows import Kind, Rows
-from printer_slicer.model import Float, Int, Role, Toolpaths, is_perimeter
+from printer_slicer.model import Bool, Float, Int, Role, Toolpaths, is_perimeter
 from printer_slicer.profile import Profile, Speeds
 
 __all__ = ["SHARES", "Beads", "beads_of", "speeds_of"]
@@ -72,7 +72,7 @@ def beads_of(paths: Toolpaths, rows: Rows, rules: tuple[Profile, ...]) -> Beads:
 
 def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, rules: tuple[Profile, ...]) -> Float:
     """(K,) speed of each move, mm/s; of beads that of the profile that their path has."""
-    printer, speeds = rules[0].printer, rules[0].quality.speeds
+    printer, speeds = rules[0].printer, rules[0].speeds
     z_speed = min(speeds.travel, printer.max_speed_z)
     wipe = min(speeds.travel, printer.max_speed_x)
     lead = np.zeros(Kind.BEAD + 1)
@@ -81,6 +81,9 @@ def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, rules: tuple[Profile, 
     if printer.z_hop_ramp:
         lead[Kind.LIFT] = speeds.travel
     speed, path = lead[rows.kind], rows.bead_path
+    if speeds.first_layer_travel < speeds.travel:
+        careful = (rows.kind <= Kind.TRAVEL) & (rows.kind >= Kind.WIPE) & (paths.layer[rows.path] == 0)
+        speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
     laid = _laid(paths, path, beads, rules[0])
     for number, rule in enumerate(rules[1:], 1):
         laid = np.where(paths.rule[path] == number, _laid(paths, path, beads, rule), laid)
@@ -90,21 +93,41 @@ def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, rules: tuple[Profile, 
 
 def _laid(paths: Toolpaths, path: Int, beads: Beads, profile: Profile) -> Float:
     """(B,) mm/s of the beads of paths (B,) with the settings of one profile."""
-    speeds, material = profile.quality.speeds, profile.material
+    speeds = profile.speeds
     laid = _wanted(paths, profile)[path]
     hangs = is_perimeter(paths.role[path]) & (beads.carried < 1)
-    slower = laid * np.interp(beads.carried, SHARES, _overhang_speeds(speeds))
+    slower = laid * np.interp(beads.carried, SHARES, _overhang_shares(speeds))
+    slower = np.minimum(slower, _overhang_limit(beads.carried, laid, profile))
     # The last quarter goes over to a bridge.
     faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
     laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
-    melted = np.where(paths.layer[path] == 0, material.first_layer_max_flow_ratio, 1.0) * material.max_flow
+    on_bed = profile.material.first_layer_max_flow_ratio
+    melted = np.where(paths.layer[path] == 0, on_bed, 1.0) * profile.max_flow
     return np.minimum(laid, melted / np.maximum(beads.cross_section, 1e-9))
+
+
+def _overhang_limit(carried: Float, laid: Float, profile: Profile) -> Float:
+    """(B,) mm/s that the printer allows perimeters of which (B,) a share is carried, between its points in lines.
+
+    At the ends, and where the printer names none, it is the speed that perimeters have anyway, (B,) mm/s.
+    """
+    limits = profile.printer.speeds
+    points = (profile.speeds.bridge, limits.overhang_25, limits.overhang_50, limits.overhang_75, 0.0)
+    if not any(points[1:]):
+        return laid
+    of_point = np.stack([np.minimum(laid, one) if one else laid for one in points])
+    below = np.clip((carried / SHARES[1]).astype(np.int64), 0, len(SHARES) - 2)
+    share = carried / SHARES[1] - below
+    each = np.arange(len(carried))
+    return np.asarray(of_point[below, each] * (1 - share) + of_point[below + 1, each] * share)
 
 
 def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     """(M,) mm/s that paths are laid at where they are carried."""
-    speeds = profile.quality.speeds
+    speeds = profile.speeds
     wanted = _of_roles(speeds)[paths.role]
+    single = (paths.role == Role.INNER_PERIMETER) & ~paths.closed
+    wanted = np.where(single, speeds.gap, wanted)
     if speeds.small_perimeter:
         small = is_perimeter(paths.role) & paths.closed
         small &= paths.length() < 2 * np.pi * speeds.small_perimeter_radius
@@ -113,22 +136,29 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
         wanted = wanted * _evened(paths, profile)
     raft = paths.role == Role.RAFT
     base = int(paths.layer[raft].max(initial=-1)) + 1  # the part's first layer
+    if base:
+        wanted = np.where(
+            raft & (paths.layer == base - 1), min(speeds.raft, speeds.support_interface), wanted
+        )
+    first = np.where(_is_infill(paths.role), speeds.first_layer_infill, speeds.first_layer)
     begins = (paths.layer == 0) | (paths.layer == base)
-    wanted = np.where(begins, np.minimum(wanted, speeds.first_layer), wanted)
+    wanted = np.where(begins, np.minimum(wanted, first), wanted)
     low, high = float(paths.plan.top[base]), speeds.slow_below
     if high > low:
         share = np.clip((paths.plan.top[paths.layer] - low) / (high - low), 0, 1)
-        wanted = np.where(
-            raft,
-            wanted,
-            np.minimum(wanted, speeds.first_layer + share * np.maximum(wanted - speeds.first_layer, 0)),
-        )
+        ramped = np.minimum(wanted, first + share * np.maximum(wanted - first, 0))
+        wanted = np.where(raft, wanted, ramped)
     return np.asarray(wanted)
+
+
+def _is_infill(role: Int) -> Bool:
+    """(n,) whether roles (n,) fill what perimeters surround."""
+    return np.isin(role, (Role.BOTTOM_SKIN, Role.SOLID, Role.SPARSE, Role.TOP_SKIN, Role.IRONING))
 
 
 def _evened(paths: Toolpaths, profile: Profile) -> Float:
     """(M,) what speeds are multiplied by so that thin and thick layers melt more nearly the same."""
-    speeds = profile.quality.speeds
+    speeds = profile.speeds
     factor = (profile.quality.layer_height / np.maximum(paths.height, 1e-6)) ** speeds.even_flow_ratio
     return np.asarray(np.clip(factor, 1 / speeds.even_flow_most, speeds.even_flow_most))
 
@@ -150,7 +180,7 @@ def _of_roles(speeds: Speeds) -> Float:
     return of_role
 
 
-def _overhang_speeds(speeds: Speeds) -> tuple[float, ...]:
+def _overhang_shares(speeds: Speeds) -> tuple[float, ...]:
     """For each of `SHARES` of the bead that is carried, the share of the perimeter's speed."""
     return (
         speeds.overhang_0_ratio,

@@ -59,7 +59,7 @@ def wipes_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
     back = (xy[np.flatnonzero(used) - 1] - xy[used]) / far[used][:, None]
     count = np.zeros(n, np.int64)
     count[wiped] = np.bincount(owner, minlength=len(over))
-    speed = profile.quality.speeds.travel
+    speed = profile.speeds.travel
     total = np.minimum(
         printer.retract_length, _SHARE * printer.retract_speed * reach / min(speed, printer.max_speed_x)
     )

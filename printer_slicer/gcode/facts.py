@@ -66,16 +66,17 @@ def _list(values: Float) -> tuple[float, ...]:
 
 
 def _settings(profile: Profile) -> dict[str, Value]:
-    """All settings but the macros themselves."""
+    """All settings but the macros themselves, as they are used; speeds without a section are the quality's."""
     known: dict[str, Value] = {}
-    for key, value in settings_text(profile):
+    for key, value in settings_text(profile.resolved):
         owner, _, name = key.partition(".")
         if name.endswith("_gcode"):
             continue
         assert isinstance(value, bool | int | float | str)
         plain = value if isinstance(value, bool | str) else float(value)
         known[key] = plain
-        known.setdefault(f"{owner}_name" if name == "name" else name, plain)
+        if not (owner == "printer" and "." in name):
+            known.setdefault(f"{owner}_name" if name == "name" else name, plain)
     return known
 
 

@@ -221,7 +221,7 @@ def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list
     back += [] if printer.relative_extrusion else [f"G92 E{number(fed / 10**E_DECIMALS)}"]
     if move and codes & _MOVING:
         x, y, z = writing.program.xyz[move - 1]
-        travel = round(writing.profile.quality.speeds.travel * 60)
+        travel = round(writing.profile.speeds.travel * 60)
         back += [f"G0 X{x:z.{XY_DECIMALS}f} Y{y:z.{XY_DECIMALS}f} F{travel}", f"G0 Z{z:z.{Z_DECIMALS}f}"]
         back += [f"G1 F{rows.feed[move - 1]}"]
     return back

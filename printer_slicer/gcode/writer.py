@@ -97,8 +97,8 @@ def _file(
     before += begins_with(writing)
     before += ["G21 ; mm", "G90", "M83", fan_line(0.0)]
     before += [*dialect.limits(profile.printer), *_retraction(profile, dialect), *start]
-    if profile.material.pressure_advance and dialect.pressure_advance:
-        before.append(dialect.pressure_advance(profile.material.pressure_advance))
+    if profile.pressure_advance and dialect.pressure_advance:
+        before.append(dialect.pressure_advance(profile.pressure_advance))
     before += definitions(writing.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *last_lines(program, profile, total)]

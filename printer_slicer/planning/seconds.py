@@ -73,25 +73,27 @@ class LayerTimes:
     def seconds(self, which: Int, height: float) -> Float:
         """(m,) s, for layers of `height` mm that are cut at the heights `z[which]`."""
         profile, at = self._profile, self._slices
-        speeds, material, printer = profile.quality.speeds, profile.material, profile.printer
+        speeds, hard = profile.speeds, profile.accelerations
+        material, printer = profile.material, profile.printer
         width = profile.extrusion_width
         gap = float(bead.spacing(width, height))
-        fastest = material.max_flow / (gap * height * material.flow_ratio)
+        fastest = profile.max_flow / (gap * height * material.flow_ratio)
         length, loops, inside, solid = (
             values.take(which) for values in (at.length, at.loops, at.inside, at.solid)
         )
         outer, inner = min(profile.quality.perimeters, 1), max(profile.quality.perimeters - 1, 0)
         share = profile.quality.infill_density / gap
 
-        def per_mm(speed: float, line: float = np.inf) -> float:
+        def per_mm(speed: float, acceleration: float = np.inf, line: float = np.inf) -> float:
             """Seconds for a mm of lines of so many mm, which are begun and ended at rest."""
             speed = min(speed, fastest)
-            return (1 + speed**2 / (printer.acceleration * line)) / speed
+            return (1 + speed**2 / (acceleration * line)) / speed
 
         laid = _WALLED * (outer + inner) * length + (1 / gap - share) * solid + share * inside
         walled = outer * per_mm(speeds.outer_perimeter) + inner * per_mm(speeds.inner_perimeter)
-        sparse = share * per_mm(speeds.sparse, _SPARSE_LINE)
-        laying = _WALLED * walled * length + (per_mm(speeds.solid, _SOLID_LINE) / gap - sparse) * solid
+        sparse = share * per_mm(speeds.sparse, hard.sparse, _SPARSE_LINE)
+        skin = per_mm(speeds.solid, hard.solid, _SOLID_LINE) / gap
+        laying = _WALLED * walled * length + (skin - sparse) * solid
         laying += sparse * inside
         travel = _TRAVEL / speeds.travel + speeds.travel / printer.travel_acceleration
         travel += printer.retract_length * (1 / printer.retract_speed + 1 / printer.deretract_speed)

@@ -205,7 +205,7 @@ def _flow(moves: Moves, fresh: Float, seconds: Float, profile: Profile) -> Itera
     flow = np.zeros(len(volume))
     flow[laid] = flow_of(volume[laid], seconds[laid])
     flow[standing] = volume[standing] / seconds[standing]
-    most = profile.material.max_flow
+    most = profile.max_flow
     what = f"{{:.3g}} mm3/s of plastic, {profile.material.name} melts {most:g}"
     far = laid & (flow > most * MELTS)
     yield _Case("flow", far, flow, what, "too little comes out, and the extruder slips", refused=True)

@@ -12,11 +12,23 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.planners import HeightRange
 from printer_slicer.profile.reading import KINDS, Source
-from printer_slicer.profile.settings import PLANNER_SETTINGS, Accelerations, OptimalPlanner, Speeds
+from printer_slicer.profile.settings import (
+    PLANNER_SETTINGS,
+    Accelerations,
+    OptimalPlanner,
+    PrinterAccelerations,
+    PrinterSpeeds,
+    Speeds,
+)
 
 __all__ = ["ENTRIES", "INNER", "keys_of", "nearest", "resolved"]
 
-INNER: Final[Mapping[str, type[Struct]]] = {"speeds": Speeds, "accelerations": Accelerations}
+INNER: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
+    "printer": {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations},
+    "material": {},
+    "quality": {"speeds": Speeds, "accelerations": Accelerations},
+}
+"""The tables of each section. A key without its section means the quality's: `speeds.travel`."""
 
 ENTRIES: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
 """Settings that are lists of tables: what these may hold."""
@@ -26,14 +38,14 @@ _SHORT: Final = 2  # letters, of which nobody can tell what they begin
 
 def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
     """All keys that may be set in a section as it stands: the planner's own settings depend on its kind."""
-    keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *INNER)]
+    inner = INNER[kind]
+    keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *inner)]
     if kind == "quality":
         table = values.get("planner")
         chosen = table.get("kind", "optimal") if isinstance(table, dict) else "optimal"
         planner = PLANNER_SETTINGS.get(str(chosen), OptimalPlanner)
         keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
-        keys += [f"{inner}.{name}" for inner, owner in INNER.items() for name in owner.__struct_fields__]
-    return keys
+    return keys + [f"{table}.{name}" for table, owner in inner.items() for name in owner.__struct_fields__]
 
 
 def nearest(key: str, known: Sequence[str]) -> str:
@@ -62,6 +74,8 @@ def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tu
     known = [(kind, path) for kind, source in sources.items() for path in keys_of(kind, source.values)]
     exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
     matches = exact or [(kind, path) for kind, path in known if path == key]
+    if key.partition(".")[0] in INNER["quality"]:
+        matches = [one for one in matches if one[0] == "quality"] or matches
     if len(matches) == 1:
         return matches[0]
     if matches:

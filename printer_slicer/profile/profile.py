@@ -2,8 +2,23 @@
 
 from __future__ import annotations
 
+from msgspec.structs import replace
+
 from printer_slicer.profile.base import Settings
-from printer_slicer.profile.settings import Material, OptimalPlanner, Printer, Quality
+from printer_slicer.profile.role_motion import (
+    resolve_accelerations,
+    resolve_flow,
+    resolve_pressure_advance,
+    resolve_speeds,
+)
+from printer_slicer.profile.settings import (
+    Accelerations,
+    Material,
+    OptimalPlanner,
+    Printer,
+    Quality,
+    Speeds,
+)
 
 __all__ = ["HIGHEST_BEAD", "Profile"]
 
@@ -22,6 +37,35 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The dials of the planner `optimal`; as they usually are where another planner is chosen."""
         planner = self.quality.planner
         return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+
+    @property
+    def speeds(self) -> Speeds:
+        """Speed of each role, mm/s, with the printer's filled in; see `resolve_speeds`."""
+        return resolve_speeds(self.printer, self.quality)
+
+    @property
+    def accelerations(self) -> Accelerations:
+        """Acceleration of each role, mm/s², with the printer's filled in; see `resolve_accelerations`."""
+        return resolve_accelerations(self.printer, self.quality)
+
+    @property
+    def max_flow(self) -> float:
+        """Most plastic that hotend and material allow, mm³/s."""
+        return resolve_flow(self.printer, self.material)
+
+    @property
+    def pressure_advance(self) -> float:
+        """Pressure advance that the file sets, s; 0: none."""
+        return resolve_pressure_advance(self.printer, self.material)
+
+    @property
+    def resolved(self) -> Profile:
+        """The same with everything filled in that quality and material leave to the printer."""
+        return replace(
+            self,
+            material=replace(self.material, max_flow=self.max_flow, pressure_advance=self.pressure_advance),
+            quality=replace(self.quality, speeds=self.speeds, accelerations=self.accelerations),
+        )
 
     @property
     def extrusion_width(self) -> float:

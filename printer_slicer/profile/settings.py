@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from msgspec import field
+
 from printer_slicer.profile.base import ANYWHERE, EACH_HEIGHT, Settings, meta
 from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.planners import (
@@ -22,7 +24,7 @@ from printer_slicer.profile.planners import (
     UniformPlanner,
 )
 from printer_slicer.profile.quality import Quality
-from printer_slicer.profile.speeds import Accelerations, Speeds
+from printer_slicer.profile.speeds import Accelerations, PrinterAccelerations, PrinterSpeeds, Speeds
 
 __all__ = [
     "PLANNER_SETTINGS",
@@ -35,6 +37,8 @@ __all__ = [
     "OptimalPlanner",
     "Planner",
     "Printer",
+    "PrinterAccelerations",
+    "PrinterSpeeds",
     "Quality",
     "Speeds",
     "StepwisePlanner",
@@ -94,11 +98,18 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     max_acceleration_y: Annotated[float, meta("limit of the y axis", "mm/s²", gt=0, le=100000)] = 1000
     max_acceleration_z: Annotated[float, meta("limit of the z axis", "mm/s²", gt=0, le=10000)] = 100
     max_acceleration_e: Annotated[float, meta("limit of the extruder", "mm/s²", gt=0, le=100000)] = 5000
-    acceleration: Annotated[float, meta("while printing", "mm/s²", gt=0, le=100000)] = 1000
+    acceleration: Annotated[float, meta("while printing, at most", "mm/s²", gt=0, le=100000)] = 1000
     travel_acceleration: Annotated[float, meta("while travelling", "mm/s²", gt=0, le=100000)] = 1000
     retract_acceleration: Annotated[
         float, meta("while only the extruder turns", "mm/s²", gt=0, le=100000)
     ] = 1000
+    hotend_max_flow: Annotated[
+        float, meta("most PLA that the hotend melts; 0: not known", "mm³/s", ge=0, le=200)
+    ] = 0
+    pla_pressure_advance: Annotated[
+        float,
+        meta("linear advance for PLA whose material names none; 0: the firmware's own", "s", ge=0, le=5),
+    ] = 0
     corner: Annotated[
         Literal["junction_deviation", "jerk", "square_corner"], meta("how the firmware finds corner speeds")
     ] = "junction_deviation"
@@ -178,6 +189,8 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pause_gcode: Annotated[
         str, meta("G-code where the print pauses (quality.pause_at); empty: the flavour's own command")
     ] = ""
+    speeds: PrinterSpeeds = field(default_factory=PrinterSpeeds)
+    accelerations: PrinterAccelerations = field(default_factory=PrinterAccelerations)
 
     @property
     def firmware(self) -> Firmware:
@@ -208,11 +221,18 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bed_temperature: Annotated[float, meta("bed", "°C", ge=0, le=200)] = 60
     first_layer_bed_temperature: Annotated[float, meta("bed, first layer", "°C", ge=0, le=200)] = 60
     pressure_advance: Annotated[
-        float, meta("linear advance; 0: the printer's own setting is left as it is", "s", ge=0, le=5)
+        float, meta("linear advance; 0: the printer's for PLA, else the firmware's own", "s", ge=0, le=5)
     ] = 0
-    max_flow: Annotated[float, meta("most plastic the nozzle melts", "mm³/s", gt=0, le=200, own=ANYWHERE)] = (
-        12
-    )
+    max_flow: Annotated[
+        float,
+        meta(
+            "most plastic that is melted; printer.hotend_max_flow may lower it; 0: as much PLA as the hotend melts",
+            "mm³/s",
+            ge=0,
+            le=200,
+            own=ANYWHERE,
+        ),
+    ] = 12
     first_layer_max_flow_ratio: Annotated[
         float, meta("the same on the first layer, as a share of it", "ratio", ge=0.1, le=1)
     ] = 1

@@ -1,4 +1,4 @@
-"""How fast and how hard each role is printed."""
+"""How fast and how hard each role is printed: what a machine does usually, and what a quality makes of it."""
 
 from __future__ import annotations
 
@@ -6,22 +6,127 @@ from typing import Annotated
 
 from printer_slicer.profile.base import ANYWHERE, Settings, meta
 
-__all__ = ["Accelerations", "Speeds"]
+__all__ = ["Accelerations", "PrinterAccelerations", "PrinterSpeeds", "Speeds"]
+
+
+class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How fast the machine usually prints each role, in layers of about 0.2 mm."""
+
+    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
+    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
+    sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
+    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
+    top_skin: Annotated[float, meta("top skins", "mm/s", gt=0, le=1000)] = 40
+    gap: Annotated[
+        float, meta("single beads between perimeters; 0: as inner perimeters", "mm/s", ge=0, le=1000)
+    ] = 0
+    bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
+    internal_bridge: Annotated[
+        float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
+    ] = 40
+    overhang_75: Annotated[
+        float,
+        meta(
+            "perimeters with 75 % of their width over the layer below, at most; 0: no limit of its own",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
+    ] = 0
+    overhang_50: Annotated[float, meta("the same with 50 % of it", "mm/s", ge=0, le=1000)] = 0
+    overhang_25: Annotated[float, meta("the same with 25 % of it", "mm/s", ge=0, le=1000)] = 0
+    small_perimeter: Annotated[
+        float,
+        meta(
+            "perimeters of quality.speeds.small_perimeter_radius, at most; 0: as the others",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
+    ] = 0
+    support: Annotated[float, meta("supports and rafts", "mm/s", gt=0, le=1000)] = 30
+    support_interface: Annotated[
+        float,
+        meta("the layer of supports and rafts under the part; 0: as support", "mm/s", ge=0, le=1000),
+    ] = 0
+    travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
+    first_layer: Annotated[float, meta("perimeters on the first layer, at most", "mm/s", gt=0, le=1000)] = 20
+    first_layer_infill: Annotated[
+        float, meta("infill on the first layer, at most; 0: as first_layer", "mm/s", ge=0, le=1000)
+    ] = 0
+    first_layer_travel: Annotated[
+        float, meta("travels on the first layer, at most; 0: as travel", "mm/s", ge=0, le=2000)
+    ] = 0
+
+
+class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How hard the machine usually accelerates each role; `printer.acceleration` is the most for all of them."""
+
+    default: Annotated[
+        float, meta("what is not named here; 0: printer.acceleration", "mm/s²", ge=0, le=100000)
+    ] = 0
+    first_layer: Annotated[
+        float, meta("everything on the first layer; 0: as above it", "mm/s²", ge=0, le=100000)
+    ] = 0
+    outer_perimeter: Annotated[float, meta("outer perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    inner_perimeter: Annotated[float, meta("inner perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    overhang: Annotated[
+        float, meta("perimeters that hang over air; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
+    bridge: Annotated[float, meta("bridges; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    sparse: Annotated[float, meta("sparse infill; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    solid: Annotated[float, meta("solid infill and bottom skins; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    top_skin: Annotated[float, meta("top skins and ironing; 0: default", "mm/s²", ge=0, le=100000)] = 0
 
 
 class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How fast each role is printed; the material's flow limit may lower any of them."""
+    """How fast each role is printed; 0: as the printer's `speeds` say, times `ratio`.
 
-    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 35
-    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 50
-    sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 70
-    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 60
-    top_skin: Annotated[float, meta("top skins", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 40
+    The flow limits of material and hotend may lower any of them.
+    """
+
+    ratio: Annotated[
+        float,
+        meta(
+            "the printer's speeds of perimeters, infill, gaps and supports are multiplied by this",
+            "ratio",
+            gt=0,
+            le=10,
+            own=ANYWHERE,
+        ),
+    ] = 1
+    visible_most: Annotated[
+        float,
+        meta(
+            "outer perimeters and top skins take at most this of the printer's speed; 0: all of it",
+            "mm/s",
+            ge=0,
+            le=1000,
+            own=ANYWHERE,
+        ),
+    ] = 0
+    outer_perimeter: Annotated[
+        float, meta("outer perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
+    inner_perimeter: Annotated[
+        float, meta("inner perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
+    sparse: Annotated[float, meta("sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
+    solid: Annotated[
+        float, meta("solid infill and bottom skins; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
+    top_skin: Annotated[float, meta("top skins; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
+    gap: Annotated[
+        float, meta("single beads between perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
     ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 15
-    bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 30
+    bridge: Annotated[float, meta("bridges; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
     internal_bridge: Annotated[
-        float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000, own=ANYWHERE)
-    ] = 40
+        float,
+        meta(
+            "the first solid layer over sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE
+        ),
+    ] = 0
     overhang_75_ratio: Annotated[
         float,
         meta(
@@ -56,16 +161,32 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float,
         meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1, own=ANYWHERE),
     ] = 0.45
-    raft: Annotated[float, meta("rafts", "mm/s", gt=0, le=1000)] = 30
+    support: Annotated[float, meta("supports; 0: the printer's", "mm/s", ge=0, le=1000)] = 0
+    support_interface: Annotated[
+        float, meta("the layer of supports and rafts under the part; 0: the printer's", "mm/s", ge=0, le=1000)
+    ] = 0
+    raft: Annotated[float, meta("rafts; 0: as supports", "mm/s", ge=0, le=1000)] = 0
     first_layer: Annotated[
         float,
         meta(
-            "everything on the first layer, and on the part's first over a raft, at most",
+            "perimeters on the first layer, and on the part's first over a raft, at most; 0: the printer's",
             "mm/s",
-            gt=0,
+            ge=0,
             le=1000,
         ),
-    ] = 20
+    ] = 0
+    first_layer_infill: Annotated[
+        float,
+        meta(
+            "infill there, at most; 0: first_layer where that is set, else the printer's",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
+    ] = 0
+    first_layer_travel: Annotated[
+        float, meta("travels on the first layer, at most; 0: the printer's", "mm/s", ge=0, le=2000)
+    ] = 0
     slow_below: Annotated[
         float,
         meta("from the first layer's speed up to this z speeds grow to the full ones", "mm", ge=0, le=100),
@@ -73,7 +194,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     small_perimeter: Annotated[
         float,
         meta(
-            "perimeters of small_perimeter_radius, at most; 0: as the others",
+            "perimeters of small_perimeter_radius, at most; 0: the printer's",
             "mm/s",
             ge=0,
             le=1000,
@@ -97,13 +218,21 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     even_flow_most: Annotated[
         float, meta("for that, speeds change by at most this factor", "ratio", ge=1, le=10, own=ANYWHERE)
     ] = 2
-    travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
+    travel: Annotated[float, meta("travels; 0: the printer's", "mm/s", ge=0, le=2000)] = 0
 
 
 class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How hard each role is accelerated; 0: as `printer.acceleration` has it, which is the most for all of them."""
+    """How hard each role is accelerated; 0: `default`, and where that is 0 too as the printer's `accelerations` say.
 
-    first_layer: Annotated[float, meta("everything on the first layer", "mm/s²", ge=0, le=100000)] = 0
+    `printer.acceleration` is the most for all of them.
+    """
+
+    default: Annotated[
+        float, meta("what is not named here; 0: the printer's", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+    ] = 0
+    first_layer: Annotated[
+        float, meta("everything on the first layer; 0: the printer's", "mm/s²", ge=0, le=100000)
+    ] = 0
     outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     overhang: Annotated[

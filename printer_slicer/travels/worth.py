@@ -17,7 +17,7 @@ def longest_worthwhile(straight: Float, profile: Profile) -> Float:
     Longer by `quality.max_detour`, or as long as takes no more time than straight way and retraction, all of them from
     rest to rest; corners are not counted.
     """
-    speed = min(profile.quality.speeds.travel, profile.printer.max_speed_x, profile.printer.max_speed_y)
+    speed = min(profile.speeds.travel, profile.printer.max_speed_x, profile.printer.max_speed_y)
     machine = limits_of(profile.printer)
     acceleration = min(machine.travel_acceleration, *machine.max_acceleration[:2])
     seconds = _seconds(straight, speed, acceleration) + _retraction(profile.printer)

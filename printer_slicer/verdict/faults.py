@@ -221,7 +221,7 @@ def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fau
     """More plastic per second than the material melts."""
     if not own:
         return
-    most = profile.material.max_flow
+    most = profile.max_flow
     far = [one for one in own if one.amount > most * MELTS]
     first, worst = (far or own)[0], max(own, key=lambda one: one.amount)
     what = f"{first.amount:.1f} mm3/s of plastic; {profile.material.name} melts {most:g}"

@@ -37,7 +37,7 @@ class Materials:
         self._keeper = Keeper(
             profile.printer.corners,
             area,
-            profile.material.max_flow,
+            profile.max_flow,
             marks_of(job.commands, job.text, job.marks, job.roles),
         )
 

@@ -193,7 +193,7 @@ BAD_SETTINGS = [
     ("quality.perimetres=3", ["perimetres", "did you mean 'quality.perimeters'"]),
     ("infill_density=2", ["quality.infill_density", "<= 1"]),
     ("infill_density=-0.1", ["quality.infill_density", ">= 0"]),
-    ("speeds.travel=0", ["quality.speeds.travel", "> 0"]),
+    ("speeds.travel=-1", ["quality.speeds.travel", ">= 0"]),
     ("infill_density=much", ["quality.infill_density", "expected a number", "much"]),
     ("perimeters=1.5", ["quality.perimeters", "int", "1.5"]),
     ("perimeters=", ["quality.perimeters", "int"]),

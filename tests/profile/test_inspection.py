@@ -59,9 +59,8 @@ def test_profiles_differ_in_what_one_of_them_says() -> None:
         "name": ("standard", "fine"),
         "layer_height": (0.2, 0.12),
         "resolution": (0.0125, 0.008),
-        "speeds.outer_perimeter": (35, 25),
-        "speeds.inner_perimeter": (50, 40),
-        "speeds.top_skin": (40, 30),
+        "speeds.ratio": (1, 0.8),
+        "speeds.visible_most": (0, 80),
     }
 
 

@@ -207,7 +207,7 @@ def test_a_profile_without_what_it_must_have_names_file_and_key(write: Write, te
     [
         ("perimeters = 101", "quality.perimeters", "100"),
         ("infill_density = -0.1", "quality.infill_density", "0"),
-        ("[speeds]\ntravel = 0", "quality.speeds.travel", "> 0"),
+        ("[speeds]\ntravel = -1", "quality.speeds.travel", ">= 0"),
         ('[planner]\nkind = "area"\nrelative_tolerance = 2', "quality.planner.relative_tolerance", "1"),
         ('seam = "front"', "quality.seam", "rear"),
         ('[planner]\nkind = "cosp"', "quality.planner.kind", "uniform, area"),
