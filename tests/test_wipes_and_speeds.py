@@ -109,18 +109,22 @@ def test_small_holes_are_slower_and_the_outside_is_not() -> None:
 
 
 def test_speeds_grow_from_the_first_layer_up() -> None:
-    program = program_of(plain(quality__speeds__slow_below=1.3))
+    wanted = plain(quality__speeds__slow_below=1.3)
+    program = program_of(wanted)
+    low, high = wanted.speeds.first_layer, wanted.speeds.outer_perimeter
 
     speeds = speed_of(program, Role.OUTER_PERIMETER)
     share = np.clip((UNEVEN.top - 0.3) / (1.3 - 0.3), 0, 1)
-    assert speeds == pytest.approx(20 + share * (35 - 20))
+    assert speeds == pytest.approx(low + share * (high - low))
 
 
 def test_an_even_flow_slows_thick_layers_and_hurries_thin_ones_within_a_factor() -> None:
     wanted = plain(quality__speeds__even_flow_ratio=1, quality__speeds__even_flow_most=1.5)
     speeds = speed_of(program_of(wanted), Role.OUTER_PERIMETER)
 
-    assert speeds[1:] == pytest.approx(35 * np.clip(0.2 / UNEVEN.height[1:], 1 / 1.5, 1.5))
+    assert speeds[1:] == pytest.approx(
+        wanted.speeds.outer_perimeter * np.clip(0.2 / UNEVEN.height[1:], 1 / 1.5, 1.5)
+    )
 
 
 def test_the_first_layer_melts_less() -> None:

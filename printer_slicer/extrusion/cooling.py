@@ -14,7 +14,7 @@ from printer_slicer.profile import Material, Profile
 
 __all__ = ["fans", "slowed"]
 
-_ROUNDS = 12  # of slowing down at most: with acceleration, half the speed is not quite twice the time
+_ROUNDS = 30  # of slowing down at most: where accelerating decides, half the speed is far from twice the time
 _NEARLY = 0.995  # of the minimum layer time is enough
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 # What is slowed down first is not seen; bridges and what hangs over air are slow enough until nothing else helps.

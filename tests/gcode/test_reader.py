@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.gcode import Moves, Timer, read_moves, write_gcode
+from printer_slicer.gcode import FLAVOURS, Moves, Timer, read_moves, write_gcode
 from printer_slicer.gcode.reader import Reader
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
@@ -249,9 +249,11 @@ def test_the_text_of_a_program_takes_as_long_as_the_program(printer: str, relati
     wanted = profile(printer, relative_extrusion=relative, start_gcode="", end_gcode="")
     program = slice_part(mesh, wanted)
     x, y, z = program.origin
-    text = commands(write_gcode(program, wanted))
+    text, dialect = commands(write_gcode(program, wanted)), FLAVOURS[wanted.printer.flavour]
 
-    seconds = read_moves([b"G92 X%f Y%f Z%f" % (x, y, z), *text]).seconds(limits_of(wanted.printer))
+    seconds = read_moves([b"G92 X%f Y%f Z%f" % (x, y, z), *text], dialect=dialect).seconds(
+        limits_of(wanted.printer)
+    )
 
     assert seconds == pytest.approx(float(move_seconds(program, wanted).sum()), rel=1e-3)
 

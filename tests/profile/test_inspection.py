@@ -49,7 +49,12 @@ def test_the_line_told_is_the_one_that_sets_the_key(name: str) -> None:
     for key, (_, place) in settings_told("printer", read_chain("printer", name)).items():
         if place != DEFAULT:
             file, _, line = place.rpartition(":")
-            assert Path(file).read_text(encoding="utf-8").splitlines()[int(line) - 1].startswith(f"{key} = ")
+            assert (
+                Path(file)
+                .read_text(encoding="utf-8")
+                .splitlines()[int(line) - 1]
+                .startswith(f"{key.rpartition('.')[2]} = ")
+            )
 
 
 def test_profiles_differ_in_what_one_of_them_says() -> None:
