@@ -93,7 +93,18 @@ def _of_few(presets: Sequence[Preset], wanted: Wanted) -> Iterator[Imported | Re
         if not wanted.takes(preset.kind, preset.name):
             continue
         other = printer if preset.kind in _WITH_PRINTER else quality
-        yield _one(_beside(preset, other), presets, wanted)
+        known = _beside(preset, other)
+        if preset.kind == "material" and quality is not None:
+            known = replace(known, heights=_heights(quality))
+        yield _one(known, presets, wanted)
+
+
+def _heights(quality: Preset) -> tuple[float, float]:
+    """First layer and others, mm; 0 for what is no number, which is told where the quality is imported."""
+    with suppress(ProfileError):
+        height = quality.number("layer_height")
+        return quality.quantity("first_layer_height").of(height) or height, height
+    return 0.0, 0.0
 
 
 def _of_bundle(bundle: Bundle, wanted: Wanted) -> Iterator[Imported | Refused]:

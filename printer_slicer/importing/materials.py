@@ -15,8 +15,8 @@ from printer_slicer.importing.report import Imported
 
 __all__ = ["material_from"]
 
-_LAYER: Final = 0.2  # mm: counts of layers become heights
-_NO_LIMIT: Final = 200.0  # mm³/s: more than any nozzle melts
+_LAYER: Final = 0.2  # mm: counts of layers become heights where nobody knows how high they are
+_MOST_FLOW_HERE: Final = 200.0  # mm³/s
 _WATER: Final = 1.24  # g/cm³, of PLA
 _LEAST_FLOW: Final = 0.1
 _MOST_FLOW: Final = 2.0  # over which the source's own slicers take none
@@ -69,10 +69,10 @@ def material_from(preset: Preset) -> Imported:
 def _flow(made: Conversion) -> None:
     flow = made.preset.number("filament_max_volumetric_speed")
     if flow:
-        made.held("max_flow", flow, 0.1, _NO_LIMIT, "filament_max_volumetric_speed")
+        made.held("max_flow", flow, 0.1, _MOST_FLOW_HERE, "filament_max_volumetric_speed")
     else:
-        how = "0 means no limit: set what your nozzle melts"
-        made.put("max_flow", _NO_LIMIT, "filament_max_volumetric_speed", how)
+        how = "0 means no limit; here as much as printer.hotend_max_flow, else 12 mm³/s: set what your nozzle melts"
+        made.put("max_flow", 0, "filament_max_volumetric_speed", how)
 
 
 def _fan(made: Conversion) -> None:
@@ -107,13 +107,26 @@ def _fan(made: Conversion) -> None:
         "" if cooling else "cooling is off",
     )
     made.held("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
-    off, full = preset.number("disable_fan_first_layers"), preset.number("full_fan_speed_layer")
-    how = f"layers of {_LAYER:g} mm each"
-    made.held("fan_off_below", off * _LAYER, 0, 100, "disable_fan_first_layers", how if off else "")
-    made.held(
-        "fan_full_above", max(full, off) * _LAYER, 0, 100, "full_fan_speed_layer", how if full or off else ""
-    )
+    for ours, theirs, count in (
+        ("fan_off_below", "disable_fan_first_layers", off := preset.number("disable_fan_first_layers")),
+        ("fan_full_above", "full_fan_speed_layer", max(preset.number("full_fan_speed_layer"), off)),
+    ):
+        made.held(ours, _top_of(preset, count), 0, 100, theirs, _counted(preset) if count else "")
     _overhangs(made)
+
+
+def _top_of(preset: Preset, count: float) -> float:
+    """Height over the bed of so many layers, mm."""
+    first, height = preset.heights if all(preset.heights) else (_LAYER, _LAYER)
+    return first + (count - 1) * height if count >= 1 else 0.0
+
+
+def _counted(preset: Preset) -> str:
+    """How layers became a height."""
+    first, height = preset.heights
+    if not all(preset.heights):
+        return f"layers of {_LAYER:g} mm each"
+    return f"layers of {height:g} mm" + (f" on a first one of {first:g} mm" if first != height else "")
 
 
 def _overhangs(made: Conversion) -> None:

@@ -66,6 +66,7 @@ class Preset:
         defaults: of settings that are not there.
         mixed: whether its entries hold settings of other kinds, too.
         together: settings of the printer (for the others) or of the quality (for the printer), where they are known.
+        heights: of a material, the first layer and the others of the quality that it comes with, mm; 0: not known.
         own: of a quality, what objects have of their own.
         notes: what a person should look at.
     """
@@ -78,6 +79,7 @@ class Preset:
     defaults: Mapping[str, str] = field(default_factory=dict)
     mixed: bool = False
     together: Mapping[str, str] = field(default_factory=dict)
+    heights: tuple[float, float] = (0.0, 0.0)
     own: tuple[Own, ...] = ()
     notes: tuple[Note, ...] = ()
 

@@ -28,6 +28,7 @@ _NEAR_FLAVOURS: Final = {
     "teacup": "marlin_legacy",
     "lerdge": "marlin_legacy",
 }
+_MACRO: Final = re.compile(r"(?m)^[ \t]*([A-Za-z]+_[A-Za-z_]*[A-Za-z])(?=[ \t]+[A-Za-z_]+=|[ \t]*(?:;|$))")
 _NO_MORE_THAN: Final = 0.75  # nozzle diameters: the thickest layer where the source does not say
 _Z_STEP: Final = 0.0025  # a lead of 8 mm, 200 steps, 16 microsteps
 _HOTTEST: Final = {"nozzle": 275.0, "bed": 110.0}
@@ -95,13 +96,19 @@ def _flavour(made: Conversion) -> None:
     preset = made.preset
     word = preset.text("gcode_flavor").strip().lower()
     notes = preset.text("printer_notes")
-    if word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
+    macro = _macro_of_klipper(preset)
+    if macro and word in ("marlin", "marlin2"):
+        how = f"{word} in the source, but {macro} is a macro of Klipper's"
+        made.put("flavour", "klipper", "gcode_flavor", how)
+        made.warn("gcode_flavor", f"{how}: taken as Klipper; set flavour if the firmware is another")
+    elif word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
         made.put("flavour", "prusa", ("gcode_flavor", "printer_notes"), "a machine of Prusa, by its notes")
     elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
         how = "its start G-code measures the bed with G80, as machines of Prusa do"
         made.put("flavour", "prusa", "gcode_flavor", how)
     elif word in _FLAVOURS:
-        made.put("flavour", _FLAVOURS[word], "gcode_flavor")
+        how = "Marlin 1.1 and older; for Marlin 2 set flavour to marlin" if word == "marlin" else ""
+        made.put("flavour", _FLAVOURS[word], "gcode_flavor", how)
     elif word in _NEAR_FLAVOURS:
         made.put("flavour", _NEAR_FLAVOURS[word], "gcode_flavor", f"{word} is nearest to Marlin 1.1")
         made.warn(
@@ -112,6 +119,15 @@ def _flavour(made: Conversion) -> None:
         raise made.refuse(
             "gcode_flavor", f"no flavour here is like {word!r}", f"known: {', '.join(_FLAVOURS)}"
         )
+
+
+def _macro_of_klipper(preset: Preset) -> str:
+    """The first command of the machine's own G-code that is a word: only Klipper has such; empty where none is."""
+    for name in ("start_gcode", "end_gcode"):
+        found = _MACRO.search(preset.text(name))
+        if found:
+            return found[1]
+    return ""
 
 
 def _bed(made: Conversion) -> Bed:

@@ -19,7 +19,8 @@ _SPEEDS: Final = (
     ("bridge", "bridge_speed"),
     ("internal_bridge", "bridge_speed_internal"),
     ("ironing", "ironing_speed"),
-    ("raft", "support_material_speed"),
+    ("support", "support_material_speed"),
+    ("support_interface", "support_material_interface_speed"),
 )
 _FASTEST: Final = "max_print_speed"
 _WHOLES: Final[Mapping[str, str]] = {
@@ -31,6 +32,8 @@ _WHOLES: Final[Mapping[str, str]] = {
     "internal_bridge_speed": "bridge_speed",
     "ironing_speed": "solid_infill_speed",
     "support_material_speed": "perimeter_speed",
+    "support_material_interface_speed": "support_material_speed",
+    "first_layer_travel_speed": "travel_speed",
     "default_acceleration": "machine_max_acceleration_x",
 }
 """The setting that a percentage is of; others are of the fastest speed, accelerations of default_acceleration."""
@@ -57,6 +60,7 @@ _WHOLES_IN: Final[Mapping[str, Mapping[str, str]]] = {
 
 _USUAL: Final = "default_acceleration"
 _ACCELERATIONS: Final = (
+    ("default", (_USUAL,)),
     ("first_layer", ("first_layer_acceleration",)),
     ("outer_perimeter", ("external_perimeter_acceleration", "perimeter_acceleration")),
     ("inner_perimeter", ("perimeter_acceleration",)),
@@ -76,11 +80,13 @@ def speeds_of(made: Conversion) -> None:
     """
     for ours, theirs in _SPEEDS:
         _put(made, ours, theirs)
+    _gap(made)
     _first_layer(made)
     _small(made)
     travel = made.preset.number("travel_speed")
     _positive(made, "travel_speed", travel)
     made.held("speeds.travel", travel, 0.1, 2000, "travel_speed")
+    _first_layer_travel(made, travel)
     _overhangs(made)
     _accelerations(made)
     made.skip([_FASTEST, "overhangs", "default_speed", _USUAL])
@@ -126,18 +132,45 @@ def _positive(made: Conversion, name: str, value: float) -> None:
         raise made.refuse(name, f"a speed of {value:g}", "write a positive one")
 
 
+def _gap(made: Conversion) -> None:
+    """Gap fill; 0 fills no gaps there, here the beads between perimeters are as fast as those."""
+    name = "gap_fill_speed"
+    value, how = _speed(made, name) if made.quantity(name).value else (0.0, "")
+    made.held("speeds.gap", value, 0, 1000, name, how)
+    if made.preset.has("raft_speed"):
+        _put(made, "raft", "raft_speed")
+
+
 def _first_layer(made: Conversion) -> None:
-    """One speed for all of the first layer; a percentage is of each role's there."""
-    found = made.quantity("first_layer_speed")
-    _positive(made, "first_layer_speed", found.value)
+    """Perimeters and infill of the first layer; a percentage is of each role's."""
     speeds = made.values["speeds"]
+    inner, sparse, solid = (float(speeds[name]) for name in ("inner_perimeter", "sparse", "solid"))
+    name, infill = "first_layer_speed", "first_layer_infill_speed"
+    found = made.quantity(name)
+    _positive(made, name, found.value)
     if found.percent:
-        value, how = found.of(float(speeds["inner_perimeter"])), "percentage of that of perimeters"
+        value, how = found.of(inner), "percentage of that of perimeters"
     else:
         value, how = found.value, ""
     if not value:
-        value, how = max(float(speeds["inner_perimeter"]), float(speeds["sparse"])), "0 means no limit"
-    made.held("speeds.first_layer", value, 0.1, 1000, "first_layer_speed", how)
+        value, how = max(inner, sparse), "0 means no limit"
+    made.held("speeds.first_layer", value, 0.1, 1000, name, how)
+    asked = made.quantity(infill) if made.quantity(infill).value else found
+    theirs = infill if asked is not found else name
+    _positive(made, theirs, asked.value)
+    how = "percentage of that of solid infill" if asked.percent else ""
+    made.held("speeds.first_layer_infill", asked.of(solid) or value, 0.1, 1000, (theirs, infill), how)
+
+
+def _first_layer_travel(made: Conversion, travel: float) -> None:
+    """Travels on the first layer, where the source has a speed of its own for them; 0: as the others."""
+    name = "first_layer_travel_speed"
+    found = made.quantity(name)
+    _positive(made, name, found.value)
+    value = found.of(travel)
+    same = value >= travel
+    how = "as travel_speed" if same else "percentage of travel_speed" if found.percent else ""
+    made.held("speeds.first_layer_travel", travel if same or not value else value, 0.1, 2000, name, how)
 
 
 def _small(made: Conversion) -> None:

@@ -91,7 +91,7 @@ def test_a_machine_with_what_it_inherits_makes_a_profile(folder: Path) -> None:
     assert (printer.max_speed_x, printer.max_speed_y, printer.acceleration) == (500, 350, 1500)
     assert (material.nozzle_temperature, material.first_layer_nozzle_temperature) == (203, 210)
     assert (material.first_layer_bed_temperature, material.flow_ratio) == (55, 0.97)
-    assert (material.fan_ratio, material.fan_ratio_max, material.fan_off_below) == (0.5, 1, 0.2)
+    assert (material.fan_ratio, material.fan_ratio_max, material.fan_off_below) == (0.5, 1, 0.3)
     assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.3, 2)
     assert (quality.extrusion_width, quality.first_layer_width) == (0.66, 0.75)
     assert (quality.speeds.inner_perimeter, quality.speeds.outer_perimeter, quality.speeds.sparse) == (

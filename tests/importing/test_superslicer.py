@@ -71,7 +71,7 @@ def test_a_percentage_is_of_what_superslicer_says(profile: Profile) -> None:
     assert profile.quality.first_layer_height == 0.3
     assert (speeds.inner_perimeter, speeds.outer_perimeter, speeds.small_perimeter) == (100, 60, 50)
     assert (speeds.solid, speeds.sparse, speeds.top_skin) == (90, 108, 45)
-    assert (speeds.bridge, speeds.internal_bridge, speeds.ironing, speeds.raft) == (60, 90, 9, 70)
+    assert (speeds.bridge, speeds.internal_bridge, speeds.ironing, speeds.support) == (60, 90, 9, 70)
     assert (hard.inner_perimeter, hard.outer_perimeter, hard.bridge) == (800, 400, 400)
     assert (hard.solid, hard.sparse, hard.top_skin, hard.first_layer) == (600, 540, 300, 500)
 
