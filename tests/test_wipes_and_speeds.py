@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from printer_slicer.commands import told_by
-from printer_slicer.extrusion import move_seconds
+from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.model import Acceleration, Bool, Float, LayerPlan, Program, Role
 from printer_slicer.motion.machine import limits_of
@@ -70,6 +71,22 @@ def test_a_wipe_is_as_long_as_asked_for_and_the_extruder_keeps_its_speed() -> No
     assert lengths == pytest.approx(np.full(len(begins), 2.0))
     rate = -program.filament[moving] / (step[moving] / program.speed[moving])
     assert rate.max() <= wanted.printer.retract_speed + 1e-9
+
+
+@pytest.mark.parametrize("length", [0.0, 2.0])
+def test_what_is_pulled_back_standing_stands_behind_a_bead_too_short_to_be_laid(length: float) -> None:
+    """Loops that close by a bead of 2 µm: it is left out, and the retraction must not make its way instead."""
+    wanted = plain(wipe_distance=length)
+    stages = slice_stages(BOXES, wanted, plan=UNEVEN)
+    paths, xy = stages.toolpaths, stages.toolpaths.xy.copy()
+    closed = paths.closed & (np.diff(paths.start) > 2)
+    xy[paths.start[1:][closed] - 1] = xy[paths.start[:-1][closed]] + np.array([0.002, 0.0])
+    program = extrude(replace(paths, xy=xy), stages.travels, wanted)
+
+    way = np.hypot(*(program.xyz - program.start)[:, :2].T)
+    pulled = program.filament < 0
+    slow = wanted.printer.retract_speed * way[pulled] / wanted.speeds.travel
+    assert (np.where(way[pulled] > 0, -program.filament[pulled] <= slow + 1e-6, True)).all()
 
 
 def test_what_is_pushed_forward_may_be_more_than_what_was_pulled_back() -> None:

@@ -75,6 +75,7 @@ def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
     kept[kind == Kind.BEAD] = far
     path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
     xyz = _positions(paths, travels, wipes, ways, (path, kind, end))
+    xyz = _standing(xyz, kind)
     if profile.printer.z_hop_ramp:
         xyz = _ramped(xyz, path, kind, travels)
     pulled = np.zeros(len(path))
@@ -159,6 +160,14 @@ def _positions(
     is_bead = kind == Kind.BEAD
     xyz[is_bead, :2] = paths.xy.take(end, axis=0)
     xyz[is_bead, 2] = top[path[is_bead]] + paths.rise[end]
+    return xyz
+
+
+def _standing(xyz: Float, kind: Int) -> Float:
+    """The same with retractions where the nozzle is: a last bead too short to be laid does not lead there."""
+    pulls = np.flatnonzero(kind == Kind.RETRACT)
+    pulls = pulls[pulls > 0]
+    xyz[pulls] = xyz[pulls - 1]
     return xyz
 
 

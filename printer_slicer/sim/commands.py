@@ -44,8 +44,8 @@ _TABLES: Final[dict[tuple[str, str], dict[str, Handler]]] = {
     for flavour, meant in FLAVOURS.items()
 }
 
-_EXTENDED: Final = re.compile(r"[A-Z]+_[A-Z_]+\b").match
-"""A command of Klipper's kind, a word with an underscore."""
+_EXTENDED: Final = re.compile(r"(?i)_?[A-Z]+_[A-Z_]+\b").match
+"""A command of Klipper's kind, a word with an underscore; Klipper does not care about its case."""
 
 
 def run(board: Board, text: str) -> Steps | None:

@@ -32,6 +32,10 @@ _KNOWN: Final = re.compile(
 """Commands that some firmware has: what the simulated one does not know of them, real ones may, or pass over."""
 
 
+_TURNS_OFF: Final = "TURN_OFF_HEATERS"
+_ENDS_PRINTS: Final = re.compile(rb"(?i)(?:\w*_)?(?:END|FINISH|OFF|COOLDOWN|COOL)(?:_\w*)?(?=\s|$)")
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One thing that would go wrong.
@@ -235,11 +239,14 @@ def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fau
     )
 
 
-def left_on(job: Job, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault]]:
+def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault]]:
     """Heaters that are still on when all is done, and the command that had the last word.
+
+    A macro of the printer's own that ends prints may switch them off: nobody here knows what it does, so that is said.
 
     Args:
         job: that was executed.
+        profile: whose firmware may have macros.
         targets: °C, by "nozzle" and "bed".
     """
     words: Mapping[str, Sequence[bytes]] = {"nozzle": (b"M104", b"M109"), "bed": (b"M140", b"M190")}
@@ -256,7 +263,23 @@ def left_on(job: Job, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault
             -1,
         )
         what = f"the {heater} stays on at {target:.0f} °C when all is done"
-        yield last, Fault("heater", what, f"end with {off[heater]}")
+        macro = _macro_behind(job, last) if profile.printer.firmware.extended_commands else ""
+        if macro.upper() == _TURNS_OFF:
+            continue
+        if macro:
+            what += f", unless {macro} switches it off, a macro of the printer's own"
+            remedy = f"see that the macro has {off[heater]} or {_TURNS_OFF}"
+        else:
+            remedy = f"end with {off[heater]}"
+        yield last, Fault("heater", what, remedy, harmless=bool(macro))
+
+
+def _macro_behind(job: Job, last: int) -> str:
+    """The last macro behind a command that by its name ends prints or cools; empty where none is."""
+    for command in reversed(job.commands[last + 1 :]):
+        if found := _ENDS_PRINTS.match(command):
+            return found[0].decode("ascii")
+    return ""
 
 
 def starved(report: Report, comparison: Comparison, baud: int, *, asked: bool) -> Iterator[tuple[int, Fault]]:

@@ -133,7 +133,7 @@ def judge(
         if "unsupported" in job.allowed:
             found = [(at, replace(one, harmless=one.harmless or one.kind == "air")) for at, one in found]
     if not report.killed and comparison.executed == len(job.commands):
-        found += left_on(job, targets)
+        found += left_on(job, profile, targets)
     if link is not None:
         found += starved(report, comparison, link[0], asked=link[1])
     faults = tuple(Places(job, account).put(found))
