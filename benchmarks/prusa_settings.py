@@ -40,7 +40,7 @@ def _machine(profile: Profile) -> dict[str, str]:
         "retract-lift": printer.z_hop,
         "filament-diameter": material.filament_diameter,
         "extrusion-multiplier": material.flow_ratio,
-        "filament-max-volumetric-speed": material.max_flow,
+        "filament-max-volumetric-speed": profile.max_flow,
         "temperature": material.nozzle_temperature,
         "first-layer-temperature": material.first_layer_nozzle_temperature,
         "bed-temperature": material.bed_temperature,

@@ -20,7 +20,7 @@ def test_a_macro_that_ends_prints_may_switch_heaters_off_which_is_said(macro: st
     assert verdict.ok, verdict.problems
     told = [note for note in verdict.notes if "stays on" in note]
     assert len(told) == 2, verdict.notes
-    assert all(macro.split("\n")[-1].split()[0] in note for note in told)
+    assert all(macro.rsplit("\n", maxsplit=1)[-1].split(maxsplit=1)[0] in note for note in told)
 
 
 @pytest.mark.parametrize("macro", ["PRINT_START", "M107", "SET_FAN_SPEED FAN=end SPEED=0", ""])
