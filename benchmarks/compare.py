@@ -69,6 +69,22 @@ SAME: Mapping[str, str] = {
 CPU_TARGET, PEAK_TARGET = 0.25, 1.5
 """On benchy, against PrusaSlicer with its other settings at their defaults."""
 
+_USED = """
+import json, sys
+from pathlib import Path
+from printer_slicer.importing import import_profiles, profile_text
+from printer_slicer.profile import load_profile, settings_text
+from tempfile import TemporaryDirectory
+with TemporaryDirectory() as folder:
+    paths = {}
+    for one in import_profiles(Path(sys.argv[1])):
+        paths[one.kind] = Path(folder, one.kind + ".toml")
+        paths[one.kind].write_text(profile_text(one), encoding="utf-8")
+    used = load_profile(**{kind: str(path) for kind, path in paths.items()}).resolved
+print(json.dumps({key: str(value) for key, value in settings_text(used)}))
+"""
+"""What the profile that a file holds comes to, speeds of the printer filled in."""
+
 _EXPORT = "import sys, trimesh; trimesh.load(sys.argv[1], force='mesh').export(sys.argv[2], file_type='stl')"
 
 
@@ -223,11 +239,14 @@ def _warm_up(
 
 
 def _settings(gcode: Path) -> dict[str, str]:
-    """The settings that our G-code ends with."""
+    """The settings that our G-code ends with, as they are used; read in another process."""
     found = re.findall(
         r"^; ([a-z_.]+) = (.*)$", gcode.read_text("ascii").partition("\n; settings\n")[2], re.MULTILINE
     )
-    return dict(found)
+    said = subprocess.run(
+        [sys.executable, "-c", _USED, str(gcode)], capture_output=True, text=True, check=True
+    ).stdout
+    return dict(found) | json.loads(said)
 
 
 def _matched(settings: Mapping[str, str]) -> list[str]:

@@ -1,0 +1,232 @@
+"""Minutes of shipped printers against the published process of the same machine, all on the same motion model.
+
+    python -m benchmarks.machines [--models DIR] [--machine NAME ...] [--json FILE] [part ...]
+
+Three files for every machine and part: ours with the speeds that all printers had before they carried their own, ours
+now, and PrusaSlicer's with the machine's published speeds, flow, layer time and slowest speed (`vendor_speeds.py`).
+Shells, widths, infill, layers of 0.2 mm, retraction, start and end are ours in all three. PrusaSlicer 2.5 does not know
+all accelerations and no infill speed of the first layer, so they are written into its file, role by role, before that
+is timed. Every file is read and timed by the same code, with the limits of our printer.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+
+from benchmarks.parts import options_of, parser_of
+from benchmarks.processes import SAMPLES, run
+from benchmarks.prusa_settings import prusa_settings
+from benchmarks.vendor_speeds import MACHINES, Vendor
+from printer_slicer.gcode import FLAVOURS
+from printer_slicer.jobs import job_of_text
+from printer_slicer.mesh_io import load_mesh
+from printer_slicer.model import Mesh
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.pipeline import gcode_of, place, slice_part
+from printer_slicer.profile import Profile, load_profile, profile_with
+
+PEER: Final = "prusa-slicer"
+MOST: Final = 1.05
+"""Of the vendor's minutes."""
+
+PARTS: Final = ("benchy", "bp_case", "crazyradio")
+"""Taken from the models folder when none is named, or `SAMPLE_PARTS` without it."""
+
+SAMPLE_PARTS: Final = ("case_study", "thin_wall")
+_BARE: Final = {"start_gcode": "", "end_gcode": "", "progress": False, "printer.thumbnails": []}
+_OLD: Final = {
+    "speeds.outer_perimeter": 35,
+    "speeds.inner_perimeter": 50,
+    "speeds.sparse": 70,
+    "speeds.solid": 60,
+    "speeds.top_skin": 40,
+    "speeds.gap": 50,
+    "speeds.bridge": 30,
+    "speeds.internal_bridge": 40,
+    "speeds.travel": 150,
+    "speeds.first_layer": 20,
+    "printer.hotend_max_flow": 12,
+}
+"""What every printer had."""
+
+_ACCELERATED: Final[Mapping[str, int]] = {
+    "External perimeter": 1,
+    "Perimeter": 2,
+    "Overhang perimeter": 6,
+    "Internal infill": 3,
+    "Solid infill": 4,
+    "Top solid infill": 5,
+    "Bridge infill": 6,
+}
+"""PrusaSlicer's roles, and where `Vendor.accelerations` has theirs; others have the default."""
+
+_FIRST, _TRAVEL = 7, 8
+_INFILL: Final = ("Internal infill", "Solid infill", "Top solid infill")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Minutes of one part on one machine; nan where a program is missing."""
+
+    machine: str
+    part: str
+    before: float
+    now: float
+    vendor: float
+
+    @property
+    def ratio(self) -> float:
+        """Ours now of the vendor's."""
+        return self.now / self.vendor
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the table; 1 if we are slower than the goal allows."""
+    parser = parser_of("machines", __doc__ or "")
+    parser.add_argument("--machine", action="append", choices=[*MACHINES], help="only these printers")
+    options = options_of(parser, argv)
+    if not shutil.which(PEER):
+        print(f"{PEER} is not installed: nobody to compare with")
+        return 0
+    rows = []
+    for part in _parts(options.models, options.parts):
+        for machine in options.machine or MACHINES:
+            rows.append(_row(machine, part, load_mesh(part)))
+            print(f"measured {machine}, {part.stem}", file=sys.stderr)
+    print("\n".join(table(rows)))
+    if options.json:
+        options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n")
+    slow = [row for row in rows if row.ratio > MOST]
+    print(f"\n{len(rows) - len(slow)} of {len(rows)} within {MOST:g} of the vendor's minutes")
+    return int(bool(slow))
+
+
+def _parts(models: Path | None, wanted: Sequence[str]) -> Iterator[Path]:
+    folders = [SAMPLES, *([models] if models else [])]
+    known = {path.stem: path for folder in folders for path in sorted(folder.iterdir())}
+    names = list(wanted) or [name for name in PARTS if name in known] or SAMPLE_PARTS
+    for name in names:
+        if name not in known:
+            sys.exit(f"no part {name}; there are {', '.join(known)}")
+        yield known[name]
+
+
+def table(rows: Sequence[Row]) -> Iterator[str]:
+    """The rows in Markdown."""
+    yield "| machine | part | minutes before | now | the vendor's | now / vendor's |"
+    yield "|---|---|---|---|---|---|"
+    for row in rows:
+        yield (
+            f"| `{row.machine}` | {row.part} | {row.before:.1f} | {row.now:.1f} | {row.vendor:.1f} | {row.ratio:.2f} |"
+        )
+
+
+def _row(machine: str, path: Path, mesh: Mesh) -> Row:
+    vendor = MACHINES[machine]
+    now = load_profile(machine, quality="standard", changes=_BARE)
+    speed, acceleration = vendor.before
+    limits = {f"printer.max_speed_{axis}": speed for axis in "xy"}
+    hard = dict.fromkeys(
+        ("printer.acceleration", "printer.travel_acceleration", "accelerations.default"), acceleration
+    )
+    before = profile_with(now, {**_OLD, **limits, **hard})
+    part = place(mesh, now.printer)
+    ours = [_minutes(gcode_of(slice_part(part, profile), profile), profile) for profile in (before, now)]
+    with TemporaryDirectory() as folder:
+        text = _theirs(part, now, vendor, Path(folder))
+    return Row(machine, path.stem, *ours, _minutes(published(text, vendor, now), now))
+
+
+def _minutes(text: bytes, profile: Profile) -> float:
+    printer = profile.printer
+    job = job_of_text(
+        "file", text, limits=limits_of(printer), corner=printer.corners[0], flavour=printer.flavour
+    )
+    return job.seconds / 60
+
+
+def _theirs(part: Mesh, profile: Profile, vendor: Vendor, folder: Path) -> str:
+    """PrusaSlicer's file of the part with the vendor's speeds."""
+    outer, inner, sparse, solid, top, gap, bridge, small, travel, first, _ = vendor.speeds
+    printer, height = profile.printer, profile.quality.layer_height
+    settings = prusa_settings(profile, "arachne") | {
+        "layer-height": f"{height:g}",
+        "first-layer-height": f"{profile.quality.first_layer_height:g}",
+        "external-perimeter-speed": f"{outer:g}",
+        "perimeter-speed": f"{inner:g}",
+        "infill-speed": f"{sparse:g}",
+        "solid-infill-speed": f"{solid:g}",
+        "top-solid-infill-speed": f"{top:g}",
+        "gap-fill-speed": f"{gap:g}",
+        "bridge-speed": f"{bridge:g}",
+        "small-perimeter-speed": f"{small:g}",
+        "travel-speed": f"{min(travel, max(printer.max_speed_x, printer.max_speed_y)):g}",
+        "first-layer-speed": f"{first:g}",
+        "max-print-speed": "1000",
+        "filament-max-volumetric-speed": f"{vendor.flow:g}",
+        "slowdown-below-layer-time": f"{vendor.layer_time:g}",
+        "min-print-speed": f"{vendor.slowest:g}",
+        "machine-limits-usage": "ignore",
+    }
+    source, target = folder / "part.stl", folder / "part.gcode"
+    write_stl(source, part)
+    words = [
+        word for key, text in settings.items() for word in ([f"--{key}", text] if text else [f"--{key}"])
+    ]
+    run([PEER, "--export-gcode", str(source), "--output", str(target), *words])
+    return target.read_text("utf-8")
+
+
+def write_stl(path: Path, part: Mesh) -> None:
+    """A binary STL file."""
+    record = np.zeros(
+        part.n_facets, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    )
+    record["corners"] = part.triangles
+    path.write_bytes(bytes(80) + np.uint32(part.n_facets).tobytes() + record.tobytes())
+
+
+def published(text: str, vendor: Vendor, profile: Profile) -> bytes:
+    """PrusaSlicer's file with the accelerations of every role, and the first layer's infill as quick as published.
+
+    Args:
+        text: what PrusaSlicer wrote, without any of its own.
+        vendor: what is published.
+        profile: ours, whose firmware and limits the accelerations are for.
+    """
+    printer, accelerations = profile.printer, vendor.accelerations
+    most = min(printer.max_acceleration_x, printer.max_acceleration_y)
+    set_to = FLAVOURS[printer.flavour].acceleration
+    one = printer.firmware.one_acceleration
+    lines = [] if one else [f"M204 T{min(accelerations[_TRAVEL], most):g}"]
+    role, layer, now = "", 0, 0.0
+    for line in text.splitlines():
+        layer += line.startswith(";LAYER_CHANGE")
+        role = line.removeprefix(";TYPE:") if line.startswith(";TYPE:") else role
+        if line.startswith("M204"):
+            continue
+        found = re.match(r"G1 (?=.*[XY])", line)
+        lays = " E" in line
+        if found and (lays or one):
+            which = _FIRST if layer == 1 else _ACCELERATED.get(role, 0)
+            wanted = min(accelerations[which if lays else _TRAVEL], most)
+            if wanted != now:
+                lines.append(set_to(wanted))
+                now = wanted
+        slow = layer == 1 and role in _INFILL and re.fullmatch(r"G1 F[\d.]+", line)
+        lines.append(f"G1 F{60 * vendor.speeds[-1]:g}" if slow else line)
+    return ("\n".join(lines) + "\n").encode()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
