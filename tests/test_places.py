@@ -124,7 +124,7 @@ def test_speeds_and_accelerations_of_heights_are_theirs_alone() -> None:
     within = (top > 4.01) & (top < 8.01)
 
     assert set(program.speed[outer & within].tolist()) == {11.0}
-    assert set(program.speed[outer & ~within & (program.layer > 0)].tolist()) == {35.0}
+    assert set(program.speed[outer & ~within & (program.layer > 0)].tolist()) == {60.0}
     hard = [event for event in program.events if getattr(event, "value", 0) == 123]
     assert {int(program.layer[event.index]) for event in hard} == set(program.layer[within].tolist())
 

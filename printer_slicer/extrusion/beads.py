@@ -137,9 +137,7 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     raft = paths.role == Role.RAFT
     base = int(paths.layer[raft].max(initial=-1)) + 1  # the part's first layer
     if base:
-        wanted = np.where(
-            raft & (paths.layer == base - 1), min(speeds.raft, speeds.support_interface), wanted
-        )
+        wanted = np.where(raft & (paths.layer == base - 1), profile.raft_interface_speed, wanted)
     first = np.where(_is_infill(paths.role), speeds.first_layer_infill, speeds.first_layer)
     begins = (paths.layer == 0) | (paths.layer == base)
     wanted = np.where(begins, np.minimum(wanted, first), wanted)

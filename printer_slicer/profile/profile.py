@@ -44,6 +44,12 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return resolve_speeds(self.printer, self.quality)
 
     @property
+    def raft_interface_speed(self) -> float:
+        """Speed of a raft's last layer, mm/s: as the interface of supports, unless the quality names the raft's."""
+        resolved, named = self.speeds, self.quality.speeds.raft
+        return named or min(resolved.raft, resolved.support_interface)
+
+    @property
     def accelerations(self) -> Accelerations:
         """Acceleration of each role, mm/s², with the printer's filled in; see `resolve_accelerations`."""
         return resolve_accelerations(self.printer, self.quality)

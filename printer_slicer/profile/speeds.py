@@ -165,7 +165,9 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     support_interface: Annotated[
         float, meta("the layer of supports and rafts under the part; 0: the printer's", "mm/s", ge=0, le=1000)
     ] = 0
-    raft: Annotated[float, meta("rafts; 0: as supports", "mm/s", ge=0, le=1000)] = 0
+    raft: Annotated[
+        float, meta("rafts; 0: as supports and, last, their interface", "mm/s", ge=0, le=1000)
+    ] = 0
     first_layer: Annotated[
         float,
         meta(
