@@ -56,6 +56,10 @@ _OLD: Final = {
     "speeds.travel": 150,
     "speeds.first_layer": 20,
     "printer.hotend_max_flow": 12,
+    "printer.speeds.small_perimeter": 0,
+    "printer.speeds.overhang_75": 0,
+    "printer.speeds.overhang_50": 0,
+    "printer.speeds.overhang_25": 0,
 }
 """What every printer had."""
 
@@ -134,17 +138,22 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 def _row(machine: str, path: Path, mesh: Mesh) -> Row:
     vendor = MACHINES[machine]
     now = load_profile(machine, quality="standard", changes=_BARE)
-    speed, acceleration = vendor.before
-    limits = {f"printer.max_speed_{axis}": speed for axis in "xy"}
-    hard = dict.fromkeys(
-        ("printer.acceleration", "printer.travel_acceleration", "accelerations.default"), acceleration
-    )
-    before = profile_with(now, {**_OLD, **limits, **hard})
+    before = _as_before(now, vendor)
     part = place(mesh, now.printer)
     ours = [_minutes(gcode_of(slice_part(part, profile), profile), profile) for profile in (before, now)]
     with TemporaryDirectory() as folder:
         text = _theirs(part, now, vendor, Path(folder))
     return Row(machine, path.stem, *ours, _minutes(published(text, vendor, now), now))
+
+
+def _as_before(now: Profile, vendor: Vendor) -> Profile:
+    """The speeds that every printer had, and the limits that this one had."""
+    speed, acceleration = vendor.before
+    limits = {f"printer.max_speed_{axis}": speed for axis in "xy"}
+    hard = dict.fromkeys(
+        ("printer.acceleration", "printer.travel_acceleration", "accelerations.default"), acceleration
+    )
+    return profile_with(now, {**_OLD, **limits, **hard, "accelerations.first_layer": acceleration})
 
 
 def _minutes(text: bytes, profile: Profile) -> float:
