@@ -194,7 +194,7 @@ def test_what_is_there_already_as_it_would_be_written_stands_in_nobodys_way(
 ) -> None:
     path = flat_file(tmp_path)
     run(capsys, path, "-o", tmp_path)
-    flat_file(tmp_path, print_settings_id="Another", layer_height="0.1")
+    flat_file(tmp_path, print_settings_id="Another", perimeters="2")
 
     assert run(capsys, path, "-o", tmp_path)[0] == 0
     assert len(list((tmp_path / "qualities").iterdir())) == 2
