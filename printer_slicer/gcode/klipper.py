@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect
-from printer_slicer.gcode.reading import State, set_accelerations
+from printer_slicer.gcode.reading import State, passed_over, set_accelerations
 from printer_slicer.macros import number
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
@@ -59,6 +59,10 @@ KLIPPER: Final = Dialect(
     retraction=_retraction,
     progress=lambda percent, _minutes: f"M73 P{percent}",
     labels="exclude_object",
-    reads={"SET_RETRACTION": _set_retraction, "SET_VELOCITY_LIMIT": _set_velocity_limit},
+    reads={
+        "M206": passed_over,
+        "SET_RETRACTION": _set_retraction,
+        "SET_VELOCITY_LIMIT": _set_velocity_limit,
+    },
     counting=COUNTING["klipper"],
 )

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.gcode.commands import WAITS_FOR_MOTION
 from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.moves import Moves
@@ -23,9 +24,7 @@ from printer_slicer.motion.counting import Counting
 
 __all__ = ["Reader", "pieces_of", "read_moves"]
 
-_STOPS: Final = frozenset(
-    {"G4", "G28", "G29", "M0", "M1", "M109", "M190", "M226", "M400", "M600", "M601", "PAUSE"}
-)
+_STOPS: Final = frozenset({*(code.decode() for code in WAITS_FOR_MOTION), "PAUSE"})
 _AT_ONCE: Final = 8192  # commands; more do not fit into the processor's cache
 _PIECE: Final = 1 << 15  # commands whose moves are looked at together
 _NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison

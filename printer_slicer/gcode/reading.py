@@ -19,6 +19,8 @@ __all__ = [
     "State",
     "follow_line",
     "limit",
+    "move_in_machine_coordinates",
+    "offset_next_homing",
     "passed_over",
     "set_accelerations",
 ]
@@ -65,6 +67,8 @@ class State:
     """Where the machine is and how it reads numbers.
 
     Attributes:
+        offset: mm that the program counts x, y and z higher than the machine.
+        home_offset: the part of it that M206 has set, and homing keeps.
         retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
         changes: of limits, as `Moves` has them.
@@ -76,6 +80,7 @@ class State:
     home: tuple[float, float, float]
     position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
     offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0, 0.0])
+    home_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     counting: Counting = field(default_factory=Counting)
     unit: float = 1.0
     diameter: float = 1.75
@@ -175,10 +180,34 @@ def _set_position(state: State, words: Mapping[str, float], _index: int) -> None
 
 
 def _home(state: State, words: Mapping[str, float], _index: int) -> None:
-    """G28: the axes that are named, or all but the filament, stand at their endstops, without offsets."""
+    """G28: the axes that are named, or all but the filament, stand at their endstops, without what G92 has moved."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
-        state.position[axis], state.offset[axis] = state.home[axis], 0.0
+        state.position[axis], state.offset[axis] = state.home[axis], state.home_offset[axis]
+
+
+def _offset_home(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M206: the origin moves by what the endstops are farther on than the program thought."""
+    for axis, letter in enumerate("XYZ"):
+        if letter in words:
+            offset = words[letter] * state.unit
+            state.offset[axis] += offset - state.home_offset[axis]
+            state.home_offset[axis] = offset
+
+
+def offset_next_homing(state: State, words: Mapping[str, float], _index: int) -> None:
+    """M206 of firmware that looks at it when it homes."""
+    for axis, letter in enumerate("XYZ"):
+        if letter in words:
+            state.home_offset[axis] = words[letter] * state.unit
+
+
+def move_in_machine_coordinates(state: State, words: Mapping[str, float], index: int) -> None:
+    """G53 in front of a move: it goes by the coordinates of the machine."""
+    if (move := _MOVES.get(words.get("G", -1.0))) is not None:
+        offset, state.offset = state.offset, [0.0, 0.0, 0.0, 0.0]
+        move(state, words, index)
+        state.offset = offset
 
 
 def _dwell(state: State, words: Mapping[str, float], _index: int) -> None:
@@ -295,6 +324,13 @@ def _counts(word: str) -> Action:
     return run
 
 
+_MOVES: Final[Mapping[float, Action]] = {
+    0.0: follow_line,
+    1.0: follow_line,
+    2.0: _arc(clockwise=True),
+    3.0: _arc(clockwise=False),
+}
+
 MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
     "G0": follow_line,
     "G1": follow_line,
@@ -316,6 +352,7 @@ MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
     "M203": limit("M203"),
     "M204": _acceleration,
     "M205": limit("M205"),
+    "M206": _offset_home,
     "M207": _retraction,
     "M208": _deretraction,
     "M220": _speed_ratio,

@@ -44,6 +44,7 @@ REPETIER: Final = Dialect(
         "M203": passed_over,
         "M204": passed_over,
         "M205": passed_over,
+        "M206": passed_over,
         "M207": _jerks,
         "M208": passed_over,
     },

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect, axes_line, jerk_line
-from printer_slicer.gcode.reading import limit
+from printer_slicer.gcode.reading import limit, move_in_machine_coordinates
 from printer_slicer.macros import number
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
@@ -46,6 +46,10 @@ REPRAPFIRMWARE: Final = Dialect(
     progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
     labels="m486_quoted",
     m486="m486_quoted",
-    reads={"M203": limit("M203", scale=1 / _MINUTE), "M566": limit("M205", scale=1 / _MINUTE)},
+    reads={
+        "G53": move_in_machine_coordinates,
+        "M203": limit("M203", scale=1 / _MINUTE),
+        "M566": limit("M205", scale=1 / _MINUTE),
+    },
     counting=COUNTING["reprapfirmware"],
 )

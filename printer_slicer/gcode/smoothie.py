@@ -9,7 +9,13 @@ from collections.abc import Mapping
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect, retraction_lines
-from printer_slicer.gcode.reading import State, limit, set_accelerations
+from printer_slicer.gcode.reading import (
+    State,
+    limit,
+    move_in_machine_coordinates,
+    offset_next_homing,
+    set_accelerations,
+)
 from printer_slicer.macros import number
 from printer_slicer.profile import Printer
 
@@ -40,7 +46,9 @@ SMOOTHIE: Final = Dialect(
     pause="M600",
     retraction=retraction_lines,
     reads={
+        "G53": move_in_machine_coordinates,
         "M204": _accelerations,
         "M205": limit("M205", {"X": "J"}),
+        "M206": offset_next_homing,
     },
 )

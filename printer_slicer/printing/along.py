@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import atan2, cos, hypot, pi, sin, sqrt
 
-from printer_slicer.printing.modes import Stand, Step, number
-from printer_slicer.stream.tracker import parse
+from printer_slicer.gcode.commands import MOVES
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import ModalState
+from printer_slicer.printing.modes import Step, number
 
 __all__ = ["nearest", "rest_of", "stand_at"]
 
@@ -26,16 +28,17 @@ def _centre(step: Step) -> tuple[float, float, float] | None:
     word, values = parse(step.command)
     if word not in {b"G2", b"G3"}:
         return None
+    unit = step.before.unit
     (x0, y0, *_), (x1, y1, *_) = _ends(step)
     if b"R" in values:
         x, y = (x1 - x0) / 2, (y1 - y0) / 2
         half = hypot(x, y)
-        radius = values[b"R"]
+        radius = values[b"R"] * unit
         away = sqrt(max(radius * radius - half * half, 0.0)) / (half or 1.0)
         side = -1.0 if (word == b"G2") == (radius > 0) else 1.0
         cx, cy = x0 + x - side * y * away, y0 + y + side * x * away
     else:
-        cx, cy = x0 + values.get(b"I", 0.0), y0 + values.get(b"J", 0.0)
+        cx, cy = x0 + values.get(b"I", 0.0) * unit, y0 + values.get(b"J", 0.0) * unit
     turn = (atan2(y1 - cy, x1 - cx) - atan2(y0 - cy, x0 - cx)) % (2 * pi)
     turn = turn or 2 * pi
     return cx, cy, turn if word == b"G3" else turn - 2 * pi if turn < 2 * pi else -2 * pi
@@ -86,7 +89,7 @@ def nearest(steps: Sequence[Step], point: Point) -> tuple[int, float, float]:
     return -index, share, sqrt(least)
 
 
-def stand_at(step: Step, share: float) -> Stand:
+def stand_at(step: Step, share: float) -> ModalState:
     """How the printer stands after a share of a move."""
     x, y, z, e = _at(step, share)
     pulled = max(step.before.pulled - (e - step.before.e), 0.0)
@@ -102,17 +105,23 @@ def stand_at(step: Step, share: float) -> Stand:
 
 
 def rest_of(step: Step, share: float) -> bytes:
-    """The command that makes the rest of a move from there."""
+    """The command that makes the rest of a move from there, in the unit of the program."""
     here, after = stand_at(step, share), step.after
-    words = [parse(step.command)[0]]
-    x, y, z = (value or 0.0 for value in (after.x, after.y, after.z))
+    word = parse(step.command)[0]
+    words = [
+        word if word in MOVES else b"G1"
+    ]  # G53 is for places of the machine, and these are the program's
+
+    def say(letter: bytes, mm: float) -> bytes:
+        return letter + number(mm / here.unit)
+
     at = here.place
-    for letter, goal, now in zip((b"X", b"Y", b"Z"), (x, y, z), at, strict=True):
+    for letter, goal, now in zip((b"X", b"Y", b"Z"), after.place, at, strict=True):
         if goal != now:
-            words.append(letter + number(goal - now if here.relative else goal))
+            words.append(say(letter, goal - now if here.relative else goal))
     arc = _centre(step)
     if arc is not None:
-        words += [b"I" + number(arc[0] - at[0]), b"J" + number(arc[1] - at[1])]
+        words += [say(b"I", arc[0] - at[0]), say(b"J", arc[1] - at[1])]
     if after.e != here.e:
-        words.append(b"E" + number(after.e - here.e if here.relative_e else after.e))
-    return b" ".join([*words, b"F" + number(after.speed * 60)] if after.speed else words)
+        words.append(say(b"E", after.e - here.e if here.relative_e else after.e))
+    return b" ".join([*words, say(b"F", after.speed * 60)] if after.speed else words)

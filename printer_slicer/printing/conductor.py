@@ -13,10 +13,12 @@ from math import inf
 from typing import Any, Final
 
 from printer_slicer.errors import UsageError
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing import wishes
 from printer_slicer.printing.along import nearest, rest_of, stand_at
 from printer_slicer.printing.journal import Journal
-from printer_slicer.printing.modes import SCRIPT, Stand
+from printer_slicer.printing.modes import SCRIPT
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.printing.orders import ORDERS, order_of
 from printer_slicer.printing.parking import (
@@ -37,7 +39,6 @@ from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import Position, Unknown, read_reply
 from printer_slicer.stream.states import State
-from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.watchdog import Watchdog
 
 __all__ = ["Conductor"]
@@ -241,7 +242,7 @@ class Conductor:
             raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
         self._streamer.pause()
         self._pause = wish
-        if wish.now and self._setup.stoppable and self._job.follow(self._streamer.taken).stand.known:
+        if wish.now and self._setup.stoppable and self._job.follow(self._streamer.taken).comparable:
             self._said_place = None
             self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
             self._change(Phase.STOPPING)
@@ -274,10 +275,10 @@ class Conductor:
         replay += [step.command for step in steps[index + 1 :]]
         modes.recent = deque(steps[: index + 1], modes.recent.maxlen)
         here = stand_at(steps[index], share)
-        modes.stand = replace(modes.stand, x=here.x, y=here.y, z=here.z)
+        modes.stop_at(here)
         self._leave(replace(self._parked(here), replay=tuple(one.decode("latin-1") for one in replay)))
 
-    def _parked(self, stand: Stand) -> Parked:
+    def _parked(self, stand: ModalState) -> Parked:
         return parked_at(stand, self._job.modes, self._setup, self._pause, self._streamer.taken)
 
     def _leave(self, parked: Parked) -> None:
@@ -312,8 +313,8 @@ class Conductor:
         assert parked is not None
         self._pushed = pushed
         self._note_phase(Phase.RETURNING)
-        replay = [text.encode("latin-1") for text in parked.replay]
-        self._perform([*come_back(parked, self._setup, pushed), *replay])
+        back = come_back(parked, self._setup, pushed, inches=self._job.modes.machine.inches)
+        self._perform(back + [text.encode("latin-1") for text in parked.replay])
         self._change(Phase.RETURNING)
 
     def restore(self, parked: Parked | None, pushed: float, replay: Sequence[str], *, waits: bool) -> None:

@@ -263,7 +263,7 @@ class Keeper:
         """Stream over one connection until the end; if a listener fails, end the print in good order first."""
         self._transport = transport
         self._board = identity(self._port) or self._board
-        live = found.job if found else LiveJob(self._job.commands, self._spans, rule=self._setup.rule)
+        live = found.job if found else LiveJob(self._job.commands, self._spans, flavour=self._setup.flavour)
         streamer = Streamer(
             live,
             limits=self._setup.limits,

@@ -1,8 +1,9 @@
 """Several things on one plate: which entries print which, and how one of them is left out.
 
-Its moves are not sent; everything else between its marks is, so that heat, fan and limits stay as the file wants them.
-In the places of the last moves stand the few commands that make height, filament and modes those that the file counts
-on behind the thing. The nozzle stays where it was until the next thing's first move, which follows at once.
+Its moves are not sent, nor what says how to read them; everything else between its marks is, so that heat, fan and
+limits stay as the file wants them. In the places of the last moves stand the few commands that make height, filament,
+origin and modes those that the file counts on behind the thing. The nozzle stays where it was until the next thing's
+first move, which follows at once.
 
 Sources: OctoPrint's comments (`; printing object`), Marlin's and Duet3D's M486, Klipper's EXCLUDE_OBJECT.
 """
@@ -11,15 +12,16 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
-from printer_slicer.motion.counting import Rule
-from printer_slicer.printing.modes import Modes, Stand, number
+from printer_slicer.gcode.commands import COUNTING_CODES, HOME_OFFSET, MOVES
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import MachineState, ModalState
+from printer_slicer.printing.modes import Modes, number
 from printer_slicer.stream.framing import strip
-from printer_slicer.stream.tracker import parse
 
 __all__ = ["LiveJob", "Span", "spans_of"]
 
@@ -27,7 +29,9 @@ _COMMENT: Final = re.compile(rb"\s*;\s*(stop )?printing object (.+?)\s*$")
 _M486: Final = re.compile(rb"M486\s+([STAC])\s*(.*)")
 _WORDS: Final = re.compile(rb"EXCLUDE_OBJECT_(START|END)(?:\s+NAME=(\S+))?")
 _HINTS: Final = (b"printing object", b"M486", b"EXCLUDE_OBJECT_START")
-_MOVES: Final = frozenset({b"G0", b"G1", b"G2", b"G3", b"G10", b"G11", b"G92"})
+_LEFT_OUT: Final = MOVES | COUNTING_CODES | {b"G10", b"G11", b"G20", b"G21", b"G53", b"G92", b"M206"}
+"""What is not sent: moves, and what only says how to read them."""
+
 _LOOK_AHEAD: Final = 40
 _NEAR: Final = 1e-6
 
@@ -86,7 +90,7 @@ class LiveJob(Sequence[bytes]):
         commands: the entries.
         spans: which of them belong to which thing.
         first: entries before this one were sent.
-        rule: by which the firmware reads G90, G91, M82 and M83.
+        flavour: of the firmware, which decides how it reads some commands.
 
     Attributes:
         modes: of the printer behind the entries that were followed so far, and behind what else was sent.
@@ -102,9 +106,9 @@ class LiveJob(Sequence[bytes]):
         spans: Sequence[Span] = (),
         first: int = 0,
         *,
-        rule: Rule = "together",
+        flavour: str = "marlin",
     ) -> None:
-        self.modes = Modes(rule)
+        self.modes = Modes(flavour)
         self.followed = 0
         self.cancelled: set[str] = set()
         self.cancelled_at: dict[str, int] = {}
@@ -185,35 +189,92 @@ class LiveJob(Sequence[bytes]):
         """Send no moves from `first` to before `end`, and make up for what else they did."""
         self._looked = end  # what follows asks for entries, too
         before = self.follow(first)
-        after = Modes(before.rule)
-        after.stand = before.stand
+        after = before.fork()
+        # Elsewhere it moves no origin now, so it may go out.
+        at_once = HOME_OFFSET[before.machine.flavour] == "at once"
+        left_out = _LEFT_OUT if at_once else _LEFT_OUT - {b"M206"}
         moves = []
         for index in range(first, end):
             command = self._commands[index]
             after.follow(command)
-            if parse(command)[0] in _MOVES:
+            if parse(command)[0] in left_out:
                 moves.append(index)
-        amends = _amends(before, after, self._comes_anyway(end, after.stand))
+        amends = _amends(before.machine, after.machine, self._comes_anyway(end, after.stand))
         if len(amends) > len(moves):
             return
         self._changed |= dict.fromkeys(moves, b"")
         self._changed |= dict(zip(moves[len(moves) - len(amends) :], amends, strict=True))
 
-    def _comes_anyway(self, end: int, stand: Stand) -> bool:
+    def _comes_anyway(self, end: int, stand: ModalState) -> bool:
         """Whether the first move behind leads to a place of its own without laying plastic."""
         for index in range(end, min(end + _LOOK_AHEAD, len(self._commands))):
             word, values = parse(self._commands[index])
             if word in {b"G0", b"G1"} and (b"X" in values or b"Y" in values):
                 return {b"X", b"Y"} <= set(values) and b"E" not in values and not stand.relative
-            if word in {b"G28", b"G2", b"G3", b"G91"}:
+            if word in {b"G28", b"G2", b"G3", b"G53", b"G91"} or (
+                word == b"G92" and (b"X" in values or b"Y" in values)
+            ):
                 return word == b"G28"
         return False
 
 
-def _amends(before: Modes, after: Modes, comes_anyway: bool) -> list[bytes]:
-    """What makes the state before a thing the one behind it; modes were sent already."""
-    old, new = before.stand, after.stand
-    script: list[bytes] = []
+def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> list[bytes]:
+    """What makes the state before a thing the one behind it, for a printer that gets nothing else of the thing."""
+    now, script = before.fork(), list[bytes]()
+
+    def say(command: bytes) -> None:
+        script.append(command)
+        now.follow(command)
+
+    def say_in_mm(command: bytes) -> None:
+        if now.inches:
+            say(b"G21")
+        say(command)
+
+    new = after.modal
+    _amend_origin(now, after, say_in_mm)
+    for move in _amending_moves(now.modal, new, comes_anyway):
+        if now.counting.axes:
+            say(b"G90")
+        say_in_mm(move)
+    if abs(pull := now.pulled - new.pulled) > _NEAR:
+        if not now.counting.e:
+            say(b"M83")
+        say_in_mm(b"G1 E%s F1500" % number(pull))
+    if now.retracted != new.retracted:
+        say(b"G10" if new.retracted else b"G11")
+    if abs(now.modal.e - new.e) > _NEAR:
+        say_in_mm(b"G92 E%s" % number(new.e))
+    _amend_modes(now, new, say, say_in_mm)
+    return script
+
+
+def _amend_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[bytes], None]) -> None:
+    """Count from where the file counts behind the thing, by M206 and G92."""
+    homes = list(zip(now.home_offset, after.home_offset, strict=True))
+    if words := _words([new if abs(new - old) > _NEAR else None for old, new in homes]):
+        say_in_mm(b" ".join([b"M206", *words]))
+    shifts = zip(now.position, now.shift, after.shift, strict=True)
+    if words := _words(
+        [
+            here + new - old if here is not None and abs(new - old) > _NEAR else None
+            for here, old, new in shifts
+        ]
+    ):
+        say_in_mm(b" ".join([b"G92", *words]))
+
+
+def _words(values: Iterable[float | None]) -> list[bytes]:
+    """X, Y and Z with their numbers, without those that have none."""
+    return [
+        letter + number(value)
+        for letter, value in zip((b"X", b"Y", b"Z"), values, strict=True)
+        if value is not None
+    ]
+
+
+def _amending_moves(old: ModalState, new: ModalState, comes_anyway: bool) -> list[bytes]:
+    """To the height behind the thing, up first and down last, and to the place if the file does not go there."""
     moves: list[bytes] = []
     risen = (new.z or 0.0) - (old.z or 0.0)
     if new.z is not None and abs(risen) > _NEAR:
@@ -221,18 +282,18 @@ def _amends(before: Modes, after: Modes, comes_anyway: bool) -> list[bytes]:
     if not comes_anyway and new.known and (new.x, new.y) != (old.x, old.y):
         travel = b"G1 X%s Y%s F6000" % (number(new.x or 0.0), number(new.y or 0.0))
         moves.insert(len(moves) if risen > 0 else 0, travel)
-    if moves:
-        script += [b"G90", *moves] if new.relative else moves
-    if (pull := old.pulled - new.pulled) and abs(pull) > _NEAR:
-        script += [b"M83", b"G1 E%s F1500" % number(pull)]
-    if old.retracted != new.retracted:
-        script.append(b"G10" if new.retracted else b"G11")
-    if abs(new.e - old.e) > _NEAR or b"M83" in script:
-        script.append(b"G92 E%s" % number(new.e))
-    if b"G90" in script:
-        script.append(b"G91")
-    if b"M83" in script or b"G91" in script:
-        script.append(b"M83" if new.extruder else b"M82")
-    if new.speed and (new.speed != old.speed or moves or b"M83" in script):
-        script.append(b"G1 F%s" % number(new.speed * 60))
-    return script
+    return moves
+
+
+def _amend_modes(
+    now: MachineState, new: ModalState, say: Callable[[bytes], None], say_in_mm: Callable[[bytes], None]
+) -> None:
+    """Read numbers as the file does behind the thing."""
+    if new.speed and abs(new.speed - now.speed) > _NEAR:
+        say_in_mm(b"G1 F%s" % number(new.speed * 60))
+    if now.counting.axes != new.relative:
+        say(b"G91" if new.relative else b"G90")
+    if now.counting.extruder != new.extruder:
+        say(b"M83" if new.extruder else b"M82")
+    if now.inches != new.inches:
+        say(b"G20" if new.inches else b"G21")

@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.kept import value_from
-from printer_slicer.printing.modes import Modes, Stand, number
+from printer_slicer.printing.modes import Modes, number
 from printer_slicer.printing.setup import Setup
 from printer_slicer.printing.wishes import Pause
-from printer_slicer.stream.tracker import parse
 
 __all__ = [
     "Parked",
@@ -48,7 +49,7 @@ class Parked:
     """
 
     entries: int
-    stand: Stand
+    stand: ModalState
     park: bool
     spot: tuple[float, float] = (0.0, 0.0)
     safe: float = 0.0
@@ -71,7 +72,7 @@ def parked_from(values: Mapping[str, Any]) -> Parked:
     return value_from(Parked, values)
 
 
-def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:
+def parked_at(stand: ModalState, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:
     """What a print comes back to that is left now.
 
     Args:
@@ -81,16 +82,18 @@ def parked_at(stand: Stand, modes: Modes, setup: Setup, pause: Pause, entries: i
         pause: how a person wants it.
         entries: of the job that have a number.
     """
-    z = stand.place[2]
+    machine, z = modes.machine, stand.place[2]
+    over = z if modes.highest is None else max(modes.highest, z)
+    top = setup.top + (machine.offset[2] or 0.0)
     return Parked(
         entries=entries,
         stand=stand,
-        park=pause.park and stand.known and modes.metric,
+        park=pause.park and stand.known,
         spot=parking_place(setup, modes),
-        safe=max(z, min(max(modes.highest, z) + setup.lift, setup.top)),
-        hotend=modes.hotend,
-        bed=modes.bed,
-        cold=pause.cold and modes.hotend > 0,
+        safe=max(z, min(over + setup.lift, top)),
+        hotend=machine.hotend,
+        bed=machine.bed,
+        cold=pause.cold and machine.hotend > 0,
     )
 
 
@@ -103,7 +106,7 @@ def parking_place(setup: Setup, modes: Modes) -> tuple[float, float]:
         setup: the printer.
         modes: of the printer.
     """
-    box, (by_x, by_y) = modes.box, modes.offset
+    box, (by_x, by_y, _) = modes.box, modes.machine.offset
     if by_x is None or by_y is None:
         return modes.stand.place[:2]
     left, right = setup.low[0] + by_x, setup.high[0] + by_x
@@ -127,7 +130,8 @@ def leave(parked: Parked, modes: Modes, setup: Setup) -> list[bytes]:
     """The commands that take the nozzle off the part."""
     script: list[bytes] = []
     if parked.park:
-        if modes.hotend >= setup.coldest:
+        script += [b"G21"] if modes.machine.inches else []
+        if modes.machine.hotend >= setup.coldest:
             script += [b"M83", b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
         script += [b"G90", b"G1 Z%s F%d" % (number(parked.safe), setup.lift_speed * 60)]
         x, y = parked.spot
@@ -137,15 +141,16 @@ def leave(parked: Parked, modes: Modes, setup: Setup) -> list[bytes]:
     return script
 
 
-def come_back(parked: Parked, setup: Setup, pushed: float) -> list[bytes]:
+def come_back(parked: Parked, setup: Setup, pushed: float, *, inches: bool = False) -> list[bytes]:
     """The commands that bring the nozzle back.
 
     Args:
         parked: where to.
         setup: the printer.
         pushed: mm of filament pushed forward since it was left; negative for what is pulled back.
+        inches: the printer counts in inches now, for a person has said so.
     """
-    script: list[bytes] = []
+    script = [b"G21"] if inches or parked.stand.inches else []
     if parked.cold and parked.hotend:
         script += [b"M104 S%s" % number(parked.hotend), b"M109 S%s" % number(parked.hotend)]
     stand = parked.stand
@@ -170,14 +175,15 @@ def come_back(parked: Parked, setup: Setup, pushed: float) -> list[bytes]:
     return script + as_it_was(stand)
 
 
-def as_it_was(stand: Stand) -> list[bytes]:
-    """Modes, filament count and speed."""
+def as_it_was(stand: ModalState) -> list[bytes]:
+    """Filament count, modes, speed and unit, for a printer that counts in mm."""
     script = [
         b"G92 E%s" % number(stand.e),
         b"G91" if stand.relative else b"G90",
         b"M83" if stand.extruder else b"M82",
     ]
-    return script + ([b"G1 F%s" % number(stand.speed * 60)] if stand.speed else [])
+    script += [b"G1 F%s" % number(stand.speed * 60)] if stand.speed else []
+    return script + ([b"G20"] if stand.inches else [])
 
 
 def pushed_by(commands: Sequence[bytes]) -> float:
@@ -193,13 +199,13 @@ def pushed_by(commands: Sequence[bytes]) -> float:
 def end_script(modes: Modes, setup: Setup, spot: tuple[float, float]) -> list[bytes]:
     """What makes a machine safe that was stopped in the middle: heaters and fan off, nozzle away, motors off."""
     script = [b"M104 S0", b"M140 S0", b"M107"]
-    if modes.chamber:
+    if modes.machine.chamber:
         script.append(b"M141 S0")
-    stand = modes.stand
-    script += [*([] if modes.metric else [b"G21"]), b"G91", b"G1 Z5 F300", b"G90"]
-    if stand.known and modes.metric and modes.box:
+    stand, highest = modes.stand, modes.highest
+    script += [*([b"G21"] if stand.inches else []), b"G91", b"G1 Z5 F300", b"G90"]
+    if stand.known and modes.box:
         x, y = spot
-        if modes.highest + 5 > stand.place[2] + 5:
-            script.append(b"G1 Z%s F300" % number(modes.highest + 5))
+        if highest is not None and highest > stand.place[2]:
+            script.append(b"G1 Z%s F300" % number(highest + 5))
         script.append(b"G1 X%s Y%s F%d" % (number(x), number(y), setup.travel_speed * 60))
     return [*script, b"M84"]

@@ -10,12 +10,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from printer_slicer.errors import PrintError
+from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import Job
 from printer_slicer.printing.along import rest_of, stand_at
 from printer_slicer.printing.approach import approach_from, laid_points
 from printer_slicer.printing.journal import LOST, Story, read_story
 from printer_slicer.printing.kept import value_from
-from printer_slicer.printing.modes import Modes, Stand, number
+from printer_slicer.printing.modes import Modes, number
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.parking import Parked, as_it_was, parked_from, parking_place
 from printer_slicer.printing.setup import Setup
@@ -45,7 +46,7 @@ class Point:
     """
 
     entries: int
-    stand: Stand
+    stand: ModalState
     replay: tuple[bytes, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
@@ -73,19 +74,19 @@ def recovery(print_: Print, job: Job) -> Recovery:
     """
     story = read_story(print_.folder)
     lost = _lost(story, same_boot=print_.same_boot)
-    live = rebuild(story, story.line, job.commands, spans_of(job.text), print_.setup.rule)
+    live = rebuild(story, story.line, job.commands, spans_of(job.text), print_.setup.flavour)
     point = point_of_loss(story, live, lost, print_.setup)
     modes = live.modes
-    if None in modes.offset:
+    if None in modes.machine.offset[:2]:
         raise PrintError(f"{job.name}: where its G92 moved the origin to is not known", remedy=_REMEDY)
-    if not point.stand.known or not modes.metric or modes.box is None:
+    if not point.stand.known or modes.box is None:
         raise PrintError(f"{job.name}: nothing was printed yet", remedy=_REMEDY)
     script = recovery_script(job, point, modes, print_.setup)
     z, layer = point.stand.place[2], job.layer_of(point.entries)
     x, y, _ = point.stand.place
     told = (
         f"Recovery: warm the nozzle to {_SOFT:g} °C, take z for {z:g} mm, lift, home x and y only, heat to"
-        f" {modes.hotend:g} and {modes.bed:g} °C{_besides(modes)}, prime beside the part,"
+        f" {modes.machine.hotend:g} and {modes.machine.bed:g} °C{_besides(modes)}, prime beside the part,"
         f" and go on at x {x:.1f} y {y:.1f}"
         + (f" in layer {layer}" if layer else "")
         + f", behind {point.entries} of {len(job.commands)} commands."
@@ -108,7 +109,7 @@ def recovery(print_: Print, job: Job) -> Recovery:
 
 def _besides(modes: Modes) -> str:
     """What else is switched on again, and what cannot be promised of it."""
-    told = f", the chamber to {modes.chamber:g} °C" if modes.chamber else ""
+    told = f", the chamber to {modes.machine.chamber:g} °C" if modes.machine.chamber else ""
     mesh = (
         f"follow the bed as the firmware has kept it ({modes.mesh.decode('latin-1')})" if modes.mesh else ""
     )
@@ -137,11 +138,12 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
     if values := story.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])
         job.follow(int(values["entries"]))
-        return Point(int(values["entries"]), value_from(Stand, values["stand"]), replay)
+        return Point(int(values["entries"]), value_from(ModalState, values["stand"]), replay)
     if values := story.states.get("parked"):
         job.follow(story.entries)
         parked: Parked = parked_from(values)
-        job.modes.hotend, job.modes.bed = parked.hotend, parked.bed
+        machine = job.modes.machine
+        machine.hotends[machine.tool], machine.bed = parked.hotend, parked.bed
         return Point(parked.entries, parked.stand, tuple(text.encode("latin-1") for text in parked.replay))
     modes = job.follow(story.entries)
     steps = [step for step in modes.recent if step.entry < story.entries]
@@ -164,14 +166,15 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
 def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[bytes]:
     """The commands before the rest of the job."""
     x, y, z = point.stand.place
-    safe = max(min(max(modes.highest, z) + setup.lift, setup.top), z)
+    machine = modes.machine
+    safe = max(min((z if modes.highest is None else max(modes.highest, z)) + setup.lift, setup.top), z)
     spot = parking_place(setup, modes)
-    origin = modes.offset
+    origin = machine.offset[:2]
     lift = b" F%d" % (setup.lift_speed * 60)
     travel = b" F%d" % (setup.travel_speed * 60)
-    script = [b"G21", *_settings(modes), b"M140 S%s" % number(modes.bed)]
-    script += [b"M141 S%s" % number(modes.chamber)] if modes.chamber else []
-    script += [b"M109 S%s" % number(min(_SOFT, modes.hotend))] if modes.hotend else []
+    script = [b"G21", *_settings(modes), b"M140 S%s" % number(machine.bed)]
+    script += [b"M141 S%s" % number(machine.chamber)] if machine.chamber else []
+    script += [b"M109 S%s" % number(min(_SOFT, machine.hotend))] if machine.hotend else []
     script += [b"SET_KINEMATIC_POSITION Z=%s" % number(z)] if setup.flavour == "klipper" else []
     script += [b"G90", b"G92 Z%s" % number(z), b"G1 Z%s" % number(safe) + lift, b"G28 X Y"]
     if origin != (0.0, 0.0):
@@ -183,10 +186,10 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
         ]
     script += [modes.mesh] if modes.mesh else []
     script += [b"G1 X%s Y%s" % (number(spot[0]), number(spot[1])) + travel]
-    script += [b"M190 S%s" % number(modes.bed)] if modes.bed else []
-    if modes.hotend:
-        script.append(b"M109 S%s" % number(modes.hotend))
-    warm = modes.hotend >= setup.coldest
+    script += [b"M190 S%s" % number(machine.bed)] if machine.bed else []
+    if machine.hotend:
+        script.append(b"M109 S%s" % number(machine.hotend))
+    warm = machine.hotend >= setup.coldest
     if warm:
         prime = [b"M83", b"G1 E%s F300" % number(setup.purge + setup.retract)]
         script += [*prime, b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
@@ -204,4 +207,7 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
 
 def _settings(modes: Modes) -> list[bytes]:
     """What was set and stays, said again."""
-    return [*([modes.tool] if modes.tool else []), *modes.sticky.values()]
+    script = [modes.machine.tool_command] if modes.machine.tool_command else []
+    for command, inches in modes.sticky.values():
+        script += [b"G20", command, b"G21"] if inches else [command]
+    return script

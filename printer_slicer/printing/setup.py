@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
-from printer_slicer.motion.counting import COUNTING, Rule
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
 from printer_slicer.printing.kept import value_from
@@ -55,11 +54,6 @@ class Setup:
     coldest: float = 170.0
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     allowed: tuple[str, ...] = ()
-
-    @property
-    def rule(self) -> Rule:
-        """By which the firmware reads G90, G91, M82 and M83."""
-        return COUNTING[self.flavour]
 
     @property
     def stoppable(self) -> bool:

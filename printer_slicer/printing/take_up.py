@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from printer_slicer.motion.counting import Rule
+from printer_slicer.gcode.lexer import parse
 from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
 from printer_slicer.printing.kept import value_from
 from printer_slicer.printing.modes import SCRIPT, Modes, Stand
@@ -19,7 +19,6 @@ from printer_slicer.printing.parking import Parked, come_back, parked_from
 from printer_slicer.printing.setup import Setup
 from printer_slicer.stream.attach import Attach
 from printer_slicer.stream.events import Spot
-from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.transport import Transport
 
 __all__ = ["Lost", "TakenUp", "ask_printer", "nonsense_in", "rebuild", "take_up"]
@@ -148,7 +147,7 @@ def take_up(
     if attach.reason or line is None:
         raise Lost(attach.reason or "it does not say which line it took")
     entries = _entries(story, line)
-    job = rebuild(story, line, commands, spans, setup.rule)
+    job = rebuild(story, line, commands, spans, setup.flavour)
     job.follow(entries)
     parked, pushed, replay = _parked(story, line, setup)
     _insist_on_place(job.modes, attach.position)
@@ -168,10 +167,10 @@ def _entries(story: Story, line: int) -> int:
 
 
 def rebuild(
-    story: Story, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], rule: Rule
+    story: Story, line: int, commands: Sequence[bytes], spans: tuple[Span, ...], flavour: str
 ) -> LiveJob:
     """The job as it was sent so far: what was said between, what was given up; not followed beyond the last of that."""
-    job = LiveJob(commands, spans, rule=rule)
+    job = LiveJob(commands, spans, flavour=flavour)
     given_up = sorted((at, name) for name, at in dict(story.states.get("cancelled_at", {})).items())
     happened = [(at, 0, name) for at, name in given_up]
     happened += [(entries, 1, command.decode("latin-1")) for entries, command in story.others_until(line)]
@@ -215,7 +214,7 @@ def _parked(story: Story, line: int, setup: Setup) -> tuple[Parked | None, float
 def _insist_on_place(modes: Modes, said: Spot | None) -> None:
     """The plan must end where the commands lead."""
     stand = modes.stand
-    if said is None or not modes.metric:
+    if said is None or stand.inches:  # not all firmware says inches as mm
         return
     for name, is_at, to_be in zip("xyz", said, (stand.x, stand.y, stand.z), strict=True):
         if is_at is not None and to_be is not None and abs(is_at - to_be) > _SAME_PLACE:

@@ -41,7 +41,8 @@ class Board:
         muted: so many of the next commands get no ok.
         due: when the next alarm rings, s; see `alarm`.
         position: where the plan ends: x, y, z from the endstops, and e as the program counts it; mm.
-        offset: what G92 adds to x, y, z as the program sees them, mm.
+        offset: what G92 and M206 add to x, y, z as the program sees them, mm.
+        home_offset: the part of it that M206 has set, and homing keeps.
         filament: mm fed since power-on, as planned.
         unit: mm per unit of the program.
         volumetric: E counts cubes of the program's unit, of a filament of `diameter` mm.
@@ -91,6 +92,7 @@ class Board:
         self.cold_allowed = self.hot = False
         self.position: Axes = (0.0, 0.0, 0.0, 0.0)
         self.offset: Position = (0.0, 0.0, 0.0)
+        self.home_offset: Position = (0.0, 0.0, 0.0)
         self.filament = 0.0
         self.counting = Counting(COUNTING[front_end.flavour])
         self.relative = self.relative_e = self.retracted = False

@@ -13,7 +13,14 @@ from printer_slicer.sim.answers import limit_accelerations, nothing, positive
 from printer_slicer.sim.heating import tool_target, wait_for_all
 from printer_slicer.sim.klipper import unparsed
 from printer_slicer.sim.machine import AXES, replaced
-from printer_slicer.sim.moves import firmware_retraction, line, line_of_zeros, probe
+from printer_slicer.sim.moves import (
+    firmware_retraction,
+    line,
+    line_of_zeros,
+    machine_move,
+    offset_next_homing,
+    probe,
+)
 from printer_slicer.sim.pausing import ask_person
 
 if TYPE_CHECKING:
@@ -121,6 +128,7 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
     },
     "reprapfirmware": {
         "G10": _retraction_or_tool,
+        "G53": machine_move,
         "M116": wait_for_all,
         "M203": _speeds_per_minute,
         "M226": ask_person,
@@ -137,6 +145,7 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "M203": nothing,
         "M204": nothing,
         "M205": nothing,
+        "M206": nothing,
         "M207": _jerks,
         "M208": nothing,
     },
@@ -145,5 +154,7 @@ FLAVOURS: Final[dict[str, dict[str, Callable[[Board, Command], Steps | None]]]] 
         "G1": line_of_zeros,
         "M204": _accelerations,
         "M205": _junction_deviation,
+        "G53": machine_move,
+        "M206": offset_next_homing,
     },
 }

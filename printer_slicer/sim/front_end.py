@@ -160,6 +160,7 @@ KLIPPER: Final = replace(
     killed=("// Klipper state: Shutdown",),
     overheated=("!! Heater {heater}: {what}",),
     language="klipper",
+    any_case=True,
     flavour="klipper",
 )
 """Klipper's pseudo-terminal: every line counts, whatever its number and checksum."""

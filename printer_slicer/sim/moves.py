@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.rules import Axes, Block, make_block
 from printer_slicer.sim.machine import AXES
+from printer_slicer.sim.words import Command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from printer_slicer.sim.board import Board, Steps
     from printer_slicer.sim.machine import Position
-    from printer_slicer.sim.words import Command
 
 __all__ = [
     "FARTHEST",
@@ -28,6 +28,8 @@ __all__ = [
     "goal_of",
     "line",
     "line_of_zeros",
+    "machine_move",
+    "offset_next_homing",
     "probe",
     "straight",
 ]
@@ -250,7 +252,7 @@ def _home(board: Board, command: Command) -> Steps:
             return
         yield from board.until(board.now + way / machine.homing_speed[axis] + machine.homing_bump)
         position[axis] = machine.home[axis]
-        offset[axis] = 0.0
+        offset[axis] = board.home_offset[axis]
         board.homed[axis] = True
         board.loose.discard(axis)
         board.position = (position[0], position[1], position[2], position[3])
@@ -328,6 +330,42 @@ def _set_position(board: Board, command: Command) -> None:
         board.say(board.place())
 
 
+def _offset_home(board: Board, command: Command) -> None:
+    """M206: the program counts from an origin so far from the endstops; the machine stays where it is."""
+    for axis, letter in enumerate("XYZ"):
+        value = command.value(letter)
+        if value is not None:
+            by = value * board.unit - board.home_offset[axis]
+            board.home_offset = _raised(board.home_offset, axis, by)
+            board.offset = _raised(board.offset, axis, by)
+
+
+def offset_next_homing(board: Board, command: Command) -> None:
+    """M206 of firmware that looks at it when it homes."""
+    for axis, letter in enumerate("XYZ"):
+        value = command.value(letter)
+        if value is not None:
+            by = value * board.unit - board.home_offset[axis]
+            board.home_offset = _raised(board.home_offset, axis, by)
+
+
+def _raised(place: Position, axis: int, by: float) -> Position:
+    x, y, z = (at + (by if axis == number else 0.0) for number, at in enumerate(place))
+    return x, y, z
+
+
+def machine_move(board: Board, command: Command) -> Steps | None:
+    """G53 in front of a move: without offsets."""
+    inner = Command(command.rest, any_case=board.front_end.any_case)
+    move = {"G0": line, "G1": line, "G2": _arc, "G3": _arc}.get(inner.code)
+    if move is None:
+        return None
+    offset, board.offset = board.offset, (0.0, 0.0, 0.0)
+    steps = move(board, inner)
+    board.offset = offset
+    return steps
+
+
 def _babystep(board: Board, command: Command) -> Steps | None:
     """M290: the nozzle goes up or down, and what the program calls its place stays."""
     if not board.front_end.babysteps:
@@ -376,6 +414,7 @@ TABLE: Final = {
     "M82": _counts,
     "M83": _counts,
     "M84": _motors_off,
+    "M206": _offset_home,
     "M290": _babystep,
     "M400": _finish,
     "M410": _quick_stop,

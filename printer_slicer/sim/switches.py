@@ -64,6 +64,7 @@ class FrontEnd:
         reports_area: M115 ends with the size of the machine.
         flavour: whose meanings commands have that differ from firmware to firmware.
         babysteps: M290 is known.
+        any_case: a command may be in lower case (Marlin with GCODE_CASE_INSENSITIVE).
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
         wait_seconds: an idle printer says `wait` so often; 0 = never.
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
@@ -112,6 +113,7 @@ class FrontEnd:
     reports_area: bool = False
     flavour: str = "marlin"
     ignores_extended: bool = False
+    any_case: bool = False
     babysteps: bool = True
     wait_seconds: float = 0.0
     busy_seconds: float = 2.0

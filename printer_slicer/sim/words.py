@@ -25,8 +25,15 @@ _WHOLE: Final = re.compile(_NUMBER).fullmatch
 _WORD: Final = re.compile(rf"([A-Z]) *({_NUMBER})?")
 
 
+_UPPER: Final = {ord(letter): letter.upper() for letter in "abcdefghijklmnopqrstuvwxyz"}
+
+
 class Command:
     """One command.
+
+    Args:
+        text: as it came, without line number and checksum.
+        any_case: letters of either case are read alike.
 
     Attributes:
         text: as it came, without line number and checksum.
@@ -38,12 +45,13 @@ class Command:
 
     __slots__ = ("code", "rest", "text", "words")
 
-    def __init__(self, text: str) -> None:
-        match = _CODE.match(text)
+    def __init__(self, text: str, *, any_case: bool = False) -> None:
+        read = text.translate(_UPPER) if any_case else text
+        match = _CODE.match(read)
         self.text = text
         self.code = f"{match[1]}{match[2].lstrip('0') or '0'}" if match else ""  # G01 is G1
         self.rest = text[match.end() :].strip() if match else ""
-        self.words: dict[str, str] = dict(_WORD.findall(self.rest))
+        self.words: dict[str, str] = dict(_WORD.findall(read[match.end() :] if match else ""))
 
     def value(self, letter: str) -> float | None:
         """The number behind a letter; None without the letter or without a number."""

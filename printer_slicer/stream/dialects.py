@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from printer_slicer.errors import UsageError
-from printer_slicer.motion.counting import Rule
 
 __all__ = ["DIALECTS", "UNKNOWN", "Dialect", "dialect_named", "dialect_of"]
 
@@ -42,7 +41,7 @@ class Dialect:
         longest: bytes of a line, without its line break.
         places: commands it reads ahead.
         most: lines in flight at most, where it is safe.
-        counting: by which rule it reads G90, G91, M82 and M83.
+        flavour: whose meanings commands have that differ from firmware to firmware.
         advice: what its owner should know before streaming; empty if nothing.
     """
 
@@ -57,7 +56,7 @@ class Dialect:
     longest: int = 95
     places: int = 4
     most: int = 6
-    counting: Rule = "together"
+    flavour: str = "marlin"
     advice: str = ""
 
 
@@ -80,7 +79,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         places=20,
         most=1,
         longest=200,
-        counting="either",
+        flavour="klipper",
         advice=_KLIPPER_ADVICE,
     ),
     "reprapfirmware": Dialect(
@@ -92,7 +91,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         places=1,
         most=1,
         longest=160,
-        counting="apart",
+        flavour="reprapfirmware",
         advice=_REPRAP_ADVICE,
     ),
     "repetier": Dialect(
@@ -102,17 +101,19 @@ DIALECTS: Final[dict[str, Dialect]] = {
         strays="refused",
         ok_when_read=True,
         places=2,
-        counting="either",
+        flavour="repetier",
     ),
-    "smoothie": Dialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1),
+    "smoothie": Dialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1, flavour="smoothie"),
     "prusa": Dialect(
         "Prusa MK3",
         r"Prusa-Firmware(?!-Buddy)",
         (_MARLIN_ERROR, "Resend: 7", "ok"),
         strays="refused",
-        counting="apart",
+        flavour="prusa",
     ),
-    "marlin_1": Dialect("Marlin 1.1", r"Marlin V?1\.", (_MARLIN_ERROR, "Resend: 7", "ok"), counting="either"),
+    "marlin_1": Dialect(
+        "Marlin 1.1", r"Marlin V?1\.", (_MARLIN_ERROR, "Resend: 7", "ok"), flavour="marlin_legacy"
+    ),
     "marlin_2_1_3": Dialect(
         "Marlin 2.1.3 and later",
         r"Marlin (?:bugfix-)?2\.(?:1\.(?:[3-9]|[12]\d)|[2-9])",

@@ -20,10 +20,10 @@ from __future__ import annotations
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.stream.tracker import parse
+from printer_slicer.gcode.lexer import parse
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.tracker import Place
+    from printer_slicer.gcode.state import Place
 
 __all__ = ["Doubt", "Fate", "same_twice"]
 

@@ -19,10 +19,10 @@ from collections import deque
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.burst import Burst, Verdict
 from printer_slicer.stream.framing import LONGEST, frame_crc
 from printer_slicer.stream.ledger import ASK, Ledger
-from printer_slicer.stream.tracker import parse
 from printer_slicer.stream.watch import Watch
 from printer_slicer.stream.window import Window
 

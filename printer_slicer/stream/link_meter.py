@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from math import exp2, floor, inf, log2
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.commands import WAITS_FOR_MOTION
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
 from printer_slicer.stream.events import Asked
-from printer_slicer.stream.tracker import Tracker, parse
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,11 +40,6 @@ _QUICK: Final = frozenset(
     {b"G0", b"G1", b"G2", b"G3", b"G90", b"G91", b"G92", b"M82", b"M83", b"M104", b"M106", b"M107", b"M140"}
 )
 """Commands that are answered at once if there is room for them."""
-
-_STANDS: Final = frozenset(
-    {b"G4", b"G28", b"G29", b"M0", b"M1", b"M109", b"M190", b"M400", b"M600", b"M601", b"M226", b"M116"}
-)
-"""Commands that wait until the machine stands still; the time until their answer is theirs."""
 
 _PARTIAL: Final = 1024
 
@@ -106,7 +103,7 @@ class LinkMeter:
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits
         self._clock = PlannerClock(limits) if limits is not None else None
-        self._tracker = Tracker()
+        self._machine = MachineState()
         self._pending: deque[tuple[int, bytes, float]] = deque()
         self._partial = b""
         self._swallow = False
@@ -193,9 +190,9 @@ class LinkMeter:
         """A line was answered."""
         since = max(sent, self._last) if self._lines else sent
         word, values = parse(command)
-        move = self._tracker.follow(word, values)
+        move = self._machine.apply(word, values, command)
         held = self._stood or (self._clock is not None and self._clock.full(since))
-        self._stood = word in _STANDS
+        self._stood = word in WAITS_FOR_MOTION
         if self._stood:
             self._own += now - since
             if self._clock:

@@ -14,8 +14,8 @@ from collections import deque
 from math import hypot, inf
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.state import Move
 from printer_slicer.motion.rules import make_block, ramp_time
-from printer_slicer.stream.tracker import Move
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

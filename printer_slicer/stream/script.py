@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.commands import is_macro
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import MachineState, Place
 from printer_slicer.stream.doubt import Doubt, same_twice
 from printer_slicer.stream.events import Finished, Spot
 from printer_slicer.stream.framing import LONGEST, check_commands, strip
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.patience import Patience
-from printer_slicer.stream.tracker import Tracker, is_macro, parse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,12 +51,12 @@ class Script:
         self._closing = deque(_CLOSING)
         self._looks = 0
         self._patience = Patience(limits)
-        self._tracker = Tracker()
-        self._command, self._before = b"", self._tracker.place
+        self._machine = MachineState()
+        self._command, self._before = b"", self._machine.place
 
     def speak(self, dialect: Dialect) -> None:
         """The firmware is known now."""
-        self._tracker.speak(dialect.counting)
+        self._machine.speak(dialect.flavour)
 
     def inject(self, command: bytes) -> None:
         """Give this out next.
@@ -119,20 +121,25 @@ class Script:
     def follow(self, command: bytes) -> float:
         """Take note of a command that gets its number now; longest time until its ok, s."""
         word, values = parse(command)
-        self._before = self._tracker.place
+        self._before = self._place
         self._command = command
-        move = self._tracker.follow(word, values)
+        move = self._machine.apply(word, values, command)
         macro = is_macro(command)
         if macro:
-            self._tracker.lose_place()
+            self._machine.lose_place()
         return self._patience.allow(b"" if macro else word or b"SET", values, move)
+
+    @property
+    def _place(self) -> Place:
+        """Where the printer must say that it is; not all firmware says inches as mm, so nowhere while it counts so."""
+        return (None, None, None, None) if self._machine.inches else self._machine.place
 
     def doubt(self) -> Doubt:
         """Questions about the last command that got its number."""
         word, values = parse(self._command)
-        relative = word in {b"G0", b"G1"} and self._tracker.relative(values)
+        relative = word in {b"G0", b"G1"} and self._machine.relative(values)
         repeatable = same_twice(self._command, relative=relative)
-        return Doubt(self._before, self._tracker.place, repeatable=repeatable, asks=self._command == ASK)
+        return Doubt(self._before, self._place, repeatable=repeatable, asks=self._command == ASK)
 
     def finished(self, acknowledged: int) -> Finished:
         """How the print ended."""
@@ -140,7 +147,7 @@ class Script:
             acknowledged=acknowledged,
             cancelled=self._end_script is not None,
             position=self.position,
-            expected=self._tracker.position,
+            expected=self._place[:3],
             verified=self._verified(),
         )
 
@@ -151,7 +158,7 @@ class Script:
         """Whether the printer is where the commands lead, None if that cannot be said."""
         if self.position is None:
             return None
-        pairs = zip(self.position, self._tracker.position, strict=True)
+        pairs = zip(self.position, self._place[:3], strict=True)
         misses = [abs(is_at - to_be) for is_at, to_be in pairs if is_at is not None and to_be is not None]
         return max(misses) <= SAME_PLACE if misses else None
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.events import (
     Accepted,
     Action,
@@ -24,7 +25,6 @@ from printer_slicer.stream.events import (
     Temperature,
 )
 from printer_slicer.stream.framing import frame
-from printer_slicer.stream.tracker import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

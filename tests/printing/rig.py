@@ -150,7 +150,9 @@ class Rig:
     def connect(self, found: TakenUp | None = None) -> Conductor:
         """A host at the port, from the beginning or from where another one was."""
         job = (
-            found.job if found else LiveJob(self.commands, spans_of(self.text.encode()), rule=self.setup.rule)
+            found.job
+            if found
+            else LiveJob(self.commands, spans_of(self.text.encode()), flavour=self.setup.flavour)
         )
         self.streamer = Streamer(
             job,

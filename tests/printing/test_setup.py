@@ -15,7 +15,7 @@ def test_it_is_the_same_after_it_was_a_file() -> None:
 
     kept = setup_from(json.loads(json.dumps(setup.as_json())))
     assert kept.limits == setup.limits
-    assert (kept.rule, kept.allowed, kept.low, kept.high) == ("either", ("cold",), setup.low, setup.high)
+    assert (kept.flavour, kept.allowed, kept.low, kept.high) == ("klipper", ("cold",), setup.low, setup.high)
     assert profile_from(kept.settings) == load_profile("voron_trident_300", "abs")
 
 

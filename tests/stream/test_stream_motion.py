@@ -9,22 +9,23 @@ from conversation import LIMITS
 from hypothesis import given
 from hypothesis import strategies as st
 
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import MachineState, Move
 from printer_slicer.motion.rules import Limits
 from printer_slicer.stream.patience import Patience
-from printer_slicer.stream.tracker import Move, Tracker, parse
 
 
-def follow(*commands: str) -> tuple[Tracker, list[Move | None]]:
-    tracker = Tracker()
-    return tracker, [tracker.follow(*parse(command.encode())) for command in commands]
+def follow(*commands: str) -> tuple[MachineState, list[Move | None]]:
+    tracker = MachineState()
+    return tracker, [tracker.follow(command.encode()) for command in commands]
 
 
 def waits(*commands: str, limits: Limits | None = LIMITS) -> list[float]:
-    tracker, patience = Tracker(), Patience(limits)
+    tracker, patience = MachineState(), Patience(limits)
     allowed = []
     for command in commands:
         word, values = parse(command.encode())
-        allowed.append(patience.allow(word, values, tracker.follow(word, values)))
+        allowed.append(patience.allow(word, values, tracker.apply(word, values)))
     return allowed
 
 
@@ -41,7 +42,7 @@ def waits(*commands: str, limits: Limits | None = LIMITS) -> list[float]:
         (("G91", "G90", "G1 X1"), (1.0, None, None)),
         (("G92 X5 Y6", "M83", "G1 E1"), (5.0, 6.0, None)),
         (("G2 X10 Y0 I5 J0",), (10.0, 0.0, None)),
-        (("G1 X1 Y2 Z3", "G20"), (None, None, None)),
+        (("G1 X1 Y2 Z3", "G20"), (1.0, 2.0, 3.0)),
         (("G1 X1 Y2 Z3", "hello", "M104 S200"), (1.0, 2.0, 3.0)),
     ],
 )

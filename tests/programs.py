@@ -1,0 +1,134 @@
+"""Programs of all kinds: units, offsets, modes, tools, letters of either case, comments, numbers and checksums."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+from hypothesis import strategies as st
+
+from printer_slicer.sim.board import Board
+from printer_slicer.sim.front_end import (
+    KLIPPER,
+    MARLIN_1_1,
+    MARLIN_2_1,
+    PRUSA_MK3,
+    REPETIER,
+    REPRAPFIRMWARE,
+    SMOOTHIE,
+)
+from printer_slicer.sim.machine import Machine
+from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.stream.framing import checksum, strip
+
+FRONT_ENDS = {
+    "marlin": MARLIN_2_1,
+    "marlin_legacy": MARLIN_1_1,
+    "prusa": PRUSA_MK3,
+    "klipper": KLIPPER,
+    "reprapfirmware": REPRAPFIRMWARE,
+    "repetier": REPETIER,
+    "smoothie": SMOOTHIE,
+}
+LARGE = Machine(
+    box_min=(-1e5,) * 3,
+    box_max=(1e5,) * 3,
+    coldest_extrusion=0.0,
+    longest_extrusion=inf,
+    extruders=3,
+    tool_change=0.0,
+)
+"""A machine that refuses nothing."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A command, and how its line is written."""
+
+    code: str
+    words: tuple[tuple[str, float], ...] = ()
+    lower: bool = False
+    tight: bool = False
+    comment: str = ""
+    numbered: bool = False
+
+    def text(self, number: int) -> bytes:
+        """As it stands in the file."""
+        blank = "" if self.tight else " "
+        text = blank.join([self.code, *(f"{letter}{value:.3f}" for letter, value in self.words)])
+        line = (text.lower() if self.lower else text).encode()
+        if self.numbered:
+            line = b"N%d %s" % (number, line)
+            line = b"%s*%d" % (line, checksum(line))
+        return line + self.comment.encode()
+
+
+def words(
+    letters: str, low: float = -50.0, high: float = 50.0
+) -> st.SearchStrategy[tuple[tuple[str, float], ...]]:
+    """Some of the letters with a number each."""
+    chosen = st.lists(st.sampled_from(letters), unique=True, max_size=len(letters))
+    number = st.floats(low, high).map(lambda value: round(value, 3))
+    speed = st.integers(300, 6000).map(float)
+    return chosen.flatmap(
+        lambda names: st.tuples(
+            *(st.tuples(st.just(name), speed if name == "F" else number) for name in names)
+        )
+    )
+
+
+COMMANDS = st.one_of(
+    st.tuples(st.sampled_from(["G0", "G1", "G01"]), words("XYZEF")),
+    st.tuples(st.sampled_from(["G20", "G21", "G90", "G91", "M82", "M83", "G10", "G11"]), st.just(())),
+    st.tuples(st.just("G92"), words("XYZE").filter(bool)),
+    st.tuples(st.just("M206"), words("XYZ")),
+    st.tuples(st.sampled_from(["G53 G1", "G53 G0"]), words("XYZ")),
+    st.tuples(st.sampled_from(["T0", "T1", "T2"]), st.just(())),
+    st.tuples(st.sampled_from(["M104", "M140"]), words("S", 0.0, 120.0)),
+    st.tuples(st.just("M104 T1"), words("S", 0.0, 120.0)),
+)
+LINES = st.builds(
+    lambda command, *rest: Line(*command, *rest),
+    COMMANDS,
+    st.booleans(),
+    st.booleans(),
+    st.sampled_from(["", " ; note", ";G1 X9", "\t"]),
+    st.booleans(),
+)
+
+
+def program_of(lines: list[Line]) -> list[bytes]:
+    """The lines of a file without what never reaches a printer."""
+    return [strip(line.text(number)) for number, line in enumerate(lines, 1)]
+
+
+class Executor:
+    """A simulated printer that gets commands one by one.
+
+    Args:
+        flavour: of its firmware, which reads either case.
+    """
+
+    def __init__(self, flavour: str) -> None:
+        self.printer = SimulatedPrinter(LARGE, replace(FRONT_ENDS[flavour], any_case=True, boot_seconds=0.0))
+        self._now = 0.0
+        self._number = 0
+
+    def do(self, command: bytes) -> Board:
+        """Execute a command; the state behind it."""
+        printer = self.printer
+        self._number += 1
+        printer.hear(self._number, command.decode(), self._now)
+        while printer.working:
+            self._now = max(printer.wakeup() or self._now, self._now) + 1e-6
+            printer.send(self._now)
+        printer.send(self._now)
+        return printer.board
+
+
+def simulated(commands: list[bytes], flavour: str) -> Board:
+    """The state of a printer that has executed them."""
+    executor = Executor(flavour)
+    for command in commands:
+        board = executor.do(command)
+    return board
