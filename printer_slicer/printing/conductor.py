@@ -91,8 +91,7 @@ class Conductor:
         self.speed = self.flow = 100.0
         self._streamer = streamer
         self._job = job
-        self._setup = setup
-        self._journal = journal
+        self._setup, self._journal = setup, journal
         self._listen = listen
         self._allow = allow
         self._tickets: deque[Ticket] = deque()
