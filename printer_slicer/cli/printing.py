@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -193,6 +194,8 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
         say(
             arguments, f"done: {done.commands} commands in {spoken(done.seconds)}{known}\n  link: {done.link}"
         )
+    if done.link.warning is not None and not arguments.json:
+        print(f"warning: {done.link.warning.text}", file=sys.stderr)
     if done.verified is False:
         raise VerificationError(
             f"{job.name}: the printer took every command, but it is not where the job ends",

@@ -21,6 +21,7 @@ from printer_slicer.stream.events import (
     Note,
     Numbered,
     Paused,
+    PoorLink,
     Prompt,
     ResendAsked,
     Resumed,
@@ -143,6 +144,8 @@ def _for_people(event: Event) -> str:
         return "going on"
     if isinstance(event, Note):
         return event.text
+    if isinstance(event, PoorLink):
+        return f"warning: {event.text}"
     if isinstance(event, Identified):
         return event.advice
     if isinstance(event, Prompt) and event.text + "".join(event.buttons):

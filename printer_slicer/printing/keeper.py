@@ -320,6 +320,8 @@ class Keeper:
             """Tell the meter, and whoever acts on it."""
             self._meter.heard(event)
             conductor.hear(event)
+            if (warning := self._meter.warning()) is not None:
+                self._listen(warning)
 
         while True:
             try:

@@ -18,6 +18,7 @@ __all__ = [
     "Note",
     "Numbered",
     "Paused",
+    "PoorLink",
     "Prompt",
     "Reading",
     "ResendAsked",
@@ -147,6 +148,27 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True)
+class PoorLink:
+    """The cable damages lines, or answers get lost on it.
+
+    Attributes:
+        lines: that were answered so far.
+        resends: times that the printer asked for lines again.
+        lost_answers: times that it had to be asked what became of a line.
+        resends_per_1000: of the lines.
+        undetected: lines that were probably damaged so that no checksum shows it.
+        text: the same for people, and what to do.
+    """
+
+    lines: int
+    resends: int
+    lost_answers: int
+    resends_per_1000: float
+    undetected: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Message:
     """Anything else the printer said. Text from outside: never markup, never a command."""
 
@@ -196,6 +218,7 @@ Event: TypeAlias = (
     | Action
     | Message
     | Note
+    | PoorLink
     | Paused
     | Resumed
     | Prompt

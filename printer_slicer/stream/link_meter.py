@@ -18,13 +18,13 @@ from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
-from printer_slicer.stream.events import Asked
+from printer_slicer.stream.link_quality import LinkQuality, poor_link
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from printer_slicer.motion.rules import Limits
-    from printer_slicer.stream.events import Event
+    from printer_slicer.stream.events import Event, PoorLink
     from printer_slicer.stream.transport import Transport
 
 __all__ = ["LinkMeter", "LinkSeen", "Metered"]
@@ -59,6 +59,7 @@ class LinkSeen:
         resends: lines that the printer asked for again.
         repeated: lines that were sent again for it.
         questions: asked because an answer was missing or could not be read.
+        warning: what is wrong with the cable; None if it is sound.
         stalls, stalled_seconds: how often and how long the machine stood still because no line had come, by the model
             of its planner.
     """
@@ -75,6 +76,7 @@ class LinkSeen:
     questions: int
     stalls: int
     stalled_seconds: float
+    warning: PoorLink | None = None
 
     def __str__(self) -> str:
         times = (
@@ -111,7 +113,8 @@ class LinkMeter:
         self._latencies: Counter[int] = Counter()
         self._second: tuple[int, int] = (0, 0)
         self._most = 0
-        self._lines = self._bytes = self._resends = self._repeated = self._questions = 0
+        self._lines = self._bytes = self._resends = self._repeated = 0
+        self._quality = LinkQuality()
         self._first = self._last = inf
         self._own = 0.0  # s that commands took for themselves
         self._stood = False  # the last line did, and what was behind it had to wait
@@ -136,7 +139,11 @@ class LinkMeter:
 
     def heard(self, event: Event) -> None:
         """What the streamer made of it: only it knows which lines are questions."""
-        self._questions += isinstance(event, Asked)
+        self._quality.heard(event)
+
+    def warning(self) -> PoorLink | None:
+        """What is wrong with the cable, each time that it has become twice as bad; else None."""
+        return self._quality.warning(self._lines)
 
     def received(self, data: bytes, now: float) -> None:
         """Bytes that came from the link at `now`, s."""
@@ -163,9 +170,10 @@ class LinkMeter:
             latency_95=self._quantile(0.95),
             resends=self._resends,
             repeated=self._repeated,
-            questions=self._questions,
+            questions=self._quality.lost_answers,
             stalls=self._clock.stalls if self._clock else 0,
             stalled_seconds=self._clock.stalled_seconds if self._clock else 0.0,
+            warning=poor_link(self._lines, self._quality.resends, self._quality.lost_answers),
         )
 
     def _go_back(self, number: int) -> None:

@@ -41,7 +41,9 @@ __all__ = ["Streamer"]
 
 _LONGEST_REPLY: Final = 1024
 _CAUSE_WITHIN: Final = 1.0
-"""s before "halted" in which the printer has said why."""
+"""s before "halted" in which the printer has said why, behind the last ok: what it said before belongs to that."""
+
+_NOTHING_SAID: Final = (-inf, "")
 
 
 class Streamer(Standing):
@@ -87,7 +89,7 @@ class Streamer(Standing):
         self._numbered_job = self._first = first
         self._obeys = obeys
         self._partial = b""
-        self._said: tuple[float, str] = (-inf, "")
+        self._said: tuple[float, str] = _NOTHING_SAID
         self._handlers: Mapping[type, Callable[[Any, float], None]] = {
             replies.Ok: self._on_ok,
             replies.Resend: self._on_resend,
@@ -104,7 +106,7 @@ class Streamer(Standing):
             told.Temperature: self._on_temperature,
             told.Busy: self._on_busy,
             told.Action: self._on_action,
-            told.Message: self._on_text,
+            told.Message: self._on_message,
         }
 
     def receive(self, data: bytes, now: float) -> None:
@@ -257,7 +259,7 @@ class Streamer(Standing):
         if self._state is State.CONNECTING:
             self._on_greeting(ok)
             return
-        flight = self._flight
+        flight, self._said = self._flight, _NOTHING_SAID
         if flight.doubt is not None:
             self._on_ok_in_doubt(ok, now)
             return
@@ -405,6 +407,9 @@ class Streamer(Standing):
             self.resume()
         self._events.append(action)
 
-    def _on_text(self, said: told.Message | replies.WithText, now: float) -> None:
-        self._said = (now, said.text)
+    def _on_text(self, said: replies.WithText, _: float) -> None:
         self._events.append(told.Message(said.text))
+
+    def _on_message(self, said: told.Message, now: float) -> None:
+        self._said = (now, said.text)
+        self._events.append(said)

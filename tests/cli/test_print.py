@@ -7,10 +7,11 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
+from random import Random  # noqa: TID251 - seeded
 from threading import Event as Flag
 from threading import Thread
 from typing import Any
@@ -21,6 +22,7 @@ from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message,
 
 from printer_slicer.commands import told_by
 from printer_slicer.profile import load_profile
+from printer_slicer.sim.link import Cable, Damage
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.verdict import front_end_of, machine_of
@@ -39,7 +41,9 @@ LONG = "M104 S200\nM140 S60\nG28\n" + DANCE
 
 
 @contextmanager
-def printer(link: Path, *, speed: float = 0) -> Iterator[list[str]]:
+def printer(
+    link: Path, *, speed: float = 0, connect: Callable[[SimulatedPrinter], Cable] = Cable
+) -> Iterator[list[str]]:
     """A simulated printer under the name `link`; the list holds what it executes, as it does."""
     ready, stop = Flag(), Flag()
     executed: list[str] = []
@@ -48,7 +52,9 @@ def printer(link: Path, *, speed: float = 0) -> Iterator[list[str]]:
         return SimulatedPrinter(machine_of(PRINTER), front_end_of(PRINTER), on_executed=executed.append)
 
     thread = Thread(
-        target=lambda: serve(make, link, speed=speed, stop=stop.is_set, ready=lambda _: ready.set())
+        target=lambda: serve(
+            make, link, speed=speed, connect=connect, stop=stop.is_set, ready=lambda _: ready.set()
+        )
     )
     thread.start()
     try:
@@ -403,3 +409,35 @@ def test_the_served_printer_judges_what_it_was_to_print(expected: str, code: int
     assert verdict["ok"] == verdict["executed_equals_sent"] == verdict["heights_equal_plan"] == (code == 0)
     if not code:
         assert verdict["simulated_seconds"] == pytest.approx(verdict["modelled_seconds"], rel=0.01)
+
+
+# A bad cable
+
+
+@pytest.mark.parametrize("json_", [False, True], ids=["for people", "json"])
+def test_a_print_over_a_bad_cable_says_so_while_it_runs_and_at_its_end(tmp_path: Path, json_: bool) -> None:
+    job = tmp_path / "dance.gcode"
+    job.write_text("G28\n" + DANCE[: len(DANCE) // 2], encoding="utf-8")
+
+    def bad(printer: SimulatedPrinter) -> Cable:
+        return Cable(printer, damage=Damage(Random(3), flip=1e-3))
+
+    with printer(tmp_path / "port", connect=bad):
+        options = ["--json"] if json_ else []
+        outcome = typed(
+            "print", job, "--port", tmp_path / "port", "--printer", "marlin_220", *options, cwd=tmp_path
+        )
+
+    assert outcome.code == 0, outcome.err
+    if json_:
+        told = events(outcome.out)
+        warnings = [event for event in told if event["event"] == "poorlink"]
+        last = told[-1]["link"]["warning"]
+        assert warnings
+        assert warnings[0]["resends"] + warnings[0]["lost_answers"] <= last["resends"] + last["lost_answers"]
+        assert last["resends_per_1000"] > 2.0
+    else:
+        warnings = [line for line in outcome.err.splitlines() if line.startswith("warning: ")]
+        assert len(warnings) >= 2
+        assert all("check the cable" in line for line in warnings)
+        assert "per 1000 lines" in warnings[-1]

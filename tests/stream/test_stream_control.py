@@ -345,3 +345,25 @@ def test_what_cannot_be_sent_is_refused_and_before_the_greeting_nothing_is_urgen
     unmet = Streamer([b"G28"])
     unmet.urge(b"M108")
     assert b"M108" not in unmet.send(0.0)
+
+
+@pytest.mark.parametrize(
+    "old",
+    [
+        ('echo:Unknown command: "M205"', "ok"),
+        ('// Unknown command:"M205"', "ok"),
+        ("echo:Fade Height 10.00", "ok"),
+        ('echo:Unknown command: "M205"',),
+        ("X:1.00 Y:2.00 Z:3.00 E:0.00 Count X:0 Y:0 Z:0",),
+    ],
+)
+def test_what_answers_another_command_is_not_taken_for_the_cause(
+    old: tuple[str, ...], bytewise: bool
+) -> None:
+    talk, _ = printing(["M205 X8", *moves(9)], bytewise=bytewise)
+    talk.says(*old)
+
+    talk.says("!! Endstop x still triggered after retract")
+
+    (halted,) = talk.happened(Halted)
+    assert halted.reason == "the printer stopped: !! Endstop x still triggered after retract"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import cos, pi, sin
 from random import Random  # noqa: TID251 - seeded
 
@@ -16,7 +17,9 @@ from printer_slicer.sim.link import Damage, VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.tally import Report
+from printer_slicer.stream.events import Event, PoorLink, ResendAsked
 from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
+from printer_slicer.stream.link_quality import poor_link
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
@@ -173,3 +176,52 @@ def test_what_it_listens_to_is_closed_with_it() -> None:
     Metered(port, LinkMeter(), port.now).close()
     with pytest.raises(PortError):
         port.write(b"M105\n")
+
+
+# What is told of a bad cable.
+
+
+def test_a_sound_cable_is_not_warned_of() -> None:
+    assert seen(circle(2000))[0].warning is None
+    assert poor_link(100_000, 20, 20) is None
+    assert poor_link(10, 5, 5) is None
+
+
+def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
+    printer = SimulatedPrinter(Machine(limits=LIMITS, coldest_extrusion=0.0), MARLIN_2_1, boots=False)
+    port = VirtualPort(printer, baud=115_200, latency=0.001, damage=Damage(Random(7), flip=1e-3))
+    meter, told, resends = LinkMeter(LIMITS), list[PoorLink](), list[Event]()
+
+    def hear(event: Event) -> None:
+        meter.heard(event)
+        resends.extend([event] if isinstance(event, ResendAsked) else [])
+        if (warning := meter.warning()) is not None:
+            told.append(warning)
+
+    run(Streamer(circle(4000), limits=LIMITS), Metered(port, meter, port.now), port.now, on_event=hear)
+    last = meter.seen().warning
+
+    assert last is not None
+    assert last.resends == len(resends) > 20
+    assert last.resends_per_1000 == pytest.approx(1000 * last.resends / last.lines, rel=1e-3)
+    assert f"{last.resends} times" in last.text
+    assert "per 1000 lines" in last.text
+    assert "undetected damage is likely" in last.text
+    assert "check the cable" in last.text
+    assert told
+    assert told[0].lines < last.lines / 2
+    # Each one tells of at least twice as much as the one before.
+    counts = [one.resends + one.lost_answers for one in told]
+    assert all(after >= 2 * before for before, after in pairwise(counts))
+
+
+@given(st.integers(0, 10**6), st.integers(0, 5000), st.integers(0, 5000))
+def test_hundreds_of_resends_or_lost_answers_never_end_without_a_word(
+    lines: int, resends: int, lost: int
+) -> None:
+    found = poor_link(lines, resends, lost)
+
+    assert (found is not None) >= (max(resends, lost) >= 100)
+    if found is not None:
+        assert found.undetected >= round(resends / 256, 3)
+        assert ("undetected damage is likely" in found.text) == (found.undetected >= 0.25)
