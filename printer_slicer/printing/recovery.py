@@ -23,6 +23,7 @@ from printer_slicer.printing.setup import Setup
 from printer_slicer.printing.shelf import Print
 from printer_slicer.printing.stopped_at import stopped_at
 from printer_slicer.printing.take_up import TakenUp, rebuild
+from printer_slicer.stream.protocol import RESET
 
 __all__ = ["Point", "Recovery", "point_of_loss", "recovery", "recovery_script"]
 
@@ -31,6 +32,8 @@ _SOFT: Final = 150.0
 
 _OVER: Final = 1.0
 """mm over the layer at which the nozzle comes in from outside."""
+
+_COLD: Final = "The job sets no temperature of the nozzle: heat it and the bed by hand before."
 
 _REMEDY: Final = "print it anew: printer-slicer print --discard-unfinished"
 
@@ -82,15 +85,7 @@ def recovery(print_: Print, job: Job) -> Recovery:
     if not point.stand.known or modes.box is None:
         raise PrintError(f"{job.name}: nothing was printed yet", remedy=_REMEDY)
     script = recovery_script(job, point, modes, print_.setup)
-    z, layer = point.stand.place[2], job.layer_of(point.entries)
-    x, y, _ = point.stand.place
-    told = (
-        f"Recovery: warm the nozzle to {_SOFT:g} °C, take z for {z:g} mm, lift, home x and y only, heat to"
-        f" {modes.machine.hotend:g} and {modes.machine.bed:g} °C{_besides(modes)}, prime beside the part,"
-        f" and go on at x {x:.1f} y {y:.1f}"
-        + (f" in layer {layer}" if layer else "")
-        + f", behind {point.entries} of {len(job.commands)} commands."
-    )
+    told = _told(job, point, modes, print_.setup)
     rest = LiveJob(job.commands, spans_of(job.text), point.entries)
     rest.modes, rest.followed = modes, point.entries
     for name in live.cancelled:
@@ -107,13 +102,22 @@ def recovery(print_: Print, job: Job) -> Recovery:
     )
 
 
-def _besides(modes: Modes) -> str:
-    """What else is switched on again, and what cannot be promised of it."""
-    told = f", the chamber to {modes.machine.chamber:g} °C" if modes.machine.chamber else ""
-    mesh = (
-        f"follow the bed as the firmware has kept it ({modes.mesh.decode('latin-1')})" if modes.mesh else ""
-    )
-    return told + (f", {mesh}" if mesh else "")
+def _told(job: Job, point: Point, modes: Modes, setup: Setup) -> str:
+    """What `recovery_script` does, in words."""
+    machine, (x, y, z) = modes.machine, point.stand.place
+    steps = [f"warm the nozzle to {min(_SOFT, machine.hotend):g} °C"] if machine.hotend else []
+    steps += [f"take z for {z:g} mm", "lift", "home x and y only"]
+    wanted = (("nozzle", machine.hotend), ("bed", machine.bed), ("chamber", machine.chamber))
+    heats = [f"the {name} to {celsius:g} °C" for name, celsius in wanted if celsius]
+    steps += [f"heat {' and '.join(heats)}"] if heats else []
+    if modes.mesh:
+        steps.append(f"follow the bed as the firmware has kept it ({modes.mesh.decode('latin-1')})")
+    steps += ["prime beside the part"] if machine.hotend >= setup.coldest else []
+    layer = job.layer_of(point.entries)
+    place = f"go on at x {x:.1f} y {y:.1f}" + (f" in layer {layer}" if layer else "")
+    done = f"behind {point.entries} of {len(job.commands)} commands."
+    cold = "" if machine.hotend else f" {_COLD}"
+    return f"Recovery: {', '.join(steps)}, and {place}, {done}{cold}"
 
 
 def _lost(story: Story, *, same_boot: bool) -> float | None:
@@ -149,7 +153,8 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
     steps = [step for step in modes.recent if step.entry < story.entries]
     if not steps:
         return Point(story.entries, modes.stand)
-    index, share = stopped_at(steps, story.accepted, lost, setup.limits)
+    noticed = story.stopped if story.reason.startswith(RESET) else None
+    index, share = stopped_at(steps, story.accepted, lost, setup.limits, noticed=noticed)
     step = steps[index]
     stand = stand_at(step, share)
     rest = [rest_of(step, share)] if share < 1.0 else []

@@ -25,7 +25,12 @@ _START_DELAY: Final = 0.1
 
 
 def stopped_at(
-    steps: Sequence[Step], accepted: Sequence[tuple[int, float]], lost: float | None, limits: Limits
+    steps: Sequence[Step],
+    accepted: Sequence[tuple[int, float]],
+    lost: float | None,
+    limits: Limits,
+    *,
+    noticed: float | None = None,
 ) -> tuple[int, float]:
     """The move that was being made, as its index and the share of its time that had passed.
 
@@ -34,6 +39,8 @@ def stopped_at(
         accepted: (entries of the job accepted, when, s), ascending.
         lost: when the printer was lost, s; None: later than everything that was planned took, so all was made.
         limits: of the machine.
+        noticed: when the host saw that the printer had begun anew, s. A printer with a full planner answers at the end
+            of each move: then it was lost before that, and not as early as its last answer.
 
     Returns:
         Index and share; the share is 1 at the end of a move.
@@ -42,7 +49,11 @@ def stopped_at(
     if lost is None or not made:
         return len(steps) - 1, 1.0
     times = _times([steps[index] for index, _ in made], accepted)
-    number, share = _running([block for _, block in made], times, lost, limits)
+    blocks = [block for _, block in made]
+    number, share = _running(blocks, times, lost, limits)
+    last = len(blocks) - max(limits.planner_blocks - 1, 1)
+    if noticed is not None and number <= last:
+        number, share = min(_running(blocks, times, noticed, limits), (last, 1.0))
     if number == len(made):
         return len(steps) - 1, 1.0
     return made[number][0], share

@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 
     from printer_slicer.motion.rules import Limits
 
-__all__ = ["Streamer"]
+__all__ = ["RESET", "Streamer"]
+
+RESET: Final = "the printer was reset"
+"""What the reason of such an end begins with."""
 
 _LONGEST_REPLY: Final = 1024
 _CAUSE_WITHIN: Final = 1.0
@@ -348,7 +351,7 @@ class Streamer(Standing):
         """The printer knows nothing any more: begin anew if nothing was printed, else never."""
         self._apply(Trigger.RESTARTED)
         if self._ended:
-            self._events.append(told.Halted(f"the printer was reset: {evidence}", self._acknowledged))
+            self._events.append(told.Halted(f"{RESET}: {evidence}", self._acknowledged))
         else:
             self._flight = Flight(Window(*self._window_rules), self._give_up)
             self._greeting.forget(now)

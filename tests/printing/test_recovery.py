@@ -6,8 +6,8 @@ from pathlib import Path
 from random import Random  # noqa: TID251 - seeded
 
 import pytest
-from printed import scribble, tower
-from rig import SETUP, Rig, way
+from printed import HEAT, scribble, tower
+from rig import PROFILE, SETUP, Rig, warm, way
 
 from printer_slicer.errors import PrintError
 from printer_slicer.jobs import job_of_text
@@ -15,21 +15,25 @@ from printer_slicer.printing.journal import LOST
 from printer_slicer.printing.recovery import Recovery, recovery
 from printer_slicer.printing.shelf import Place, Print, begin
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
+from printer_slicer.sim.machine import Machine
 from printer_slicer.stream.events import Finished
+from printer_slicer.verdict import machine_of
 
 
 class PowerLoss(Exception):  # noqa: N818
     """The printer is off."""
 
 
-def lose_power(text: str, folder: Path, entries: int, *, advanced: bool = False) -> tuple[Rig, Print]:
+def lose_power(
+    text: str, folder: Path, entries: int, *, advanced: bool = False, machine: Machine | None = None
+) -> tuple[Rig, Print]:
     """Print until the printer loses its power, soon after it has taken so many commands; what the host keeps."""
     job = job_of_text(
         "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
     )
     print_ = begin(folder, job.name, job.text, Place("/dev/none", 250_000), SETUP)
     front_end = MARLIN_2_1_ADVANCED if advanced else MARLIN_2_1
-    rig = Rig(text, front_end, folder=print_.folder)
+    rig = Rig(text, front_end, folder=print_.folder, machine=machine or machine_of(PROFILE.printer))
     rig.connect()
     first: list[float] = []
 
@@ -148,7 +152,7 @@ def test_chamber_bed_and_other_fans_are_as_they_were(tmp_path: Path) -> None:
 
     assert script.index("M141 S40") < script.index("G28 X Y") < script.index("M420 S1 Z10")
     assert "M106 P1 S200" in script
-    assert "the chamber to 40 °C" in found.told
+    assert "heat the nozzle to 200 °C and the bed to 60 °C and the chamber to 40 °C" in found.told
     assert "M420 S1 Z10" in found.told
 
 
@@ -192,3 +196,20 @@ def test_before_anything_was_printed_there_is_nothing_to_recover(tmp_path: Path)
 
     with pytest.raises(PrintError, match="nothing was printed yet"):
         recovery(print_, job)
+
+
+@pytest.mark.parametrize("heat", ["", "M104 S120\n", HEAT], ids=["none", "below the softening", "usual"])
+def test_only_what_is_done_is_told(heat: str, tmp_path: Path) -> None:
+    text = tower(6).replace(HEAT, heat)
+    _, print_ = lose_power(text, tmp_path, 80, machine=warm(machine_of(PROFILE.printer)))
+    job = job_of_text(
+        "part.gcode", text.encode(), limits=SETUP.limits, corner=SETUP.low, flavour=SETUP.flavour
+    )
+    found = recovery(print_, job)
+    heated = [line for line in found.replay if line.startswith("M109")]
+
+    assert ("warm the nozzle" in found.told) == bool(heated)
+    assert all(f"{line.partition('S')[2]} °C" in found.told for line in heated)
+    assert ("prime" in found.told) == any("E15" in line for line in found.replay)
+    assert ("by hand" in found.told) == (not heated)
+    assert " 0 °C" not in found.told
