@@ -220,6 +220,8 @@ class Flight:
     def accept(self, number: int, now: float, *, settled: bool = False) -> int:
         """Count the lines up to `number` as accepted; entries of the job done then."""
         ledger = self.ledger
+        if number == ledger.accepted + 1:
+            self.watch.learn(ledger.oldest, now)
         self.window.accepted(number - ledger.accepted)
         job = ledger.accept(number)
         self.doubt = None

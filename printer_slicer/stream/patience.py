@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
     from printer_slicer.motion.rules import Limits
 
-__all__ = ["Patience"]
+__all__ = ["MARGIN", "Patience"]
 
 _PLANNER: Final = 64
 """Moves in the largest planner of any firmware; more only makes the wait longer."""
 
-_MARGIN: Final = 0.85
+MARGIN: Final = 0.85
 """s for everything that is not motion, when the machine is known: a lost newline costs less than a second, and a board
 that is busy with its display is not asked."""
 
@@ -88,7 +88,7 @@ class Patience:
 
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits
-        self._margin = _WIDE_MARGIN if limits is None else _MARGIN
+        self._margin = _WIDE_MARGIN if limits is None else MARGIN
         self._slowdown = 1.0
         self._planned: deque[float] = deque(maxlen=_PLANNER)
 

@@ -1,14 +1,16 @@
 """When silence has lasted too long.
 
-Three clues, from weak to strong: the patience for the line whose answer is due; what the printer has shown
-of its habit to say that it is busy; a sign that something was lost (remains of an answer, `wait`). They only
-decide when to ask, never what happened: that is the printer's to say.
+Three clues, from weak to strong: the patience for the line whose answer is due, less what the printer has never needed
+of it where motion is short; what it has shown of its habit to say that it is busy; a sign that something was lost
+(remains of an answer, `wait`). They only decide when to ask, never what happened: that is the printer's to say.
 """
 
 from __future__ import annotations
 
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Final
+
+from printer_slicer.stream.patience import MARGIN
 
 if TYPE_CHECKING:
     from printer_slicer.stream.ledger import Line
@@ -29,6 +31,18 @@ _HESITATE: Final = 0.3
 """s between a sign of loss and the question: the answer may still be on its way."""
 
 _ON_ITS_WAY: Final = 0.5
+
+_SHORT: Final = 2.0
+"""s of patience up to which motion is short: the planner is empty soon, and the nozzle stands on the part."""
+
+_EXPERIENCE: Final = 100
+"""Answers to such lines after which it is known how quick the printer is."""
+
+_SLOWER: Final = 3.0
+"""An answer is missed when it takes so many times as long beyond its motion as any answer before."""
+
+_AT_LEAST: Final = 0.25
+"""s beyond its motion that every answer gets: a display is redrawn now and then."""
 
 _ASK_AGAIN: Final = 1.0
 _ASK_AGAIN_LONGEST: Final = 8.0
@@ -54,6 +68,15 @@ class Watch:
         self._hint = inf
         self._asked_first = inf
         self._asked_last = inf
+        self._answers, self._slowest = 0, 0.0
+
+    def learn(self, oldest: Line, now: float) -> None:
+        """The answer to `oldest` is here: see how much longer than its motion it took."""
+        if self.asked or isfinite(self._hint) or oldest.patience > _SHORT:
+            return
+        waited = now - max(oldest.sent, self._heard)
+        self._answers += 1
+        self._slowest = max(self._slowest, waited - max(oldest.patience - MARGIN, 0.0) / 2)
 
     def answered(self, now: float, *, settled: bool = False) -> None:
         """An answer came; `settled` when no doubt is left about which lines arrived."""
@@ -98,8 +121,16 @@ class Watch:
     def _overdue(self, oldest: Line) -> float:
         """When the answer should have come."""
         # What has just said that it is busy says so again before it is worth asking.
-        patience = oldest.patience if self._busy is None else max(oldest.patience, _NEXT_REPORT * self._gap)
+        patience = self._patience(oldest)
+        patience = patience if self._busy is None else max(patience, _NEXT_REPORT * self._gap)
         return max(oldest.sent, self._heard) + min(patience, self._quiet)
+
+    def _patience(self, oldest: Line) -> float:
+        """How long the answer to `oldest` may take, s: of short motion no longer than the printer has shown to need."""
+        if self._answers < _EXPERIENCE or not MARGIN <= oldest.patience <= _SHORT:
+            return oldest.patience
+        margin = min(max(_SLOWER * self._slowest, _AT_LEAST), MARGIN)
+        return oldest.patience - MARGIN + margin
 
     def _last_chance(self, oldest: Line) -> float:
         """When questions have remained unanswered for too long. A busy printer may not read them at all."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from conversation import HOT, LIMITS, printing
+from conversation import HOT, LIMITS, Conversation, printing
 
-from printer_slicer.stream.events import Finished
+from printer_slicer.stream.events import Asked, Finished
 from printer_slicer.stream.protocol import Streamer
 
 
@@ -47,3 +47,55 @@ def test_where_a_command_ends_that_names_no_place_nobody_can_compare(last: str, 
     (end,) = talk.happened(Finished)
     assert isinstance(end, Finished)
     assert end.verified is None
+
+
+# How soon a lost answer is missed.
+
+
+def after_answers(seconds: float, answers: int = 150) -> Conversation:
+    """Moves of a tenth of a millimetre are under way, each answered after so many s."""
+    job = [f"G1 X{10 + index % 2 / 10:.1f} F3000" for index in range(400)]
+    streamer = Streamer([line.encode() for line in job], limits=LIMITS, window_lines=1)
+    talk, _ = printing(job, streamer=streamer)
+    for _ in range(answers):
+        assert talk.waits(seconds) == []
+        talk.says("ok")
+    return talk
+
+
+def seconds_until_asked(talk: Conversation) -> float:
+    """How long nothing is said until the host asks."""
+    begun = talk.now
+    while not talk.happened(Asked):
+        due = talk.streamer.wakeup()
+        assert due is not None
+        talk.waits(due - talk.now + 1e-6)
+    return talk.now - begun
+
+
+def test_a_quick_printer_is_asked_soon_when_the_motion_of_what_is_in_flight_is_short() -> None:
+    assert seconds_until_asked(after_answers(0.003)) < 0.35
+
+
+def test_a_printer_that_is_not_known_yet_or_slow_gets_its_time() -> None:
+    assert seconds_until_asked(after_answers(0.003, answers=20)) > 0.8
+    assert seconds_until_asked(after_answers(0.4)) > 0.8
+
+
+def test_an_answer_not_three_times_as_slow_as_one_before_is_never_missed() -> None:
+    talk = after_answers(0.002)
+    for seconds in (0.05, 0.1, 0.2, 0.002, 0.5, 0.002, 0.8):
+        assert talk.waits(seconds) == []
+        talk.says("ok")
+
+    assert talk.happened(Asked) == []
+
+
+def test_a_long_move_is_waited_for_as_before() -> None:
+    talk = after_answers(0.003)
+    job = talk.streamer
+    job.inject(b"G1 X200 F600")
+    talk.says("ok")
+    talk.says("ok")
+
+    assert seconds_until_asked(talk) > 19.0
