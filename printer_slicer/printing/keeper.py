@@ -319,9 +319,8 @@ class Keeper:
         def hear(event: Event) -> None:
             """Tell the meter, and whoever acts on it."""
             self._meter.heard(event)
-            conductor.hear(event)
-            if (warning := self._meter.warning()) is not None:
-                self._listen(warning)
+            for one in (event, *self._meter.warnings()):
+                conductor.hear(one)
 
         while True:
             try:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
+from printer_slicer.motion.counting import COUNTING
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
 from printer_slicer.printing.kept import value_from

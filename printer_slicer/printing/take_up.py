@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
 from printer_slicer.printing.kept import value_from
-from printer_slicer.printing.modes import SCRIPT, Modes, Stand
+from printer_slicer.printing.modes import SCRIPT, Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import Parked, come_back, parked_from
 from printer_slicer.printing.setup import Setup
@@ -104,7 +105,7 @@ class _Brought:
     """The place to which a printer is brought back."""
 
     entries: int
-    stand: Stand
+    stand: ModalState
     replay: tuple[str, ...]
 
 

@@ -141,9 +141,10 @@ class LinkMeter:
         """What the streamer made of it: only it knows which lines are questions."""
         self._quality.heard(event)
 
-    def warning(self) -> PoorLink | None:
-        """What is wrong with the cable, each time that it has become twice as bad; else None."""
-        return self._quality.warning(self._lines)
+    def warnings(self) -> tuple[PoorLink, ...]:
+        """What is wrong with the cable, each time that it has become twice as bad; else nothing."""
+        found = self._quality.warning(self._lines)
+        return () if found is None else (found,)
 
     def received(self, data: bytes, now: float) -> None:
         """Bytes that came from the link at `now`, s."""

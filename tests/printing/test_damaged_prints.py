@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.errors import UsageError
+from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import job_of_text
 from printer_slicer.printing import resume_print
 from printer_slicer.printing.journal import Journal, read_story
 from printer_slicer.printing.kept import value_from
-from printer_slicer.printing.modes import Stand
 from printer_slicer.printing.parking import Parked, parked_from
 from printer_slicer.printing.setup import Setup, setup_of
 from printer_slicer.printing.shelf import Place, Print, begin, damaged_on, find, on_shelf
@@ -28,7 +28,7 @@ from tests.cli.command_line import typed
 
 SETUP = setup_of(load_profile("marlin_220"))
 TEXT = b"G28\nG1 X5 F600\nG1 X6\n"
-PARKED = Parked(2, Stand(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
+PARKED = Parked(2, ModalState(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
@@ -102,7 +102,7 @@ def test_a_head_of_anything_blocks_no_other_print(
     assert [damage.folder for damage in damaged] in ([], [bad.folder])
     for one in on_shelf(shelf):
         if one.folder not in {damage.folder for damage in damaged}:
-            assert one.setup.rule
+            assert one.setup.flavour
             assert one.name + one.port + one.begun
 
 
@@ -134,7 +134,7 @@ def as_kept(value: Any) -> Any:
         ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot is 'here'"),
         ({"parked": None, "phase": ["recovering"]}, "phase is"),
         ({"cancelled_at": {"gear": 1_000_000}}, "no command of the job"),
-        ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "Stand is"),
+        ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "ModalState is"),
     ],
 )
 def test_a_state_that_makes_no_sense_is_named_before_the_port_is_opened(

@@ -195,8 +195,7 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     def hear(event: Event) -> None:
         meter.heard(event)
         resends.extend([event] if isinstance(event, ResendAsked) else [])
-        if (warning := meter.warning()) is not None:
-            told.append(warning)
+        told.extend(meter.warnings())
 
     run(Streamer(circle(4000), limits=LIMITS), Metered(port, meter, port.now), port.now, on_event=hear)
     last = meter.seen().warning
