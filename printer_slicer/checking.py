@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, Bool, difference, offset_open
 from printer_slicer.ledger import (
     Beads,
@@ -282,7 +282,10 @@ def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
         return False
     count = max(int(over / height + 0.5), 1)
     top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
-    above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
+    try:
+        above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
+    except PartError:  # the tip is so slender that nothing of it is left in the middle of a layer
+        return False
     width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
     room = offset_open(above, width / 2).area().sum() > _SEEN
     return bool(room or (over > height + _ROUNDED and above.area().sum() > _NEEDLE))

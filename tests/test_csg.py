@@ -16,7 +16,7 @@ from printer_slicer.model import Mesh
 from printer_slicer.pipeline import gcode_of, slice_stages
 from printer_slicer.profile import load_profile
 from tests.csg import csg_shape
-from tests.parts import box
+from tests.parts import box, cone, joined
 
 SEEDS = [9, 18, 22, 28, 29, 51]
 """Of sixty-six that were measured once: all of them had a finding before tips had limits of their own."""
@@ -145,3 +145,17 @@ def test_a_pin_as_thick_as_three_beads_is_held_to_account(fault: str) -> None:
     check = check_gcode(with_layer(text, 8, FAULTS[fault]), mesh)
 
     assert any(one.first <= 8 <= one.last for one in check.findings)
+
+
+@pytest.mark.parametrize(("heights", "turn"), [("draft", 0.0), ("fine", 0.5), ("adaptive", 0.3)])
+def test_pins_and_cones_that_end_in_nothing_pass(heights: str, turn: float) -> None:
+    profile = load_profile(quality=heights)
+    tips = [
+        Mesh(cone(radius, height, sides=24).triangles + np.array([9 * place, 7 * turn * place, 1.9]))
+        for place, (radius, height) in enumerate([(1.0, 13.0), (1.4, 9.1), (2.5, 12.3), (0.6, 5.0)])
+    ]
+    part = joined([box((40.0, 20.0, 2.0), at=(-5.0, -8.0, 0.0)), *tips])
+    text = gcode_of(slice_stages(part, profile).program, profile)
+
+    assert list(check_gcode(text, part).findings) == []
+    assert list(check_gcode(text, part).problems) == []

@@ -28,12 +28,11 @@ from printer_slicer.ledger.zones import (
     footprint,
     shell_depth,
     without_slits,
-    without_specks,
 )
 
 __all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
 
-_DOTS: Final = 2.0  # squares of a bead's width: islands that are smaller may be left out
+_DOTS: Final = 3.0  # squares of a bead's width: islands that are smaller may be left out
 
 
 _FAR: Final = 50.0  # mm
@@ -159,8 +158,9 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         uncovered=offset_open(difference(shell, covered), rules.slit / 2),
         outside=difference(covered, offset(sections, rules.beyond)),
         outline=outline_error(
-            without_specks(without_slits(sections, rules.slit), _DOTS * stack.beads.usual_width**2),
+            without_slits(sections, rules.slit),
             without_slits(body, rules.slit),
+            _DOTS * stack.beads.usual_width**2,
         ),
         fill=fill,
         air=air,

@@ -41,8 +41,13 @@ class OutlineError:
         object.__setattr__(self, "place", frozen_array(self.place, np.float64, (len(self.p95), 2)))
 
 
-def outline_error(sections: Areas, printed: Areas) -> OutlineError:
+def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> OutlineError:
     """The distances of samples on either outline from the other, layer by layer.
+
+    Args:
+        sections: of the part.
+        printed: what the beads cover.
+        speck: mm²; islands of the sections that are smaller may be left out, as no bead fits on them.
 
     Samples are 0.5 mm apart at most, and at every corner. Where the distances of two neighbours differ, as they do at
     corners, which no bead fills, seven more lie between them: corners are short, and it is a share of the length that
@@ -55,7 +60,9 @@ def outline_error(sections: Areas, printed: Areas) -> OutlineError:
     low = np.minimum(sections.xy.min(axis=0), printed.xy.min(axis=0))
     high = np.maximum(sections.xy.max(axis=0), printed.xy.max(axis=0))
     parts = []
-    for own, other in ((sections, printed), (printed, sections)):
+    area = sections.ring_area()
+    counted = sections.select((area <= 0) | (area >= speck))
+    for own, other in ((counted, printed), (printed, sections)):
         points, layer, weight, distance = _measured(own, Outlines(other, low, high))
         known = np.isfinite(distance)
         parts.append((points[known], layer[known], weight[known], distance[known]))

@@ -23,7 +23,7 @@ from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.ledger.beads import Beads, Purpose, spread_out
 from printer_slicer.ledger.stack import Stack
 
-__all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "without_slits", "without_specks"]
+__all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "without_slits"]
 
 _JOINED: Final = 1e-3  # mm: the next bead of a path begins where the one before ended
 _SAME_WIDTH: Final = 0.002  # mm: beads whose widths differ by less are drawn with one pen
@@ -145,8 +145,3 @@ def without_slits(sections: Areas, slit: float) -> Areas:
     """The sections without gaps and fins narrower than `slit`, which no nozzle prints."""
     closed = offset(offset(sections, slit / 2), -slit / 2)
     return offset_open(closed, slit / 2)
-
-
-def without_specks(sections: Areas, least: float) -> Areas:
-    """The sections without islands of less than `least` mm², such as the tips of cones, on which no bead fits."""
-    return sections.select(~((sections.ring_area() > 0) & (sections.ring_area() < least)))
