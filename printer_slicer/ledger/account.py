@@ -157,17 +157,19 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         covered=covered,
         uncovered=offset_open(difference(shell, covered), rules.slit / 2),
         outside=difference(covered, offset(sections, rules.beyond)),
-        outline=outline_error(
-            without_slits(sections, rules.slit),
-            without_slits(body, rules.slit),
-            _DOTS * stack.beads.usual_width**2,
-        ),
+        outline=_outline(sections, body, stack, rules),
         fill=fill,
         air=air,
         volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
         section_volume=sections.area() * stack.height,
         by_purpose=np.bincount(slabs.beads.purpose, laid, len(Purpose)).astype(np.float64),
     )
+
+
+def _outline(sections: Areas, body: Areas, stack: Stack, rules: Rules) -> OutlineError:
+    """How far the outlines of the part and of the printed body are from each other."""
+    part, printed = (without_slits(one, rules.slit) for one in (sections, body))
+    return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
 
 
 def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:

@@ -17,7 +17,7 @@ _APART: Final = 0.5  # mm between samples along an outline, at most
 _ROUGH: Final = 0.005  # mm by which the distances of neighbouring samples may differ without a closer look
 _FINER: Final = 8  # as many samples there
 _SHORT: Final = (
-    2.0  # mm of both outlines that are let pass: the tips of fins narrower than any bead end in them
+    3.0  # mm of both outlines that are let pass: the tips of fins narrower than any bead end in them
 )
 
 
@@ -26,7 +26,7 @@ class OutlineError:
     """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
 
     Attributes:
-        p95: (L,) exceeded on a twentieth of the length of both, and on 2 mm of it.
+        p95: (L,) exceeded on a twentieth of the length of both, and on 3 mm of it.
         largest: (L,) the largest.
         place: (L, 2) where that is.
     """
