@@ -191,6 +191,42 @@ def test_a_rib_meets_the_block_it_grows_from() -> None:
     assert line[:, 1] == pytest.approx(2.3, abs=0.01)
 
 
+def rounded_square(half: float, radius: float) -> Float:
+    """With 24 points along each of its corners, around the origin."""
+    turn = np.linspace(0, np.pi / 2, 24)
+    arc = radius * np.column_stack([np.cos(turn), np.sin(turn)]) + (half - radius)
+    return np.concatenate([turned(arc, quarter * np.pi / 2) for quarter in range(4)])
+
+
+@pytest.mark.parametrize("height", [0.12, 0.2])
+@pytest.mark.parametrize("perimeters", [2, 4])
+@pytest.mark.parametrize(
+    ("outer", "inner", "thickness"), [(2.0, 0.5, 1.2), (4.0, 2.5, 1.2), (2.0, 0.5, 1.18), (3.0, 0.68, 2.02)]
+)
+def test_the_middle_bead_goes_on_around_corners_where_a_wall_is_a_little_thinner(
+    outer: float, inner: float, thickness: float, perimeters: int, height: float
+) -> None:
+    rings = [rounded_square(10, outer), rounded_square(10 - thickness, inner)[::-1]]
+    sections = stack(rings, height=height)
+    wanted = plain(perimeters=perimeters)
+    walls = lay_walls(sections, wanted)
+
+    paths = walls.paths
+    assert paths.closed.all()
+    narrowest, widest = wanted.bead_widths
+    assert narrowest - 1e-3 <= paths.width.min()
+    assert paths.width.max() <= widest
+    assert drawn(walls, sections).widest_gap() <= 0.05
+    # As many beads lie across it, wherever one cuts it.
+    section = shape(sections.solid, 0)
+    turn = np.linspace(0, 2 * np.pi, 720, endpoint=False) + 1e-3
+    beads = [shapely.LinearRing(paths.path(i)) for i in range(paths.n_paths)]
+    cuts = [shapely.LineString([(0, 0), (20 * np.cos(a), 20 * np.sin(a))]) for a in turn]
+    across = [sum(shapely.get_num_geometries(cut.intersection(bead)) for bead in beads) for cut in cuts]
+    assert set(across) == {len(beads)}
+    assert min(section.intersection(cut).length for cut in cuts) < thickness - 0.1
+
+
 # --- limits ---
 
 

@@ -71,25 +71,41 @@ class Beading:
     def spacings(self, room: Float, count: Int, layer: Int) -> Float:
         """(loops + 1, n) spacing of each loop's bead from the outside inward, then that of the bead in the middle.
 
-        Where there is no such bead its row says what the usual one takes.
+        Where there is no such bead its row says what the usual one takes. Where loops leave less than the narrowest
+        bead takes, the innermost loop gives way, as far as it may.
         """
-        usual = self.spacing[layer]
+        usual, narrowest = self.spacing[layer], self.narrowest[layer]
         result = np.repeat(usual[None], self.loops + 1, axis=0)
         pairs, middle = np.minimum(count // 2, self.loops), (count % 2 == 1) & (count < self.full)
-        alone = np.where(pairs == 0, self.narrowest[layer], 0.0)  # a bead on its own is never narrower
-        result[-1] = np.where(middle, np.maximum(room - 2 * pairs * usual, alone), usual)
+        left = room - 2 * pairs * usual
+        alone = np.where(pairs == 0, narrowest, 0.0)  # a bead on its own is never narrower
+        given = np.clip((narrowest - left) / 2, 0.0, np.maximum(usual - narrowest, 0.0))
+        gives = np.flatnonzero((pairs > 0) & (middle | (count >= self.full)))
+        result[pairs[gives] - 1, gives] -= given[gives]
+        left[gives] += 2 * given[gives]
+        result[-1] = np.where(middle, np.maximum(left, alone), usual)
         even = np.flatnonzero((count > 0) & ~middle & (count < self.full))
         result[pairs[even] - 1, even] = room[even] / 2 - (pairs[even] - 1) * usual[even]
         return np.maximum(result, 0.0)
 
+    def deepest_dip(self, layer: Int) -> Float:
+        """The strain up to which the bead in the middle goes on through a short dip, as loops give way; in spacings.
+
+        So far the loops stay within their limits, and nearer to the usual width than without it: with it they give half
+        of what the narrowest bead is short of, without it they take half of what is left.
+        """
+        narrowest, usual = self.narrowest[layer], self.spacing[layer]
+        short = np.minimum(narrowest / 2, 2 * np.maximum(usual - narrowest, 0.0))
+        return np.asarray(short / usual)
+
     def strain(self, radius: Float, count: Int, layer: Int) -> Float:
-        """By how much the bead that gives way is outside of its limits; in spacings."""
-        spacings = self.spacings(self.room(radius, layer), count, layer)
+        """By how much the bead that gives way is outside of its limits, with usual loops around it; in spacings."""
+        room = self.room(radius, layer)
+        spacings = self.spacings(room, count, layer)
         pairs, odd = np.minimum(count // 2, self.loops), count % 2 == 1
         own = np.take_along_axis(spacings, np.where(odd, self.loops, pairs - 1)[None], axis=0)[0]
-        own = np.where(
-            count >= self.full, self.room(radius, layer) - 2 * self.loops * self.spacing[layer], own
-        )
+        inmost = (odd & (pairs > 0)) | (count >= self.full)
+        own = np.where(inmost, room - 2 * pairs * self.spacing[layer], own)
         low = self.narrowest[layer]
         over = np.where(count >= self.full, 0.0, own - self.widest[layer])
         strain = np.maximum(np.maximum(low - own, over), 0.0) / self.spacing[layer]

@@ -255,9 +255,17 @@ class _Runs:
             beading.strain(self.thickest[own], wanted, layer),
         )
         longer = np.where(self.count[own] > 0, _GIVE_LONGER, -1.0)  # what is too thin for any bead stays so
-        gives = strain <= np.where(self.length[own] < _SHORTEST_RUN, _GIVE, longer)
+        limit = np.where(self.length[own] < _SHORTEST_RUN, _GIVE, longer)
+        dip = self._dips(*neighbours)[own] & (wanted % 2 == 1)
+        gives = strain <= np.where(dip, np.maximum(limit, beading.deepest_dip(layer)), limit)
         result = self.count.copy()
         best = np.lexsort((self.length[other], -strain))  # the least strain is written last
         best = best[gives[best]]
         result[own[best]] = wanted[best]
         return result
+
+    def _dips(self, own: Int, other: Int) -> Bool:
+        """(n,) runs between others with one bead more: that in the middle would end before them and begin behind."""
+        deeper = np.bincount(own, self.count[other] == self.count[own] + 1, len(self.count))
+        met = np.bincount(own, minlength=len(self.count))
+        return np.asarray((met > 1) & (deeper == met) & (self.count > 0))
