@@ -10,15 +10,17 @@ import pytest
 from benchmarks.gallery import ENTRIES
 from printer_slicer.bridges import bridge_angles
 from printer_slicer.geometry import Areas, hatch, offset_open, pieces_of
+from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.ledger import ledger_of
 from printer_slicer.ledger.stack import stack_of
-from printer_slicer.model import Mesh, Role
-from printer_slicer.pipeline import slice_stages
-from tests.parts import box, joined, plain, shape, shapely
+from printer_slicer.model import Float, Mesh, Role
+from printer_slicer.pipeline import Stages, slice_stages
+from tests.parts import box, joined, plain, prism, shape, shapely
 
 SPACING = np.array([0.45])
 USUAL = np.deg2rad(45)
 ANCHOR = 1.5
+WALLS = (Role.OUTER_PERIMETER, Role.INNER_PERIMETER)
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> Any:
@@ -164,6 +166,67 @@ def test_no_dots_of_sparse_infill_are_laid_beside_bridges() -> None:
     assert all(part.intersects(useful) for part in shapely.get_parts(sparse))
     here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
     assert min(shapely.LineString(paths.path(int(i))).length for i in here) > 3
+
+
+def lid_over(room: list[tuple[float, float]], wall: float) -> Mesh:
+    """A lid 1 mm thick over a convex room, 4 mm high, with walls as thick all around."""
+    inner = np.array(room, dtype=np.float64)
+    around = shapely.orient_polygons(shapely.Polygon(inner).buffer(wall, join_style="mitre"))
+    outer = np.asarray(around.exterior.coords)[:-1]
+    outer = np.roll(outer, -int(np.argmin(np.hypot(*(outer - inner[0]).T))), axis=0)
+    after, beyond = np.roll(inner, -1, axis=0), np.roll(outer, -1, axis=0)
+    sides = [prism(np.array(quad), 4.0) for quad in zip(outer, beyond, after, inner, strict=True)]
+    return joined([*sides, prism(outer, 1.0).moved((0, 0, 4))], "lid")
+
+
+ROOMS = {
+    "straight": [(0, 0), (24, 0), (24, 10), (0, 10)],
+    "slanted": [(0, 0), (24, 0), (30, 10), (6, 10)],
+    "pointed": [(0, 0), (24, 0), (8, 14)],
+    "six-sided": [(10 * np.cos(turn), 10 * np.sin(turn)) for turn in np.arange(6) * np.pi / 3],
+}
+
+
+def threads_of(stages: Stages, width: float) -> tuple[int, list[Float]]:
+    """The layer of the only bridge, and its threads; wedges at its sides hold beads of varying width."""
+    paths = stages.toolpaths
+    (layer,) = set(stages.regions.bridge.ring_layer.tolist())
+    here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.BRIDGE)).tolist()
+    whole = [i for i in here if (paths.width[paths.start[i] : paths.start[i + 1]] == width).all()]
+    return layer, [paths.path(i) for i in whole]
+
+
+@pytest.mark.parametrize("engine", list(ENGINES))
+@pytest.mark.parametrize("thick", [True, False])
+@pytest.mark.parametrize("name", ROOMS)
+def test_threads_begin_and_end_in_the_wall_and_turn_beside_it(name: str, thick: bool, engine: str) -> None:
+    """No wall here meets the threads at less than 26°; beside such walls beads of their own lie along it."""
+    wanted = plain(infill_density=0.15, layer_height=0.2, thick_bridges=thick)
+    with using_engine(engine):
+        stages = slice_stages(lid_over(ROOMS[name], 1.2), wanted)
+
+    paths, half = stages.toolpaths, wanted.extrusion_width / 2
+    layer, threads = threads_of(stages, wanted.printer.nozzle_diameter if thick else wanted.extrusion_width)
+    here = np.flatnonzero((paths.layer == layer) & np.isin(paths.role, WALLS) & paths.closed)
+    walls = shapely.union_all([shapely.LinearRing(paths.path(i)) for i in here.tolist()])
+    ends = shapely.points([place for thread in threads for place in (thread[0], thread[-1])])
+    turns = shapely.points(np.concatenate([thread[1:-1] for thread in threads]))
+    assert shapely.distance(walls, ends).max() <= half
+    assert shapely.distance(walls, turns).min() > half
+    assert shapely.contains(shape(stages.sections.solid, layer - 1), ends).all()
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_without_walls_threads_end_within_the_part(name: str) -> None:
+    wanted = plain(layer_height=0.2, perimeters=0)
+    stages = slice_stages(lid_over(ROOMS[name], 1.2), wanted)
+
+    width = wanted.printer.nozzle_diameter
+    layer, threads = threads_of(stages, width)
+    ends = shapely.points([place for thread in threads for place in (thread[0], thread[-1])])
+    lid = shape(stages.sections.solid, layer)
+    assert shapely.contains(lid, ends).all()
+    assert shapely.distance(lid.boundary, ends).min() >= width / 2
 
 
 def bare_beam(thickness: float, degrees: float) -> float:

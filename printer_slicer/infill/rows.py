@@ -14,12 +14,12 @@ from printer_slicer.geometry import (
     Lines,
     Pieces,
     difference,
-    hatch,
     offset,
     offset_open,
     pieces_of,
     staircases,
 )
+from printer_slicer.infill.held import Grid, held_threads, way_to_walls
 from printer_slicer.infill.narrow import beads_amid
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags, zigzags
 from printer_slicer.model import LayerPlan, Role, Toolpaths
@@ -58,13 +58,22 @@ class Beads:
     height: Float
 
 
-def rows_in(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> list[Toolpaths]:
-    """Beads side by side, a little nearer or farther than usual so that a whole number of them fills each piece."""
+def rows_in(
+    plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile, inside: Areas | None = None
+) -> list[Toolpaths]:
+    """Beads side by side, a little nearer or farther than usual so that a whole number of them fills each piece.
+
+    Threads in the air begin and end in the walls around `inside`, if that is given.
+    """
     overlap = profile.quality.infill_overlap * profile.extrusion_width if profile.quality.perimeters else 0.0
-    rows, area, gap = _hatched(pieces, beads, overlap)
+    rows, area, gap, grid = _hatched(pieces, beads, overlap)
     shortest = np.minimum(gap, profile.extrusion_width) / 2
     if beads.width.any():  # threads in the air have one width all along
-        threads = _without_dots(Zigzags.plain(rows, gap), shortest)
+        threads = Zigzags.plain(rows, gap)
+        if inside is not None:
+            way = way_to_walls(rows, grid, pieces, inside, gap / 2 - overlap)
+            threads = held_threads(rows, way, gap, beads.angle)
+        threads = _without_dots(threads, shortest)
         laid = [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
         if (beads.role == Role.BRIDGE).any():  # beside it, walls hold beads
             laid.append(_amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)[0])
@@ -91,8 +100,8 @@ def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
     return np.minimum(np.maximum(_THIN * gap, bead.spacing(height, height)), gap)
 
 
-def _hatched(pieces: Pieces, beads: Beads, overlap: float) -> tuple[Lines, Areas, Float]:
-    """Rows across the pieces; where their centre lines may be (P entries); and (P,) mm from row to row."""
+def _hatched(pieces: Pieces, beads: Beads, overlap: float) -> tuple[Lines, Areas, Float, Grid]:
+    """Rows across the pieces; where their centre lines may be (P entries); (P,) mm from row to row; and their grid."""
     low, high = _across(pieces.areas, beads.angle)
     low, high = low - overlap, high + overlap
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
@@ -102,7 +111,8 @@ def _hatched(pieces: Pieces, beads: Beads, overlap: float) -> tuple[Lines, Areas
     area = offset(pieces.areas, overlap - gap / 2)
     first = np.where(count > 1, low + gap / 2 + _HAIR, (low + high) / 2)
     step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
-    return hatch(area, angle=beads.angle, spacing=step, phase=first / step), area, gap
+    grid = Grid(beads.angle, step, first / step)
+    return grid.rows(area), area, gap, grid
 
 
 def _without_dots(lines: Zigzags, shortest: Float) -> Zigzags:

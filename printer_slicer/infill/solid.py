@@ -69,7 +69,8 @@ def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
         beads = Beads(beads.role, angle, thread + _APART, thread, thread)
     else:
         beads = _with_flow(beads, quality.bridge_flow_ratio, profile)
-    return rows_in(plan, pieces, beads, profile)
+    walled = regions.inside if quality.perimeters and regions.inside.n_rings else None
+    return rows_in(plan, pieces, beads, profile, walled)
 
 
 def _internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
