@@ -227,7 +227,7 @@ def test_the_ledger_finds_every_object_closed() -> None:
     ledger = ledger_of(stack_of(stages.program, 1.75), stages.sections.solid)
 
     assert ledger.uncovered.area().max() < 0.2
-    assert np.nanmin(ledger.fill.shell) > 0.97
+    assert np.nanmin(ledger.fill.shell) > 0.96  # the raster blurs the inner edge by a cell
 
 
 def test_speed_and_flow_of_an_object_are_its_alone() -> None:

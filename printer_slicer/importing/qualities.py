@@ -317,15 +317,12 @@ def _infill(made: Conversion, height: float, width: float) -> None:
 
 
 def _overlap(made: Conversion, height: float, width: float) -> None:
-    """How far infill reaches into the perimeter: there mm or a percentage of the spacing, half of it each bead's.
-
-    Solid infill keeps ours: its rows fill their room exactly, so that more would be too much.
-    """
+    """How far infill reaches into the perimeter: there mm or a percentage of the spacing, half of it each bead's."""
     found = made.quantity("infill_overlap")
-    reach = found.of(float(bead.spacing(width, height)))
-    how = "percentage of the spacing" if found.percent else "mm"
-    share = round(reach / width, 4)
-    made.held("sparse_overlap", share, 0, 0.5, "infill_overlap", f"{how}; sparse infill only")
+    spacing = float(bead.spacing(width, height))
+    how = "" if found.percent else "mm as a share of the spacing"
+    for ours in ("infill_overlap", "sparse_overlap"):
+        made.held(ours, round(found.of(spacing) / spacing, 4), 0, 0.5, "infill_overlap", how)
 
 
 def _bed(made: Conversion, height: float) -> None:

@@ -35,8 +35,6 @@ _SLIT = 0.06  # mm: half the width of gaps that are closed when beads are presse
 _SPECK = 0.08  # mm²: smaller gaps are not worth a stop
 _AMID = 3  # beads side by side in what rows leave
 _MORE, _LESS = 1.15, 0.85  # by how much beads are wider or narrower so that a piece holds what it should
-_PRESSED = 0.5  # of the overlap with the walls is filled, where that is no more than
-_MOST_PRESSED = 0.007  # of the volume
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,13 +63,14 @@ def rows_in(
 
     Threads in the air begin and end in the walls around `inside`, if that is given.
     """
-    overlap = profile.quality.infill_overlap * profile.extrusion_width if profile.quality.perimeters else 0.0
-    rows, area, gap, grid = _hatched(pieces, beads, overlap)
+    overlap = _overlap(plan, pieces, beads, profile)
+    rows, area, gap, grid = _hatched(pieces, beads)
     shortest = np.minimum(gap, profile.extrusion_width) / 2
     if beads.width.any():  # threads in the air have one width all along
-        threads = Zigzags.plain(rows, gap)
-        if inside is not None:
-            way = way_to_walls(rows, grid, pieces, inside, gap / 2 - overlap)
+        if inside is None:
+            threads = Zigzags.plain(rows, area, beads.angle, gap, overlap)
+        else:
+            way = way_to_walls(rows, grid, pieces, inside, gap / 2)
             threads = held_threads(rows, way, gap, beads.angle)
         threads = _without_dots(threads, shortest)
         laid = [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
@@ -79,14 +78,14 @@ def rows_in(
             laid.append(_amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)[0])
         return laid
     turn = _of_turns(gap, beads.height, profile)
-    lines = _without_dots(zigzags(rows, area, beads.angle, gap, turn), shortest)
+    lines = _without_dots(zigzags(rows, area, beads.angle, gap, turn, overlap=overlap), shortest)
     between: list[Toolpaths] = []
     filled = np.zeros(pieces.count)
     if (beads.role != Role.INTERNAL_BRIDGE).any():  # its rows rest at both ends; beads between them would not
         amid, filled = _amid(plan, pieces, _stairs(rows, area, beads.angle, gap), beads.role, profile)
         between = [amid]
     long, turns = (np.bincount(lines.entry, part, minlength=pieces.count) for part in lines.length().T)
-    gap = gap * _share(pieces.areas, long * gap, filled + turns * turn, overlap)
+    gap = gap * _share(pieces.areas, long * gap, filled + turns * turn)
     piece = np.repeat(lines.entry, np.diff(lines.start))
     fits = bead.width_for_spacing(np.where(lines.thin, turn[piece], gap[piece]), beads.height[piece])
     width = np.maximum(fits, beads.height[piece]).round(4)  # what the file will say
@@ -100,15 +99,24 @@ def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
     return np.minimum(np.maximum(_THIN * gap, bead.spacing(height, height)), gap)
 
 
-def _hatched(pieces: Pieces, beads: Beads, overlap: float) -> tuple[Lines, Areas, Float, Grid]:
+def _overlap(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> Float:
+    """(P,) mm by which ends of rows reach into the perimeter: a share of half its spacing and half that of the rows."""
+    if not profile.quality.perimeters:
+        return np.zeros(pieces.count)
+    wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    perimeter = bead.spacing(wide, plan.height)[pieces.layer]
+    share = np.where(beads.role == Role.IRONING, 0.0, profile.quality.infill_overlap)
+    return np.asarray(share * (perimeter + beads.gap) / 2)
+
+
+def _hatched(pieces: Pieces, beads: Beads) -> tuple[Lines, Areas, Float, Grid]:
     """Rows across the pieces; where their centre lines may be (P entries); (P,) mm from row to row; and their grid."""
     low, high = _across(pieces.areas, beads.angle)
-    low, high = low - overlap, high + overlap
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
     gap = np.clip((high - low) / count, _NARROWEST * beads.gap, _WIDEST * beads.gap)
     # The centre lines stay half a bead inside. The outermost rows would lie on the border: a hair inside they are
     # certain to be found.
-    area = offset(pieces.areas, overlap - gap / 2)
+    area = offset(pieces.areas, -gap / 2)
     first = np.where(count > 1, low + gap / 2 + _HAIR, (low + high) / 2)
     step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
     grid = Grid(beads.angle, step, first / step)
@@ -137,13 +145,9 @@ def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: Beads, lines: Zigzags, wi
     )
 
 
-def _share(areas: Areas, laid: Float, filled: Float, overlap: float) -> Float:
-    """(P,) by how much rows have to be thicker so that each piece holds what it should.
-
-    What is pressed into the notches beside the walls counts, as far as that is little.
-    """
-    area = areas.area()
-    wanted = area + np.minimum(_PRESSED * overlap * areas.length(), _MOST_PRESSED * area) - filled
+def _share(areas: Areas, laid: Float, filled: Float) -> Float:
+    """(P,) by how much rows have to be thicker so that each piece holds what it should."""
+    wanted = areas.area() - filled
     share = np.divide(wanted, laid, out=np.ones_like(laid), where=laid > 0)
     return np.asarray(np.clip(share, _LESS, _MORE), dtype=np.float64)
 

@@ -14,6 +14,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.own import insist_on_density
+from printer_slicer.infill.reaching import reach_out
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import fillings
 from printer_slicer.model import Regions, Role, Toolpaths
@@ -88,11 +89,16 @@ def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpath
         profile: density, anchors, and width of the beads.
     """
     own = _task(layout.task.regions, regions.sparse, layout.groups, profile)
+    # Of half the perimeter's spacing and half their own, which are the same here.
+    overlap = profile.quality.sparse_overlap * own.bead if profile.quality.perimeters else 0.0
     # Lines reach into the walls to hold on to them; the ends of bridges are there already and would lie under them.
-    bridges = offset(regions.bridge.merge(regions.internal_bridge), own.bead / 2).for_each(own.layer)
+    around = own.bead / 2 + overlap
+    bridges = offset(regions.bridge.merge(regions.internal_bridge), around).for_each(own.layer)
     task = replace(own, spacing=layout.task.spacing, area=difference(own.area, bridges))
     bare, more = _drawn(task, layout.pattern)
     lines = _anchored(task, bare, profile, layout.reach)
+    if overlap:
+        lines = reach_out(lines, bare, task.area, overlap, task.bead)
     share = np.ones_like(more)
     if layout.measured:
         laid, volume = _laid(task, lines, more), _volume(own, regions.sparse, profile)
@@ -109,12 +115,11 @@ def _task(regions: Regions, sparse: Areas, groups: Int, profile: Profile) -> Tas
     highest = float(filled.height[filled.area.used].max(initial=0.0))
     # The highest bead is as wide as asked for, lower ones are narrower: all with the same spacing.
     across = float(bead.spacing(width, highest))
-    inset = across / 2 - (quality.sparse_overlap * width if quality.perimeters else 0.0)
     return Task(
-        offset(filled.area, -inset),
+        offset(filled.area, -across / 2),
         spacing=across / quality.infill_density,
         bead=across,
-        inset=inset,
+        inset=across / 2,
         angle=float(np.deg2rad(quality.infill_angle_deg)),
         z=regions.plan.top[filled.layer] - filled.height / 2,
         height=filled.height,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Lines, chain_rows, row_ends
+from printer_slicer.geometry import Areas, Bool, Float, Int, Lines, row_ends
 from printer_slicer.geometry.areas import consecutive, following_around, previous_around
 
-__all__ = ["LONGEST_TURN", "Zigzags", "zigzags"]
+__all__ = ["LONGEST_TURN", "Zigzags", "room_beyond", "zigzags"]
 
 # Spacings. A turn runs along the border, which meets the rows at any angle; under 27° it would be longer.
 LONGEST_TURN = 2.2
@@ -32,10 +32,20 @@ class Zigzags:
     thin: Bool
 
     @classmethod
-    def plain(cls, rows: Lines, gap: Float) -> Zigzags:
-        """Rows of a hatch with P entries, `gap` (P,) mm apart, joined as they are by turns like themselves."""
-        xy, start, entry = chain_rows(rows, max_turn=LONGEST_TURN * gap)
-        return cls(xy, start, entry, np.zeros(len(xy), np.bool_))
+    def plain(cls, rows: Lines, area: Areas, angle: Float, gap: Float, overlap: Float) -> Zigzags:
+        """Rows of a hatch joined as they are by turns like themselves; other ends reach into the perimeter.
+
+        Args:
+            rows: of a hatch of `area`.
+            area: P entries, half a row inside what is to be filled.
+            angle: (P,) radians, of the rows.
+            gap: (P,) mm from row to row.
+            overlap: (P,) mm by which ends without a turn reach farther.
+        """
+        end, start = row_ends(rows, max_turn=LONGEST_TURN * gap)
+        entry = rows.layer[end // 2]
+        xy = _reaching(rows, area, angle, end, np.where(_turning(end, start), 0.0, overlap[entry]))
+        return cls(xy, start, entry[start[:-1]], np.zeros(len(xy), np.bool_))
 
     def take(self, chosen: Int) -> Zigzags:
         """Some of them, by number."""
@@ -51,7 +61,7 @@ class Zigzags:
         return np.stack([np.bincount(owner, kind, len(self.entry)) for kind in kinds], axis=1)
 
 
-def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float) -> Zigzags:
+def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float, *, overlap: Float) -> Zigzags:
     """Rows made longer toward the border, and joined along it.
 
     A turn as wide as the rows would lie on their ends with half of itself, and the place between it and the next turn
@@ -64,16 +74,13 @@ def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float) -> 
         angle: (P,) radians, of the rows.
         gap: (P,) mm from row to row.
         turn: (P,) mm, spacing of the turns.
+        overlap: (P,) mm by which ends without a turn reach farther at least.
     """
     end, start = row_ends(rows, max_turn=LONGEST_TURN * gap)
     entry = rows.layer[end // 2]
-    along = np.stack([np.cos(angle), np.sin(angle)], axis=1).take(entry, axis=0)
-    out = np.where((end % 2 == 1)[:, None], along, -along)
-    xy = rows.ends.reshape(-1, 2).take(end, axis=0)
-    xy = xy + _room(xy, out, area, rows.edge.ravel()[end], (gap - turn)[entry] / 2)[:, None] * out
-    # All ends but the first and last of each zigzag are those of turns, too.
-    inner = np.ones(len(end), np.bool_)
-    inner[start[:-1]] = inner[start[1:] - 1] = False
+    inner = _turning(end, start)
+    deep = (gap - turn)[entry] / 2
+    xy = _reaching(rows, area, angle, end, np.where(inner, deep, np.maximum(deep, overlap[entry])))
     point = np.repeat(np.arange(len(end)), 1 + inner)
     first = np.diff(point, prepend=-1) > 0
     # A row is left at its second end, then the turn begins; the turn ends at the first one of the next row.
@@ -81,7 +88,23 @@ def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float) -> 
     return Zigzags(xy[point], np.append(0, np.cumsum(1 + inner))[start], entry[start[:-1]], thin)
 
 
-def _room(xy: Float, out: Float, area: Areas, edge: Int, deep: Float) -> Float:
+def _turning(end: Int, start: Int) -> Bool:
+    """(N,) which ends of rows are those of turns, too: all but the first and last of each zigzag."""
+    inner = np.ones(len(end), np.bool_)
+    inner[start[:-1]] = inner[start[1:] - 1] = False
+    return inner
+
+
+def _reaching(rows: Lines, area: Areas, angle: Float, end: Int, deep: Float) -> Float:
+    """(N, 2) mm, ends of rows by number, moved on along their rows until they are `deep` (N,) mm beyond the border."""
+    entry = rows.layer[end // 2]
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1).take(entry, axis=0)
+    out = np.where((end % 2 == 1)[:, None], along, -along)
+    xy = rows.ends.reshape(-1, 2).take(end, axis=0)
+    return np.asarray(xy + room_beyond(xy, out, area, rows.edge.ravel()[end], deep)[:, None] * out)
+
+
+def room_beyond(xy: Float, out: Float, area: Areas, edge: Int, deep: Float) -> Float:
     """(N,) mm by which rows can go on without being `deep` (N,) mm beyond the edge they end on, or one beside it."""
     begin = area.xy
     side = begin[area.following] - begin

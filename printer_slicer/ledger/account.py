@@ -16,6 +16,7 @@ from printer_slicer.geometry import (
     frozen_array,
     offset,
     offset_open,
+    union,
 )
 from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
@@ -36,6 +37,7 @@ _DOTS: Final = 3.0  # squares of a bead's width: islands that are smaller may be
 
 
 _FAR: Final = 50.0  # mm
+_INNER: Final = 1.25  # beads: walls thicker than twice this have inner perimeters
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +141,9 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     slabs, source = through_layers(stack)
     covered = footprint(slabs, of_part[source])
     body = body_of(covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4)
-    # The round sides of beads hold less than their outline says: a stack of beads is full from this much inside on.
-    side = bead.side_loss(stack.height)
-    inner = difference(offset(sections, side - depth), open_to_air)
-    wanted = np.maximum(offset(sections, -side).area() - inner.area(), 0.0)
+    # The round sides of beads hold less than their outline says: inside the shell too, it is full from there on.
+    inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
+    wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
     inner = inner.of_layers(~stack.rising)
     fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
     own, laid = of_part[source], slabs.beads.volume
@@ -170,6 +171,18 @@ def _outline(sections: Areas, body: Areas, stack: Stack, rules: Rules) -> Outlin
     """How far the outlines of the part and of the printed body are from each other."""
     part, printed = (without_slits(one, rules.slit) for one in (sections, body))
     return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
+
+
+def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
+    """What beads fill of each section: all of it, where inner perimeters hold what round outer sides leave empty.
+
+    Walls of one or two beads have no inner ones: there the sides stay empty.
+    """
+    inside_sides = offset(sections, -bead.side_loss(stack.height))
+    width = stack.beads.usual_width
+    if depth < _INNER * width or stack.spiral:
+        return inside_sides
+    return union(inside_sides, offset_open(sections, _INNER * width))
 
 
 def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:

@@ -13,6 +13,7 @@ from printer_slicer.geometry import Areas, difference, intersection, offset, off
 from printer_slicer.layered import by_layer
 from printer_slicer.model import Bool, Sections, Toolpaths, Walls
 from printer_slicer.perimeters.shells import Filled, fill_narrow, fill_pieces, shell
+from printer_slicer.perimeters.widening import widen_inner
 from printer_slicer.profile import Profile
 
 __all__ = ["Filled", "fill_narrow", "fill_pieces", "lay_walls"]
@@ -23,9 +24,10 @@ _OVERHANG_BEADS = 3  # side by side over air; wider overhangs are bridged
 def lay_walls(sections: Sections, profile: Profile) -> Walls:
     """`quality.perimeters` loops around every section, and the area left inside them.
 
-    The outermost bead's side lies on the contour. Layers that are wide everywhere have loops of one width; on others
-    the beads fill the narrow places from side to side. Under the open sky only the outermost loop is laid if
-    `quality.single_top_perimeter` says so; with `quality.extra_perimeters` the edges of overhangs are walls too.
+    The outermost bead's side lies on the contour; inner beads hold what its round side leaves empty there. Layers that
+    are wide everywhere have loops of one width; on others the beads fill the narrow places from side to side. Under the
+    open sky only the outermost loop is laid if `quality.single_top_perimeter` says so; with `quality.extra_perimeters`
+    the edges of overhangs are walls too.
     """
     layered = by_layer(profile, sections.plan)
     parts = [_walls_of(sections, here, own) for own, here in layered.each()]
@@ -55,7 +57,8 @@ def _walls_of(sections: Sections, here: Bool, profile: Profile) -> Walls:
         inside = difference(inside, difference(hanging, extra.rest))
         parts = [extra.paths, *parts]
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
-    return Walls(plan, width, Toolpaths.joined(plan, parts), inside, lost)
+    paths = widen_inner(Toolpaths.joined(plan, parts), solid.area() - inside.area() - lost)
+    return Walls(plan, width, paths, inside, lost)
 
 
 def _open_top(solid: Areas, width: float) -> Areas:

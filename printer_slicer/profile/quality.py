@@ -251,23 +251,23 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_overlap: Annotated[
         float,
         meta(
-            "infill reaches into the perimeter by this share of a bead",
+            "ends of solid infill reach into the perimeter by this share of the mean of their spacings",
             "0-1",
             ge=0,
             le=0.5,
             own=ANYWHERE,
         ),
-    ] = 0.09
+    ] = 0.25
     sparse_overlap: Annotated[
         float,
         meta(
-            "sparse infill reaches into the perimeter by this share of a bead",
+            "ends of sparse infill reach into the perimeter by this share of the mean of their spacings",
             "0-1",
             ge=0,
             le=0.5,
             own=ANYWHERE,
         ),
-    ] = 0.15
+    ] = 0.25
     infill_anchor: Annotated[
         float,
         meta(

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from printer_slicer import bead
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Wanted, import_profiles
 from printer_slicer.importing.cura_values import evaluate_cura
@@ -111,7 +112,8 @@ def test_the_overlap_of_infill_is_a_share_of_the_mean_width_of_infill_and_wall(
     changes = {"infill_overlap": percent, "wall_line_count": walls}
     quality = imported(folder / "acme.def.json", cura=changes)["quality"].values
 
-    assert quality["sparse_overlap"] * quality["extrusion_width"] == pytest.approx(mm, abs=1e-4)
+    spacing = float(bead.spacing(quality["extrusion_width"], quality["layer_height"]))
+    assert quality["sparse_overlap"] * spacing == pytest.approx(mm, abs=1e-4)
 
 
 def test_it_heats_before_its_start_gcode_as_the_source_does(folder: Path) -> None:

@@ -33,8 +33,8 @@ def test_what_has_a_counterpart_is_taken_with_its_value(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("overlap", "share"),
     [
-        ("25%", 0.25 * float(bead.spacing(0.45, 0.2)) / 0.45),
-        ("0.09", 0.2),
+        ("25%", 0.25),
+        ("0.09", 0.09 / float(bead.spacing(0.45, 0.2))),
         ("0", 0.0),
         ("80%", 0.5),
     ],
@@ -46,7 +46,7 @@ def test_the_overlap_of_infill_with_the_perimeters_is_taken(
     made = imported(flat_file(tmp_path, infill_overlap=overlap))
     quality = loaded(made, tmp_path).quality
 
-    assert quality.sparse_overlap == pytest.approx(share, abs=1e-4)
+    assert quality.sparse_overlap == quality.infill_overlap == pytest.approx(share, abs=1e-4)
     assert "infill_overlap" not in {one.theirs for one in made["quality"].left}
     assert any("infill_overlap" in one.place for one in made["quality"].notes) == (overlap == "80%")
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer import bead
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Wanted, import_profiles
 from tests.importing.files import imported, json_file, loaded, needs_proc, unreadable
@@ -124,7 +123,7 @@ def test_three_presets_make_a_profile(tmp_path: Path) -> None:
     assert (material.fan_ratio, material.fan_ratio_max, material.min_layer_time) == (0.3, 0.7, 9)
     assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.25, 3)
     assert (quality.extrusion_width, quality.infill, quality.infill_density) == (0.44, "gyroid", 0.22)
-    assert quality.sparse_overlap == pytest.approx(0.15 * float(bead.spacing(0.44, 0.2)) / 0.44, abs=1e-4)
+    assert (quality.infill_overlap, quality.sparse_overlap) == (0.15, 0.15)
     assert (quality.speeds.outer_perimeter, quality.speeds.small_perimeter, quality.speeds.travel) == (
         120,
         60,

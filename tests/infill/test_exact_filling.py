@@ -167,5 +167,6 @@ def test_small_round_skins_are_full_and_nowhere_too_full() -> None:
     assert stages.regions.bridge.n_rings == 0
     assert ledger.uncovered.area().max() < 0.2
     assert ledger.fill.overlap.sum() < 0.03 * ledger.covered.area().sum()
-    assert np.nanmin(ledger.fill.shell) > 0.97
+    assert np.nanmin(ledger.fill.shell) > 0.96  # the cap under the top is all outer perimeter
+    assert np.nanmedian(ledger.fill.shell) > 0.985
     assert np.nanmax(ledger.fill.shell) < 1.02

@@ -204,7 +204,7 @@ def test_the_cells_of_a_honeycomb_are_hexagons() -> None:
     walls = shapely.buffer(lines_of(paths, 0), 0.5, join_style="mitre")
     cells = shapely.difference(shapely.box(5, 5, 55, 55), walls).geoms
     size = float(np.median([cell.area for cell in cells]))
-    whole = [cell for cell in cells if cell.area == pytest.approx(size, rel=1e-3)]
+    whole = [cell for cell in cells if cell.area == pytest.approx(size, rel=1e-4)]
     assert len(whole) > 30
     for cell in whole:
         side = np.diff(np.array(cell.simplify(0.05).exterior.coords), axis=0)

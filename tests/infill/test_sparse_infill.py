@@ -254,7 +254,7 @@ def test_no_line_lies_on_a_wall_or_on_what_joins_it_to_the_next(mesh: Mesh, degr
     assert ledger.fill.overlap[sparse].max() < 0.2
 
 
-def test_anchors_run_beside_the_innermost_perimeter() -> None:
+def test_ends_reach_into_the_innermost_perimeter() -> None:
     wanted = plain(infill_density=0.15, sparse_overlap=0.1, layer_height=0.2)
     stages = slice_stages(box_with_hole((30, 30, 4), (10, 10)), wanted)
     paths, layer = stages.toolpaths, 10
@@ -263,4 +263,4 @@ def test_anchors_run_beside_the_innermost_perimeter() -> None:
     loops = shapely.union_all([shapely.LinearRing(paths.path(int(i))) for i in inner])
     sparse = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
     nearest = min(loops.distance(shapely.LineString(paths.path(int(i)))) for i in sparse)
-    assert nearest == pytest.approx(float(bead.spacing(WIDTH, 0.2)) - 0.1 * WIDTH, abs=1e-3)
+    assert nearest == pytest.approx(0.9 * float(bead.spacing(WIDTH, 0.2)), abs=1e-3)

@@ -1,0 +1,73 @@
+"""Ends of sparse lines reach into the perimeters; what joins them runs beside the perimeters, not on top of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, Float, Int, Polylines
+from printer_slicer.infill.turns import room_beyond
+
+__all__ = ["reach_out"]
+
+
+def reach_out(joined: Polylines, lines: Polylines, area: Areas, overlap: float, back: float) -> Polylines:
+    """Joined lines whose ends, where they still are, lie `overlap` beyond the border of the area.
+
+    What runs along the border from an end gets there within `back` mm.
+
+    Args:
+        joined: the lines, joined along the border; some ends may be cut off.
+        lines: as they were cut by the area, before they were joined.
+        area: where centre lines have half a bead of room to all sides.
+        overlap: mm.
+        back: mm along the border.
+    """
+    places, tips, out = _tips(lines, area, overlap)
+    point, of = _found(joined, places)
+    if not len(point):
+        return joined
+    xy = joined.xy.copy()
+    xy[point] = tips[of]
+    first = np.isin(point, joined.start[:-1])
+    last = np.isin(point, joined.start[1:] - 1)
+    before, after = joined.xy[point - 1], joined.xy[np.minimum(point + 1, len(xy) - 1)]
+    here, out = joined.xy[point], out[of]
+    # The line comes from within, against `out`; the other neighbour lies along the border.
+    inward = [-((other - here) * out).sum(axis=1) / _length(other - here) for other in (before, after)]
+    ahead = np.where(first | last, False, inward[0] > inward[1])
+    way = np.where(ahead[:, None], after, before) - here
+    far = ~(first | last) & (_length(way) > 2 * back)
+    at = (point + ahead)[far]
+    between = (here + back * way / _length(way)[:, None])[far]
+    size = joined.size + np.bincount(
+        np.searchsorted(joined.start, point[far], side="right") - 1, minlength=joined.n_lines
+    )
+    return replace(joined, xy=np.insert(xy, at, between, axis=0), start=np.append(0, np.cumsum(size)))
+
+
+def _tips(lines: Polylines, area: Areas, overlap: float) -> tuple[tuple[Float, Int], Float, Float]:
+    """The ends (E,) of open lines on the border: place and layer; (E, 2) where they shall be, and the way there."""
+    end = np.flatnonzero(lines.edge.ravel() >= 0)
+    point = np.stack([lines.start[:-1], lines.start[1:] - 1], axis=1).ravel()[end]
+    here = lines.xy[point]
+    out = here - lines.xy[np.where(end % 2 == 1, point - 1, point + 1)]
+    out /= _length(out)[:, None]
+    room = room_beyond(here, out, area, lines.edge.ravel()[end], np.full(len(end), overlap))
+    return (here, lines.layer[end // 2]), here + room[:, None] * out, out
+
+
+def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
+    """Which points of joined lines are ends that lay at certain places (E,) before, and which of those."""
+    layer = np.repeat(joined.layer, joined.size)
+    rows = [np.column_stack([of, xy]) for of, xy in ((places[1], places[0]), (layer, joined.xy))]
+    known = [np.ascontiguousarray(one).view(np.dtype((np.void, 24))).ravel() for one in rows]
+    _, point, of = np.intersect1d(known[1], known[0], return_indices=True)
+    order = np.argsort(point)
+    return point[order], of[order]
+
+
+def _length(vectors: Float) -> Float:
+    """(n,) of (n, 2), never quite 0."""
+    return np.asarray(np.maximum(np.hypot(*vectors.T), 1e-12))

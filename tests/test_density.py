@@ -1,0 +1,78 @@
+"""Shells hold the volume of their part, and no place of them much more."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from printer_slicer.geometry import difference
+from printer_slicer.ledger import ledger_of, overlapping, stack_of
+from printer_slicer.model import Float, Mesh, Role
+from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.profile import Profile, load_profile
+from tests.parts import (
+    box,
+    box_with_hole,
+    cone,
+    joined,
+    prism,
+    shape,
+    shapely,
+    sheared_prism,
+    sphere,
+    step_pyramid,
+)
+
+_NOT_SHELL = (Role.SPARSE, Role.SKIRT, Role.IRONING)
+
+
+def usual() -> Profile:
+    return load_profile("marlin_220", "pla", "standard", {"skirt_loops": 0})
+
+
+def plate_with_bosses() -> Mesh:
+    turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    circle = 4 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    bosses = [prism(circle + place, 10).moved((0, 0, 4)) for place in ((8, 8), (30, 20))]
+    return joined([box((40, 30, 4)), *bosses], "bosses")
+
+
+def density(stages: Stages) -> Float:
+    """(L,) plastic of perimeters and solid infill by the area of the section without its sparse area."""
+    paths, solid = stages.toolpaths, stages.sections.solid
+    own = ~np.isin(paths.role, _NOT_SHELL)
+    laid = np.bincount(paths.layer[own], (paths.area() * paths.height)[own], solid.n_layers)
+    volume = (solid.area() - stages.regions.sparse.area()) * stages.sections.plan.height
+    return np.asarray(laid / volume)
+
+
+def overfilled(stages: Stages, profile: Profile) -> float:
+    """The share of the shells' area that holds more than 1.3 times what fills it."""
+    ledger = ledger_of(stack_of(stages.program, profile.material.filament_diameter), stages.sections.solid)
+    shell = difference(stages.sections.solid, stages.regions.sparse)
+    layers = np.flatnonzero(ledger.fill.overlap).tolist()
+    over = [
+        shapely.area(shapely.intersection(shape(overlapping(ledger, k), 0), shape(shell, k))) for k in layers
+    ]
+    return float(sum(over)) / float(shell.area().sum())
+
+
+# Near the tip of a cone there is no room for whole loops: what lies there is over-filled as before.
+PARTS = [
+    (box((20, 20, 10), (0, 0, 0)), 2e-4),
+    (box_with_hole((24, 24, 5), (20, 20)), 2e-4),
+    (cone(), 1e-3),
+    (sphere(), 2e-4),
+    (step_pyramid((30, 20, 10), (3, 3, 3)), 2e-4),
+    (plate_with_bosses(), 2e-4),
+    (sheared_prism(), 2e-4),
+]
+
+
+@pytest.mark.parametrize(("mesh", "most"), PARTS, ids=lambda value: getattr(value, "name", ""))
+def test_shells_have_full_density_and_no_place_is_overfilled(mesh: Mesh, most: float) -> None:
+    profile = usual()
+    stages = slice_stages(mesh, profile)
+
+    assert float(np.median(density(stages))) == pytest.approx(1, abs=0.01)
+    assert overfilled(stages, profile) <= most
