@@ -1,58 +1,50 @@
 """How long a layer takes, before anything is sliced: a model for planners that weigh minutes.
 
-A layer's time is made of its perimeters (length of the contours), its solid and sparse infill (area inside them, solid
-where the surface lies within the shell thickness above or below), and what each contour costs in travels, all at the
-speeds of the profile and the flow that the material allows at that height; it is at least the minimum layer time as far
-as the minimum speed allows. Infill lines are short, so accelerating costs a share of their time.
+A layer is made of perimeters, solid and sparse infill (solid where the surface lies within the shell thickness above or
+below), top skins, bridges, travels, and the step up to it. How long its lines take is not guessed: the contours of the
+part, and rows of lines as long as the section has them, go through the slicer's own motion model (`strokes`), at the
+speeds, accelerations and limits of the profile and the flow that hotend and material allow at that layer height. A
+layer takes at least the minimum layer time as far as the minimum speed allows. The first layer has its own speeds.
 
-The numbers below were fitted to whole programs (benchy, a case, an enclosure and the paper's case study, layers of
-0.1, 0.2 and 0.3 mm), whose total times come out within about a tenth; other parts came out at 0.67 to 1.43 of the
-program's time. What a planner needs is that the layers of one part come out in proportion. The minutes that are shown
-to people come from the program itself.
+How many travels and retractions there are is counted from whole programs of eight parts. The minutes that are shown to
+people come from the program itself; docs/layer-planning.md compares both.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry.crossing import crossings_of
-from printer_slicer.geometry.joints import lowest_of_chain
-from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import Float, Int
+from printer_slicer.motion.machine import limits_of
+from printer_slicer.planning.sections import measure_sections
+from printer_slicer.planning.strokes import Paced, Role, Rows, time_contours, time_moves, time_rows
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 
 __all__ = ["LayerTimes"]
 
-_PLANES = 120  # at most, over the height of the part
-_CLOSEST = 0.1  # mm between planes at least
-_TRAVELS = 2.5  # for each contour of a layer: to its perimeters and between the infill behind them
-_TRAVEL = 15.0  # mm on average
-_SOLID_LINE = 15.0  # mm on average
-_SPARSE_LINE = 34.0
-_WALLED = 0.9  # of the length that whole perimeters would have: inner ones are shorter, and left out in narrow places
+_TRAVELS: Final = (3.5, 0.03, 0.25)  # for each contour of a layer, solid line, sparse line
+_TRAVEL: Final = 0.15  # of the section's extent, in the mean
+_RETRACTIONS: Final = 0.75  # for each contour but the first
+_ON_BED: Final = 1e-6  # mm
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Slices:
-    """Sums over the section at each of some heights.
+class _Paces(NamedTuple):
+    """How long lines take, on the bed or above it.
 
     Attributes:
-        z: (P,) mm.
-        length: (P,) mm, of all contours.
-        loops: (P,) number of contours.
-        inside: (P,) mm², within the perimeters.
-        solid: (P,) mm² of it, near a surface.
+        outer, inner: (P,) s, a perimeter along every contour.
+        rows: lines of solid infill, sparse infill, top skin, bridges, bridges over sparse infill.
+        flow: mm³/s that may be melted.
     """
 
-    z: Float
-    length: Float
-    loops: Float
-    inside: Float
-    solid: Float
+    outer: Paced
+    inner: Paced
+    rows: list[Rows]
+    flow: float
 
 
 class LayerTimes:
@@ -60,72 +52,110 @@ class LayerTimes:
 
     Args:
         surface: of the part.
-        profile: speeds, widths, shells, limits.
+        profile: speeds, accelerations, widths, shells, limits.
         z: (n,) mm, ascending.
     """
 
     def __init__(self, surface: Surface, profile: Profile, z: Float) -> None:
-        self._profile = profile
-        at = _measure(surface, profile)
-        columns = (np.interp(z, at.z, values) for values in (at.length, at.loops, at.inside, at.solid))
-        self._slices = _Slices(z, *columns)
+        self._profile, self._z = profile, z
+        self._at = at = measure_sections(surface, profile)
+        self._chord = np.clip(np.pi * at.area / np.maximum(at.length, 1e-9), 0.3, 500.0)
+        self._sparse_spacing = profile.extrusion_width / max(profile.quality.infill_density, 0.01)
+        place = np.interp(z, at.z, np.arange(len(at.z)))
+        self._below = np.minimum(place.astype(np.int64), max(len(at.z) - 2, 0))
+        self._share = place - self._below
+        self._above, self._on_bed = (self._paces(first=first) for first in (False, True))
+        self._between = self._travels()
 
     def seconds(self, which: Int, height: float) -> Float:
         """(m,) s, for layers of `height` mm that are cut at the heights `z[which]`."""
-        profile, at = self._profile, self._slices
-        speeds, hard = profile.speeds, profile.accelerations
-        material, printer = profile.material, profile.printer
-        width = profile.extrusion_width
-        gap = float(bead.spacing(width, height))
-        fastest = profile.max_flow / (gap * height * material.flow_ratio)
-        length, loops, inside, solid = (
-            values.take(which) for values in (at.length, at.loops, at.inside, at.solid)
+        found = self._interpolated(self._layer(height, self._above), which)
+        on_bed = self._z.take(which) <= height / 2 + _ON_BED
+        if on_bed.any():
+            found[on_bed] = self._interpolated(self._layer(height, self._on_bed), which[on_bed])
+        return found
+
+    def _interpolated(self, values: Float, which: Int) -> Float:
+        """(m,) what the values (L,) of levels come to at the heights `z[which]`."""
+        below, share = self._below.take(which), self._share.take(which)
+        low = values.take(below)
+        return np.asarray(low + share * (values.take(np.minimum(below + 1, len(values) - 1)) - low))
+
+    def _layer(self, height: float, paces: _Paces) -> Float:
+        """(L,) s, of a layer at each level."""
+        material, printer = self._profile.material, self._profile.printer
+        laid, laying = self._lines(height, paces)
+        idle = self._between + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)
+        quick = laying + idle
+        slowest = laid / material.min_speed + idle
+        return np.asarray(np.clip(material.min_layer_time, quick, np.maximum(slowest, quick)))
+
+    def _lines(self, height: float, paces: _Paces) -> tuple[Float, Float]:
+        """(L,) mm of all beads of a layer at each level, and (L,) s of laying them."""
+        quality, at, chord = self._profile.quality, self._at, self._chord
+        gap = float(bead.spacing(self._profile.extrusion_width, height))
+        fastest = paces.flow / (gap * height * self._profile.material.flow_ratio)
+        outer, inner = min(quality.perimeters, 1), max(quality.perimeters - 1, 0)
+        kinds = self._kinds(height, gap, first=paces is self._on_bed)
+        laying = at.at_levels(outer * paces.outer.at(fastest) + inner * paces.inner.at(fastest))
+        for kind, rows in zip(kinds, paces.rows, strict=True):
+            laying += kind * rows.per_mm(chord, fastest)
+        return (outer + inner) * at.length + sum(kinds), laying
+
+    def _kinds(self, height: float, gap: float, *, first: bool) -> tuple[Float, ...]:
+        """(L,) mm of solid infill, sparse infill, top skin, bridges and bridges over sparse infill in a layer."""
+        at, nozzle = self._at, self._profile.printer.nozzle_diameter
+        density = self._profile.quality.infill_density / gap
+        if first:
+            none = np.zeros(len(at.z))
+            return at.inside / gap, none, none, none, none
+        top, hung, bared = at.skins(height, self._profile.quality.top_thickness)
+        left = at.solid - top - hung - bared
+        # Bridges are threads as wide as the nozzle.
+        return left / gap, (at.inside - at.solid) * density, top / gap, hung / nozzle, bared / nozzle
+
+    def _paces(self, *, first: bool) -> _Paces:
+        """How long lines take in the first layer, or in those above it."""
+        profile, at = self._profile, self._at
+        speeds, hard, limits = profile.speeds, profile.accelerations, limits_of(profile.printer)
+        thickest, width = profile.printer.max_layer, profile.extrusion_width
+        flow = profile.max_flow * (profile.material.first_layer_max_flow_ratio if first else 1.0)
+        slowest = flow / (float(bead.spacing(width, thickest)) * thickest * profile.material.flow_ratio)
+
+        def role(name: str, like: str = "") -> Role:
+            speed, acceleration = getattr(speeds, name), getattr(hard, like or name)
+            if not first:
+                return Role(speed, acceleration)
+            most = speeds.first_layer if name.endswith("perimeter") else speeds.first_layer_infill
+            return Role(min(speed, most), hard.first_layer or acceleration)
+
+        outer, inner = (
+            time_contours(at.contours, role(name), slowest, limits)
+            for name in ("outer_perimeter", "inner_perimeter")
         )
-        outer, inner = min(profile.quality.perimeters, 1), max(profile.quality.perimeters - 1, 0)
-        share = profile.quality.infill_density / gap
+        rows = (
+            (width, role("solid")),
+            (self._sparse_spacing, role("sparse")),
+            (width, role("top_skin")),
+            (width, role("bridge")),
+            (width, role("internal_bridge", "bridge")),
+        )
+        return _Paces(outer, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow)
 
-        def per_mm(speed: float, acceleration: float = np.inf, line: float = np.inf) -> float:
-            """Seconds for a mm of lines of so many mm, which are begun and ended at rest."""
-            speed = min(speed, fastest)
-            return (1 + speed**2 / (acceleration * line)) / speed
-
-        laid = _WALLED * (outer + inner) * length + (1 / gap - share) * solid + share * inside
-        walled = outer * per_mm(speeds.outer_perimeter) + inner * per_mm(speeds.inner_perimeter)
-        sparse = share * per_mm(speeds.sparse, hard.sparse, _SPARSE_LINE)
-        skin = per_mm(speeds.solid, hard.solid, _SOLID_LINE) / gap
-        laying = _WALLED * walled * length + (skin - sparse) * solid
-        laying += sparse * inside
-        travel = _TRAVEL / speeds.travel + speeds.travel / printer.travel_acceleration
-        travel += printer.retract_length * (1 / printer.retract_speed + 1 / printer.deretract_speed)
-        between = (_TRAVELS * travel) * loops
-        slowest = laid / material.min_speed + between
-        laying += between
-        return np.asarray(np.clip(material.min_layer_time, laying, np.maximum(slowest, laying)))
-
-
-def _measure(surface: Surface, profile: Profile) -> _Slices:
-    """Sections at heights evenly over the part."""
-    quality, height = profile.quality, surface.height
-    n = int(np.clip(height / _CLOSEST, 1, _PLANES))
-    z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (height / n)
-    length, area, loops = _sections(surface.triangles, z)
-    inside = np.maximum(area - length * quality.perimeters * profile.extrusion_width, 0.0)
-    near = surface.up.under(z + quality.top_thickness) - surface.up.under(z)
-    near += surface.down.under(z) - surface.down.under(z - quality.bottom_thickness)
-    return _Slices(z, length, loops, inside, np.minimum(near, inside))
-
-
-def _sections(triangles: Float, z: Float) -> tuple[Float, Float, Float]:
-    """Length of the contours, area, and number of contours at each height."""
-    length, twice, loops = np.zeros((3, len(z)))
-    for part in crossings_of(triangles, z):
-        tail, head = part.xy.take(part.tail, axis=0), part.xy.take(part.head, axis=0)
-        plane, turn = part.plane[part.tail], cross(tail, head)
-        length += np.bincount(plane, weights=np.hypot(*(head - tail).T), minlength=len(z))
-        twice += np.bincount(plane, weights=turn, minlength=len(z))
-        following = np.arange(len(part.xy))
-        following[part.tail] = part.head
-        # An open contour may count twice.
-        firsts = lowest_of_chain(following) == np.arange(len(following))
-        loops += np.bincount(part.plane[firsts], minlength=len(z))
-    return length, np.maximum(twice / 2, 0.0), loops
+    def _travels(self) -> Float:
+        """(L,) s of travels and retractions in a layer at each level."""
+        printer, at = self._profile.printer, self._at
+        limits = limits_of(printer)
+        way = time_moves(_TRAVEL * at.extent, self._profile.speeds.travel, limits.travel_acceleration)
+        pulled = sum(
+            float(time_moves(printer.retract_length, speed, limits.retract_acceleration))
+            for speed in (printer.retract_speed, printer.deretract_speed)
+        )
+        hop = float(time_moves(printer.z_hop, printer.max_speed_z, printer.max_acceleration_z))
+        solid, sparse = (
+            at.solid / self._profile.extrusion_width,
+            (at.inside - at.solid) / self._sparse_spacing,
+        )
+        by_loop, by_solid, by_sparse = _TRAVELS
+        count = by_loop * at.loops + (by_solid * solid + by_sparse * sparse) / self._chord
+        return np.asarray(count * way + _RETRACTIONS * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop))

@@ -1,0 +1,167 @@
+"""What the sections of a part come to at some heights: contours as they are printed, lengths, areas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.geometry import Areas, simplify
+from printer_slicer.geometry.areas import following_around, placed
+from printer_slicer.geometry.crossing import Crossings, crossings_of
+from printer_slicer.geometry.joints import cycles
+from printer_slicer.model import Float
+from printer_slicer.profile import Profile
+from printer_slicer.surface import Surface
+
+__all__ = ["SectionSums", "measure_sections"]
+
+_PLANES: Final = 60  # at most, over the height of the part, on which contours are cut
+_LEVELS: Final = 240  # at most, at which all the rest is told
+_CLOSEST: Final = 0.1  # mm between them at least
+_STEEP: Final = 1.0  # mm of width for each mm of height: what lies under steeper slopes, perimeters cover
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shadows:
+    """How much of the part looks up or down below any height, to the nearest level.
+
+    Attributes:
+        z: (n,) mm, ascending.
+        up, down: (n,) mm², seen from above and from below; what lies on the bed is in none.
+    """
+
+    z: Float
+    up: Float
+    down: Float
+
+    @classmethod
+    def of(cls, surface: Surface, n: int) -> Shadows:
+        """Those of a part at the borders of `n` levels."""
+        z = np.linspace(0.0, surface.height, n + 1)
+        up, down = (shadow.under(z, including=True) for shadow in (surface.up, surface.down))
+        return cls(z, up, down - down[0])
+
+    def up_between(self, low: Float, high: Float) -> Float:
+        """(m,) mm² that look up between two heights."""
+        return np.asarray(np.interp(high, self.z, self.up) - np.interp(low, self.z, self.up))
+
+    def down_between(self, low: Float, high: Float) -> Float:
+        """(m,) mm² that look down between two heights."""
+        return np.asarray(np.interp(high, self.z, self.down) - np.interp(low, self.z, self.down))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionSums:
+    """Sums over the sections at L heights, and the contours at some of them.
+
+    Attributes:
+        z: (L,) mm, ascending.
+        planes: (P,) mm, ascending, where there are contours.
+        contours: a layer for every plane, simplified as the slicer does.
+        length: (L,) mm, of all contours.
+        loops: (L,) number of contours.
+        extent: (L,) mm, side of a square whose outline is as far from its middle as the contours are from theirs.
+        area: (L,) mm², of the section.
+        inside: (L,) mm² of it, within the perimeters.
+        solid: (L,) mm² of that, near a surface.
+        shadows: of the part.
+    """
+
+    z: Float
+    planes: Float
+    contours: Areas
+    length: Float
+    loops: Float
+    extent: Float
+    area: Float
+    inside: Float
+    solid: Float
+    shadows: Shadows
+
+    def at_levels(self, values: Float) -> Float:
+        """(L,) what (P,) values of the planes come to between them."""
+        return np.interp(self.z, self.planes, values)
+
+    def skins(self, height: float, top_thickness: float) -> tuple[Float, Float, Float]:
+        """(L,) mm² of solid in layers of `height` mm: under air, over air, and the first over sparse infill."""
+        begins = self.z + top_thickness
+        sparse_below = np.interp(self.z - height, self.z, self.inside - self.solid)
+        left, areas = self.solid, []
+        for found in (
+            self.shadows.up_between(self.z, self.z + height),
+            self.shadows.down_between(self.z - height, self.z),
+            np.minimum(self.shadows.up_between(begins - height, begins), sparse_below),
+        ):
+            # What lies under steep slopes is covered by perimeters.
+            areas.append(np.clip(found - _STEEP * height * self.length, 0.0, left))
+            left = left - areas[-1]
+        return areas[0], areas[1], areas[2]
+
+
+def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
+    """Sections at heights evenly over the part.
+
+    Args:
+        surface: of the part.
+        profile: perimeters and their width, thickness of the solid shell, resolution.
+    """
+    quality = profile.quality
+    planes, z = _levels(surface, profile, _PLANES), _levels(surface, profile, _LEVELS)
+    n = len(planes)
+    rings = Areas.following_on([_rings(part, n) for part in crossings_of(surface.triangles, planes)], n)
+    contours = simplify(rings, quality.resolution)
+    loops = np.bincount(contours.ring_layer, minlength=n).astype(np.float64)
+    length, loops, extent, area = (
+        np.interp(z, planes, values)
+        for values in (contours.length(), loops, _extents(contours), np.maximum(contours.area(), 0.0))
+    )
+    inside = np.maximum(area - length * quality.perimeters * profile.extrusion_width, 0.0)
+    shadows = Shadows.of(surface, len(z))
+    near = shadows.up_between(z, z + quality.top_thickness)
+    near += shadows.down_between(z - quality.bottom_thickness, z) + (z < quality.bottom_thickness) * area
+    # Of what is near a surface, a part lies within the perimeters.
+    solid = np.minimum(near * np.sqrt(inside / np.maximum(area, 1e-9)), inside)
+    return SectionSums(z, planes, contours, length, loops, extent, area, inside, solid, shadows)
+
+
+def _levels(surface: Surface, profile: Profile, most: int) -> Float:
+    """(n,) mm, up to `most` heights evenly over the part, and one in the first layer."""
+    n = int(np.clip(surface.height / _CLOSEST, 1, most))
+    z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (surface.height / n)
+    on_bed = (profile.quality.first_layer_height or profile.thinnest) / 2
+    return np.append(on_bed, z) if on_bed < z[0] else z
+
+
+def _extents(contours: Areas) -> Float:
+    """(P,) mm, see `SectionSums`; 0 where there are no contours."""
+    xy, n = contours.xy, contours.n_layers
+    after = xy.take(following_around(contours.ring_start), axis=0)
+    weight = np.hypot(*(after - xy).T)
+    plane = np.repeat(contours.ring_layer, np.diff(contours.ring_start))
+    total = np.maximum(np.bincount(plane, weights=weight, minlength=n), 1e-9)
+    spread = np.zeros(n)
+    for middle, way in zip(((xy + after) / 2).T, (after - xy).T, strict=True):
+        mean = np.bincount(plane, weights=weight * middle, minlength=n) / total
+        off = (middle - mean.take(plane)) ** 2 + way**2 / 12
+        spread += np.bincount(plane, weights=weight * off, minlength=n) / total
+    return np.asarray(np.sqrt(3 * spread))
+
+
+def _rings(part: Crossings, n_planes: int) -> Areas:
+    """The segments of some planes joined tail to head; where contours are open, from any end to any beginning."""
+    following = np.arange(len(part.xy))
+    following[part.tail] = part.head
+    if part.unpaired:
+        begins, ends = np.setdiff1d(part.tail, part.head), np.setdiff1d(part.head, part.tail)
+        following[ends[np.argsort(part.plane[ends], kind="stable")]] = begins[
+            np.argsort(part.plane[begins], kind="stable")
+        ]
+    ring, rank = cycles(following)
+    first = np.flatnonzero(rank == 0)
+    first = first[np.argsort(part.plane[first], kind="stable")]
+    start = np.append(0, np.cumsum(np.bincount(ring, minlength=len(ring))[first]))
+    place_of_ring = np.zeros(len(ring), np.int64)
+    place_of_ring[first] = start[:-1]
+    return Areas(placed(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)
