@@ -15,7 +15,7 @@ from printer_slicer.model import Bool, Float, Int, Mesh
 from printer_slicer.planning.lattice import Lattice, Row, event_planes, rows_of
 from printer_slicer.planning.path import Graph
 from printer_slicer.planning.seconds import LayerTimes
-from printer_slicer.planning.steps import Steps
+from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface, read_surface
 from printer_slicer.surface.runs import runs_by_length
@@ -35,6 +35,8 @@ class Arcs:
         bound: (A,) mm, certified error as tables have it.
         volume: (A,) mm³, wrongly filled or empty at most.
         seconds: (A,) s, modelled.
+        per_mm3: s that the machine needs for a mm³ of the part's plastic in layers of `layer_height`, modelled.
+        uniform: (U, 2) s and mm³ of the plans of the planner `uniform`, one for each height of the list.
     """
 
     lattice: Lattice
@@ -44,6 +46,8 @@ class Arcs:
     bound: Float
     volume: Float
     seconds: Float
+    per_mm3: float
+    uniform: Float
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -54,6 +58,7 @@ class Arcs:
             ("seconds", np.float64),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (len(self.graph.start),)))
+        object.__setattr__(self, "uniform", frozen_array(self.uniform, np.float64, (-1, 2)))
 
     @classmethod
     def over(
@@ -64,7 +69,7 @@ class Arcs:
         rows = rows_of(planes, lattice, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
         middles: Float = np.arange(2 * lattice.n + 1, dtype=np.float64) * (lattice.unit / 2)
-        times = LayerTimes(surface, profile, middles)
+        times, wrong = LayerTimes(surface, profile, middles), _Volumes(surface, lattice, containment)
         seconds = (times.seconds(2 * row.end - row.height, row.height * lattice.unit) for row in rows)
         end = _joined((row.end for row in rows), np.int64)
         start = _joined((row.end - row.height for row in rows), np.int64)
@@ -77,8 +82,10 @@ class Arcs:
             _joined((row.listed for row in rows), np.bool_).take(order),
             _joined((row.free for row in rows), np.bool_).take(order),
             _joined(_bounds(surface, lattice, containment, rows), np.float64).take(order),
-            _joined(_volumes(surface, lattice, containment, rows), np.float64).take(order),
+            _joined((wrong.between(row.end - row.height, row.end) for row in rows), np.float64).take(order),
             _joined(seconds, np.float64).take(order),
+            times.per_mm3(profile.quality.layer_height),
+            np.array([_uniform(height, times, wrong, lattice, steps) for height in steps.allowed.tolist()]),
         )
 
     def rated(self, layers: Int, bounds: Float) -> Arcs:
@@ -116,21 +123,45 @@ def _bounds(surface: Surface, lattice: Lattice, containment: str, rows: list[Row
         yield np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
 
 
-def _volumes(surface: Surface, lattice: Lattice, containment: str, rows: list[Row]) -> Iterable[Float]:
-    """Wrong volumes at most, row by row."""
-    cell, n_cells = lattice.cell, lattice.cells * lattice.n
-    up, down = (shadow.on_lattice(cell, n_cells) for shadow in (surface.up, surface.down))
-    over, under = (up, down) if containment != "negative" else (down, up)
-    # Shadows just above and just below each end, from the nearest cell: flats in the end itself belong to one side.
-    just_above, just_below = np.append(np.diff(over), 0.0) / cell, np.append(0.0, np.diff(under)) / cell
-    both = up + down
-    for row in rows:
-        end = lattice.cells * row.end
-        start = end - lattice.cells * row.height
-        if containment == "mid":
+class _Volumes:
+    """Wrong volumes at most, of layers between two nodes each."""
+
+    def __init__(self, surface: Surface, lattice: Lattice, containment: str) -> None:
+        self._lattice, self._containment = lattice, containment
+        n_cells = lattice.cells * lattice.n
+        up, down = (shadow.on_lattice(lattice.cell, n_cells) for shadow in (surface.up, surface.down))
+        self._both = up + down
+        self._over, self._under = (up, down) if containment != "negative" else (down, up)
+
+    def between(self, first: Int, last: Int) -> Float:
+        """(m,) mm³, of layers between nodes (m,)."""
+        start, end = self._lattice.cells * first, self._lattice.cells * last
+        if self._containment == "mid":
+            both = self._both
             volume = both.take(start) + both.take(end) - 2 * both.take((start + end) // 2)
         else:
+            over, under, cell = self._over, self._under, self._lattice.cell
+            # Shadows just above and just below each end, from the nearest cell: flats in the end itself belong to one
+            # side.
+            above, below = np.append(np.diff(over), 0.0) / cell, np.append(0.0, np.diff(under)) / cell
             thick = (end - start) * cell
-            volume = over[end] - over[start] - thick * just_above[start]
-            volume += thick * just_below[end] - under[end] + under[start]
-        yield np.maximum(volume, 0.0)
+            volume = over[end] - over[start] - thick * above[start]
+            volume += thick * below[end] - under[end] + under[start]
+        return np.asarray(np.maximum(volume, 0.0))
+
+
+def _uniform(
+    height: int, times: LayerTimes, wrong: _Volumes, lattice: Lattice, steps: Steps
+) -> tuple[float, float]:
+    """Seconds and mm³ of the plan of layers of one height in z steps, to the nearest node of the lattice."""
+    first, rest = steps.begin()
+    layers = np.append([first] if first else [], fill(rest, height, steps.lowest, steps.highest))
+    ends = np.rint(np.cumsum(layers) / lattice.steps).astype(np.int64).clip(0, lattice.n)
+    start, end = np.append(0, ends[:-1]), ends
+    thick = end - start
+    seconds = sum(
+        float(times.seconds((start + end)[thick == one], one * lattice.unit).sum())
+        for one in np.unique(thick).tolist()
+        if one > 0
+    )
+    return seconds, float(wrong.between(start, end).sum())

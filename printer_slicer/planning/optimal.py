@@ -9,7 +9,7 @@ from the bed to the top of the part is the plan. In this order of weight:
     tolerance   the certified error of every layer (see `surface`) is within the tolerance
     flats       layers end on every flat, within the snap tolerance
     range       heights outside of the list's range only to meet a flat or the tolerance
-    evenness    neighbours differ by no more than the greatest step
+    evenness    neighbours differ by no more than the greatest step, or are smooth (see `smoothness`)
     objective   seconds and volume error at their price, seconds, layers, or volume error
 
 What cannot be had is broken as little as possible, see `levels`; `unkept` tells where and why. Guarantee: no other
@@ -34,6 +34,7 @@ from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.levels import ODD, Level, levels_of, underrated
 from printer_slicer.planning.path import (
+    Evenness,
     Graph,
     cheapest,
     cheapest_even,
@@ -41,6 +42,7 @@ from printer_slicer.planning.path import (
     cheapest_within,
     kept_by,
 )
+from printer_slicer.planning.smoothness import evenness_of
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import Profile
 from printer_slicer.surface import layer_bounds, read_surface
@@ -53,6 +55,9 @@ _ROUNDS: Final = 20
 _MOST_ARCS: Final = 50_000_000  # of about 70 bytes
 _DIGITS: Final = 9  # of the dearest layer's cost
 _LAYER: Final = 1e-6  # of the dearest layer: of plans that cost the same, the one of fewer layers
+_FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 3.0, 5.0, 10.0, 0.8, 0.6, 0.4, 0.2)  # of the price
+_BEATEN: Final = 1e-4  # of time or volume error: less is rounding
+_JUMP: Final = 0.5  # usual layers that it is worth to avoid a jump beside a flat
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
 
 
@@ -91,8 +96,9 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
             remedy="a coarser layer_step, a list of heights, or a coarser printer.z_step",
         )
     arcs = Arcs.over(mesh, lattice, steps, profile, everywhere=everywhere)
+    even = evenness_of(mesh, lattice, steps, profile)
     for _ in range(_ROUNDS):
-        layers = _Search(mesh, arcs, profile, levels_of(mesh, arcs, steps, profile)).best()
+        layers = _Search(mesh, arcs, profile, levels_of(mesh, arcs, steps, profile), even).best()
         if layers is None:
             return None
         plan = steps.plan(lattice.steps_of(arcs.graph.height[layers]), "optimal")
@@ -107,8 +113,10 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
 class _Search:
     """The objective of one plan, over the layers that its part may have and what they break."""
 
-    def __init__(self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level]) -> None:
-        self._settings = profile.dials
+    def __init__(
+        self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level], even: Evenness | None
+    ) -> None:
+        self._settings, self._even = profile.dials, even
         self._mesh, self._thickest = mesh, profile.thickest
         self._arcs, self._levels = arcs, levels
         # Any plan of these keeps the rules as well as they can be kept.
@@ -124,7 +132,31 @@ class _Search:
             return self._few(settings.max_layers)
         if settings.time_budget:
             return self._quick(settings.time_budget)
+        if settings.objective == "balanced":
+            return self._balanced()
         return self._search(self._objective())
+
+    def _balanced(self) -> Int | None:
+        """The plan of least time and volume error at their price, which no uniform plan beats in both.
+
+        No plan that keeps the rules as well can: it would cost less. Uniform plans that miss flats might, and where one
+        does, the price is raised, then lowered, until none does.
+        """
+        arcs, settings = self._arcs, self._settings
+        price = settings.error_price or settings.error_price_ratio * arcs.per_mm3
+        plans = (self._search(arcs.seconds + price * factor * arcs.volume) for factor in _FACTORS)
+        first = next(plans)
+        found = first
+        while found is not None and self._is_beaten(found):
+            found = next(plans, None)
+        return first if found is None else found
+
+    def _is_beaten(self, layers: Int) -> bool:
+        """Whether a uniform plan is as quick and as exact as this one, and better at one of it."""
+        mine = np.array([self._arcs.seconds[layers].sum(), self._arcs.volume[layers].sum()])
+        slack = _BEATEN * mine
+        theirs = self._arcs.uniform
+        return bool(((theirs <= mine + 1e-9).all(axis=1) & (theirs < mine - slack - 1e-9).any(axis=1)).any())
 
     def _objective(self) -> Float:
         """Cost of every layer, rules apart."""
@@ -132,8 +164,6 @@ class _Search:
         # No plan can be wrong by more than all shadows times the thickest layer.
         surface = read_surface(self._mesh)
         most = (surface.up.area.sum() + surface.down.area.sum()) * self._thickest + 1e-9
-        if kind == "balanced":
-            return np.asarray(arcs.seconds + self._settings.error_price * arcs.volume)
         if kind == "time":
             return np.asarray(
                 arcs.seconds + arcs.volume * (1e-3 * float(arcs.seconds.min(initial=1.0)) / most)
@@ -155,13 +185,12 @@ class _Search:
         return None if found is None else self._kept[found]
 
     def _cheapest(self, graph: Graph, cost: Float, worth: float) -> Int | None:
-        """The cheapest plan; where there is a greatest step, with as few uneven neighbours as there can be."""
-        step, lattice, height = self._settings.max_step, self._arcs.lattice, graph.height
-        change = int(step / lattice.unit - abs(lattice.rest) / lattice.steps + 1e-6)
-        if not step or change >= np.ptp(height):
+        """The cheapest plan; where neighbours shall be even, with as few uneven ones as there can be."""
+        even, height = self._even, graph.height
+        if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):
             return cheapest(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
-        return cheapest_even(graph, cost, change, worth * most_layers)
+        return cheapest_even(graph, cost, even, worth * most_layers, _JUMP * float(np.median(cost)))
 
     def _few(self, most: int) -> Int | None:
         """The least volume error with at most so many layers; with a greatest step, at some price on layers.

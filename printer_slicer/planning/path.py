@@ -20,6 +20,7 @@ from printer_slicer.geometry import frozen_array
 from printer_slicer.model import Bool, Float, Int
 
 __all__ = [
+    "Evenness",
     "Graph",
     "Search",
     "cheapest",
@@ -141,59 +142,125 @@ def kept_by(graph: Graph, levels: Sequence[Float]) -> Int:
     return kept if levels else np.zeros(0, np.int64)
 
 
-def cheapest_even(graph: Graph, cost: Float, change: int, fine: float) -> Int | None:
-    """The same where neighbouring layers that differ by more than `change` cost `fine` more.
+@dataclass(frozen=True, slots=True, eq=False)
+class Evenness:
+    """Which heights may lie next to each other.
+
+    Attributes:
+        least, most: (H + 1,) for each height in units up to the highest, the least and the highest neighbour, in units.
+        spared: (n + 1,) nodes beside which uneven neighbours cost less: where these are the two layers that meet there,
+            or where one of them begins or ends there.
+    """
+
+    least: Int
+    most: Int
+    spared: Bool
+
+    def __post_init__(self) -> None:
+        for name, kind in (("least", np.int64), ("most", np.int64), ("spared", np.bool_)):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (-1,)))
+
+    def holds_between(self, lowest: int, highest: int) -> bool:
+        """Whether all heights between two may lie next to each other."""
+        return bool(self.least[highest] <= lowest and self.most[lowest] >= highest)
+
+    @classmethod
+    def by_step(cls, change: int, highest: int, n: int) -> Evenness:
+        """Neighbours of up to `highest` units that differ by no more than `change`, everywhere alike."""
+        height = np.arange(highest + 1)
+        return cls(height - change, height + change, np.zeros(n + 1, np.bool_))
+
+
+def cheapest_even(graph: Graph, cost: Float, even: Evenness, fine: float, lesser: float = 0.0) -> Int | None:
+    """The same where neighbouring layers that may not lie next to each other cost a fine.
 
     Args:
         graph: the layers that there are.
         cost: (A,) of each.
-        change: in units of the nodes.
-        fine: for each pair of neighbours that differ by more.
+        even: which may.
+        fine: for each pair that may not.
+        lesser: for each such pair beside a node that is spared.
     """
     n, height = graph.n, graph.height
     if len(height) == 0:
         return None
     low, rows = int(height.min()), int(np.ptp(height)) + 1
+    windows = _Windows(even.least[low : low + rows] - low, even.most[low : low + rows] - low)
     # reach[k, r]: cheapest way to node k from which a layer of height low + r may go on; the bed allows any.
-    reach = np.full((n + 1, rows), np.inf)
-    reach[0] = 0.0
-    came_by = np.full((n + 1, rows), -1, np.int32)
-    row, end, last = height - low, graph.end, reach[n]
+    reach, anyhow = np.full((n + 1, rows), np.inf), np.full(n + 1, np.inf)
+    reach[0] = anyhow[0] = 0.0
+    row, end, start = height - low, graph.end, graph.start
+    to_spared, from_spared = even.spared[end], even.spared[start]
     for k in range(1, n + 1, low):
         nodes = slice(k, min(k + low, n + 1))
         arcs = slice(int(graph.begin[nodes.start]), int(graph.begin[nodes.stop]))
+        before = reach[start[arcs], row[arcs]]
+        up = np.flatnonzero(to_spared[arcs])
+        if len(up):
+            before[up] = np.minimum(before[up], anyhow[start[arcs][up]] + lesser)
         total = np.full((nodes.stop - k, rows), np.inf)
-        total[end[arcs] - k, row[arcs]] = reach[graph.start[arcs], row[arcs]] + cost[arcs]
-        last = total[-1]
-        pick, dearest = _window_argmin(total, change), total.argmin(axis=1)[:, None]
-        value = np.take_along_axis(total, pick, axis=1)
-        with_fine = np.take_along_axis(total, dearest, axis=1) + fine
-        came_by[nodes] = np.where(value <= with_fine, pick, dearest)
-        reach[nodes] = np.minimum(value, with_fine)
-    if not np.isfinite(last.min()):
+        total[end[arcs] - k, row[arcs]] = value = before + cost[arcs]
+        anyhow[nodes] = total.min(axis=1)
+        best = anyhow[nodes] + np.where(even.spared[nodes], lesser, fine)
+        down = np.flatnonzero(from_spared[arcs])
+        if len(down):
+            np.minimum.at(best, end[arcs][down] - k, value[down] + lesser)
+        reach[nodes] = np.minimum(windows.least_of(total), best[:, None])
+    if not np.isfinite(anyhow[n]):
         return None
-    chain, k, at = [], n, int(last.argmin())
+    return _even_chain(graph, cost, even, (fine, lesser), (reach, anyhow))
+
+
+def _even_chain(
+    graph: Graph, cost: Float, even: Evenness, fines: tuple[float, float], settled: tuple[Float, Float]
+) -> Int:
+    """The arcs of the plan that `cheapest_even` settled, from the top down and then turned around."""
+    (fine, lesser), (reach, anyhow) = fines, settled
+    low, chain, k, above = int(graph.height.min()), list[int](), graph.n, 0
     while k > 0:
         a, b = graph.begin[k : k + 2].tolist()
-        chain.append(a + int(np.flatnonzero(row[a:b] == at)[0]))
-        k -= low + at
-        at = int(came_by[k, at])
+        start = graph.start[a:b]
+        height = k - start
+        value = reach[start, height - low]
+        if even.spared[k]:
+            value = np.minimum(value, anyhow[start] + lesser)
+        value = value + cost[a:b]
+        if above:
+            meets = (height >= even.least[above]) & (height <= even.most[above])
+            spared = even.spared[start] | even.spared[k] | even.spared[k + above]
+            value = value + np.where(meets, 0.0, np.where(spared, lesser, fine))
+        found = int(value.argmin())
+        chain.append(a + found)
+        above = int(height[found])
+        k -= above
     return np.array(chain[::-1], np.int64)
 
 
-def _window_argmin(total: Float, change: int) -> Int:
-    """(m, R) for each entry the place of the smallest one in its row at most `change` away."""
-    rows = total.shape[1]
-    best, where = total.copy(), np.broadcast_to(np.arange(rows), total.shape).copy()
-    for shift in range(1, min(change, rows - 1) + 1):
-        for here, there in (
-            (slice(shift, None), slice(None, -shift)),
-            (slice(None, -shift), slice(shift, None)),
-        ):
-            better = total[:, there] < best[:, here]
-            best[:, here] = np.where(better, total[:, there], best[:, here])
-            where[:, here] = np.where(better, np.arange(rows)[there], where[:, here])
-    return where
+class _Windows:
+    """Least values over a window of columns for each column, by runs of 1, 2, 4, ... columns.
+
+    Args:
+        first, last: (R,) of each window; what lies outside of the columns is left out.
+    """
+
+    def __init__(self, first: Int, last: Int) -> None:
+        columns = len(first)
+        first, last = np.maximum(first, 0), np.minimum(last, columns - 1)
+        level = np.frexp(last - first + 1)[1] - 1
+        self._steps = [1 << k for k in range(int(level.max(initial=0)))]
+        self._left = level * columns + first
+        self._right = level * columns + last + 1 - (1 << level.astype(np.int64))
+
+    def least_of(self, values: Float) -> Float:
+        """(m, R) for values (m, R)."""
+        rows, columns = values.shape
+        runs = np.full((rows, columns * (len(self._steps) + 1)), np.inf)
+        runs[:, :columns] = values
+        for level, step in enumerate(self._steps):
+            one = runs[:, level * columns : (level + 1) * columns]
+            into = runs[:, (level + 1) * columns : (level + 2) * columns]
+            np.minimum(one[:, :-step], one[:, step:], out=into[:, : columns - step])
+        return np.asarray(np.minimum(runs.take(self._left, axis=1), runs.take(self._right, axis=1)))
 
 
 def cheapest_within(

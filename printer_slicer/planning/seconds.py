@@ -75,6 +75,12 @@ class LayerTimes:
             found[on_bed] = self._interpolated(self._layer(height, self._on_bed), which[on_bed])
         return found
 
+    def per_mm3(self, height: float) -> float:
+        """Seconds that a mm³ of plastic takes in this part, in layers of `height` mm above the first."""
+        laid, _ = self._lines(height, self._above)
+        gap = float(bead.spacing(self._profile.extrusion_width, height))
+        return float(self._layer(height, self._above).sum() / max(laid.sum() * gap * height, 1e-9))
+
     def _interpolated(self, values: Float, which: Int) -> Float:
         """(m,) what the values (L,) of levels come to at the heights `z[which]`."""
         below, share = self._below.take(which), self._share.take(which)

@@ -88,14 +88,36 @@ class OptimalPlanner(
         meta("what is least: minutes and volume error at their price, minutes, layers, or volume error"),
     ] = "balanced"
     error_price: Annotated[
-        float, meta("what a mm³ of volume error may cost, for objective = balanced", "s/mm³", ge=0, le=1e6)
-    ] = 20
+        float,
+        meta(
+            "what a mm³ of volume error may cost, for objective = balanced; 0: as error_price_ratio says",
+            "s/mm³",
+            ge=0,
+            le=1e6,
+        ),
+    ] = 0
+    error_price_ratio: Annotated[
+        float,
+        meta(
+            "the same in times of what the machine needs for a mm³ of the part in layers of layer_height",
+            "ratio",
+            gt=0,
+            le=1e6,
+        ),
+    ] = 45
     snap_tolerance: Annotated[
         float, meta("layers end this near to flats; 0: half of the printer's z_step", "mm", ge=0, le=1)
     ] = 0
     max_step: Annotated[
-        float, meta("neighbouring layers differ by no more than this; 0: by anything", "mm", ge=0, le=1)
+        float, meta("neighbouring layers differ by no more than this; 0: as smooth says", "mm", ge=0, le=1)
     ] = 0
+    smooth: Annotated[
+        bool,
+        meta(
+            "without max_step: neighbouring layers differ by no more than 0.06 mm or a quarter of the thicker one, "
+            "but beside flats"
+        ),
+    ] = True
     max_layers: Annotated[
         int, meta("the least volume error with no more layers; 0: any number", ge=0, le=1000000)
     ] = 0

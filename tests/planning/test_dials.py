@@ -309,7 +309,7 @@ def test_the_layer_height_of_a_range_is_taken_to_the_step(z_step: float) -> None
 
 def test_a_range_may_have_a_finer_tolerance() -> None:
     mesh = pyramid(8, 4)
-    plan = planned(mesh, tolerance=0.12, planner__ranges="1:3:tolerance=0.05")
+    plan = planned(mesh, tolerance=0.12, planner__ranges="1:3:tolerance=0.05", planner__objective="layers")
     bound = certify(read_surface(mesh), plan).bound
     inside = (plan.bottom >= 1 - ROUNDING) & (plan.top <= 3 + ROUNDING)
 

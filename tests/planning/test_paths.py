@@ -15,7 +15,14 @@ from printer_slicer.model import Float, Int, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
-from printer_slicer.planning.path import Graph, cheapest, cheapest_even, cheapest_few, cheapest_within
+from printer_slicer.planning.path import (
+    Evenness,
+    Graph,
+    cheapest,
+    cheapest_even,
+    cheapest_few,
+    cheapest_within,
+)
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
@@ -23,7 +30,7 @@ from tests.parts import profile, pyramid, sheared_prism, sphere, step_pyramid
 from tests.planning.plans import frusta
 
 OBJECTIVES = ("balanced", "time", "layers", "volume")
-ERROR_PRICE = 20.0  # s/mm³, the default
+ERROR_PRICE = 20.0  # s/mm³
 LAYER_WORTH = 1e-4  # mm³ that a layer must gain where the volume error alone counts
 ROUNDING = 1e-9
 
@@ -49,6 +56,12 @@ class Table(NamedTuple):
         graph, cost = self.arcs()
         layers = search(graph, cost, *more)
         return None if layers is None else graph.height[layers]
+
+
+def by_step(graph: Graph, cost: Float, change: int, fine: float) -> Int | None:
+    """The cheapest plan where neighbours that differ by more than `change` cost a fine."""
+    highest = int(graph.height.max(initial=0))
+    return cheapest_even(graph, cost, Evenness.by_step(change, highest, graph.n), fine)
 
 
 def all_plans(n: int, heights: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -118,13 +131,37 @@ def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> N
 def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
     table: Table, change: int, fine: float
 ) -> None:
-    plan = table.found(cheapest_even, change, fine)
+    plan = table.found(by_step, change, fine)
     best = least(table, change, fine)
 
     assert (plan is None) == np.isinf(best)
     if plan is not None:
         assert is_a_plan(plan, table)
         assert price(plan, table, change, fine) == pytest.approx(best, rel=ROUNDING)
+
+
+@settings(max_examples=120, deadline=None)
+@given(tables(), st.integers(0, 4), st.integers(0, 10**6), st.sampled_from([0.0, 0.7, 3.0]))
+def test_beside_some_nodes_uneven_neighbours_cost_less(
+    table: Table, change: int, seed: int, lesser: float
+) -> None:
+    graph, cost = table.arcs()
+    spared, fine = np.random.default_rng(seed).random(graph.n + 1) < 0.2, 50.0
+    height = np.arange(int(graph.height.max(initial=0)) + 1)
+    even = Evenness(height - change, height + change, spared)
+
+    def paid(plan: tuple[int, ...]) -> float:
+        ends = np.cumsum([0, *plan])
+        beside = spared[ends[:-2]] | spared[ends[1:-1]] | spared[ends[2:]]
+        uneven = np.abs(np.diff(plan)) > change
+        return price(np.array(plan), table) + float(np.where(beside, lesser, fine)[uneven].sum())
+
+    layers = cheapest_even(graph, cost, even, fine, lesser)
+    best = min(map(paid, all_plans(table.n, tuple(table.heights.tolist()))), default=np.inf)
+
+    assert (layers is None) == np.isinf(best)
+    if layers is not None:
+        assert paid(tuple(graph.height[layers].tolist())) == pytest.approx(best, rel=ROUNDING)
 
 
 @settings(max_examples=120, deadline=None)
@@ -173,8 +210,8 @@ def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
 def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Table) -> None:
     found = (
         table.found(cheapest),
-        table.found(cheapest_even, 0, 0.0),
-        table.found(cheapest_even, len(table.heights), 1e9),
+        table.found(by_step, 0, 0.0),
+        table.found(by_step, len(table.heights), 1e9),
         table.found(cheapest_few, table.n),
     )
     prices = [np.inf if plan is None else price(plan, table) for plan in found]
@@ -186,7 +223,7 @@ def test_ties_are_broken_the_same_way_every_time() -> None:
     cost, heights = np.zeros((3, 31)), np.arange(2, 5)
     searches: list[Callable[[], Int | None]] = [
         lambda: Table(cost, heights).found(cheapest),
-        lambda: Table(cost, heights).found(cheapest_even, 1, 5.0),
+        lambda: Table(cost, heights).found(by_step, 1, 5.0),
         lambda: Table(cost, heights).found(cheapest_few, 12),
     ]
     for search in searches:
@@ -210,7 +247,7 @@ def test_a_height_that_no_layers_add_up_to_is_not_reached(n: int) -> None:
     cost, heights = np.ones((1, n + 1)), np.array([3])
 
     assert Table(cost, heights).found(cheapest) is None
-    assert Table(cost, heights).found(cheapest_even, 1, 1.0) is None
+    assert Table(cost, heights).found(by_step, 1, 1.0) is None
     assert Table(cost, heights).found(cheapest_few, 9) is None
 
 
@@ -230,7 +267,7 @@ def test_an_uneven_pair_is_taken_only_where_it_is_worth_its_fine() -> None:
     cost[2, 3] = cost[0, 4] = cost[2, 7] = 1.0
 
     for fine, expected in ((1.0, [3, 1, 3]), (1e3, None)):
-        plan = Table(cost, np.arange(1, 4)).found(cheapest_even, 1, fine)
+        plan = Table(cost, np.arange(1, 4)).found(by_step, 1, fine)
         assert plan is not None
         if expected:
             assert plan.tolist() == expected
@@ -257,8 +294,10 @@ def test_costs_of_any_size_keep_their_differences() -> None:
 
 
 def optimal(**changes: Any) -> Profile:
-    """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free."""
+    """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free, all neighbours allowed."""
     usual: dict[str, Any] = {"z_step": 0.01, "first_layer_height": 0, "planner__kind": "optimal"}
+    if changes.get("planner__kind", "optimal") == "optimal":
+        usual |= {"planner__error_price": ERROR_PRICE, "planner__smooth": False}
     return profile(**(usual | changes))
 
 
