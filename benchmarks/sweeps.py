@@ -24,7 +24,7 @@ USUAL = {"PrusaSlicer adaptive": "adaptive 0.5", "Cura adaptive": "adaptive 0.2/
 """What the peers' windows begin with."""
 
 _PRICES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 512.0)  # s/mm³
-_LOW_PRICES = (0.0, 0.1, 0.3, 1.0, 4.0, 16.0)  # where flats may be missed for the sake of time
+_LOW_PRICES = (0.01, 0.1, 0.3, 1.0, 4.0, 16.0)  # where flats may be missed for the sake of time
 _COUNTS = (0.7, 0.8, 0.9, 1.0, 1.2)  # of the layers of the nominal height
 _METRICS = ("cusp", "triangle", "wasserfall", "topography")
 _QUALITIES = (0.0, 0.25, 0.5, 0.75, 1.0)

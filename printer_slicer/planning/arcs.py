@@ -36,7 +36,8 @@ class Arcs:
         volume: (A,) mm³, wrongly filled or empty at most.
         seconds: (A,) s, modelled.
         per_mm3: s that the machine needs for a mm³ of the part's plastic in layers of `layer_height`, modelled.
-        uniform: (U, 2) s and mm³ of the plans of the planner `uniform`, one for each height of the list.
+        uniform: (U, 2) s and mm³ of the plans of the planner `uniform`, of each height of the list that leaves no other
+            ones than that to be the last.
     """
 
     lattice: Lattice
@@ -85,7 +86,9 @@ class Arcs:
             _joined((wrong.between(row.end - row.height, row.end) for row in rows), np.float64).take(order),
             _joined(seconds, np.float64).take(order),
             times.per_mm3(profile.quality.layer_height),
-            np.array([_uniform(height, times, wrong, lattice, steps) for height in steps.allowed.tolist()]),
+            np.reshape(
+                [_cost_of(layers, times, wrong, lattice) for layers in _uniform_layers(steps)], (-1, 2)
+            ),
         )
 
     def rated(self, layers: Int, bounds: Float) -> Arcs:
@@ -150,18 +153,22 @@ class _Volumes:
         return np.asarray(np.maximum(volume, 0.0))
 
 
-def _uniform(
-    height: int, times: LayerTimes, wrong: _Volumes, lattice: Lattice, steps: Steps
-) -> tuple[float, float]:
-    """Seconds and mm³ of the plan of layers of one height in z steps, to the nearest node of the lattice."""
+def _uniform_layers(steps: Steps) -> Iterable[Int]:
+    """Heights in z steps of the layers of uniform plans; only the last one may be of a height that is not allowed."""
     first, rest = steps.begin()
-    layers = np.append([first] if first else [], fill(rest, height, steps.lowest, steps.highest))
-    ends = np.rint(np.cumsum(layers) / lattice.steps).astype(np.int64).clip(0, lattice.n)
-    start, end = np.append(0, ends[:-1]), ends
+    for height in steps.allowed.tolist():
+        layers = fill(rest, height, steps.lowest, steps.highest)
+        if np.isin(layers[:-1], steps.allowed).all():
+            yield np.append([first] if first else [], layers).astype(np.int64)
+
+
+def _cost_of(layers: Int, times: LayerTimes, wrong: _Volumes, lattice: Lattice) -> tuple[float, float]:
+    """Seconds and mm³ of the plan of layers of these heights in z steps, to the nearest node of the lattice."""
+    end = np.rint(np.cumsum(layers) / lattice.steps).astype(np.int64).clip(0, lattice.n)
+    start = np.append(0, end[:-1])
     thick = end - start
     seconds = sum(
         float(times.seconds((start + end)[thick == one], one * lattice.unit).sum())
-        for one in np.unique(thick).tolist()
-        if one > 0
+        for one in set(thick.tolist()) - {0}
     )
     return seconds, float(wrong.between(start, end).sum())

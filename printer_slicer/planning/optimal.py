@@ -117,6 +117,7 @@ class _Search:
         self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level], even: Evenness | None
     ) -> None:
         self._settings, self._even = profile.dials, even
+        self._odd, self._jump = ODD, _JUMP
         self._mesh, self._thickest = mesh, profile.thickest
         self._arcs, self._levels = arcs, levels
         # Any plan of these keeps the rules as well as they can be kept.
@@ -139,17 +140,25 @@ class _Search:
     def _balanced(self) -> Int | None:
         """The plan of least time and volume error at their price, which no uniform plan beats in both.
 
-        No plan that keeps the rules as well can: it would cost less. Uniform plans that miss flats might, and where one
-        does, the price is raised, then lowered, until none does.
+        No plan that keeps the rules as well can: it would cost less. A uniform plan that misses flats might, or one
+        with a jump or an odd height at its end. Where one does, jumps beside flats and odd heights are free, and if
+        that does not help the price is raised, then lowered, until no uniform plan is better.
         """
         arcs, settings = self._arcs, self._settings
         price = settings.error_price or settings.error_price_ratio * arcs.per_mm3
-        plans = (self._search(arcs.seconds + price * factor * arcs.volume) for factor in _FACTORS)
-        first = next(plans)
-        found = first
+
+        def searched(factor: float) -> Int | None:
+            return self._search(arcs.seconds + price * factor * arcs.volume)
+
+        first = found = searched(1.0)
+        self._odd, self._jump = 1.0, 0.0
+        factors = iter(_FACTORS)
         while found is not None and self._is_beaten(found):
-            found = next(plans, None)
-        return first if found is None else found
+            factor = next(factors, None)
+            if factor is None:
+                return first
+            found = searched(factor)
+        return found
 
     def _is_beaten(self, layers: Int) -> bool:
         """Whether a uniform plan is as quick and as exact as this one, and better at one of it."""
@@ -176,7 +185,7 @@ class _Search:
         """(A,) an objective, rounded so that the dust of sums does not decide between equal plans."""
         worth = _worth(objective)
         cost = np.round(objective / worth, _DIGITS) * worth + _LAYER * worth
-        cost[~self._arcs.listed] *= ODD
+        cost[~self._arcs.listed] *= self._odd
         return np.asarray(cost)
 
     def _search(self, objective: Float) -> Int | None:
@@ -190,7 +199,7 @@ class _Search:
         if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):
             return cheapest(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
-        return cheapest_even(graph, cost, even, worth * most_layers, _JUMP * float(np.median(cost)))
+        return cheapest_even(graph, cost, even, worth * most_layers, self._jump * float(np.median(cost)))
 
     def _few(self, most: int) -> Int | None:
         """The least volume error with at most so many layers; with a greatest step, at some price on layers.

@@ -115,10 +115,11 @@ class LayerTimes:
         if first:
             none = np.zeros(len(at.z))
             return at.inside / gap, none, none, none, none
-        top, hung, bared = at.skins(height, self._profile.quality.top_thickness)
-        left = at.solid - top - hung - bared
+        solid = at.solid(height)
+        top, hung, bared = at.skins(height, solid)
+        left = solid - top - hung - bared
         # Bridges are threads as wide as the nozzle.
-        return left / gap, (at.inside - at.solid) * density, top / gap, hung / nozzle, bared / nozzle
+        return left / gap, (at.inside - solid) * density, top / gap, hung / nozzle, bared / nozzle
 
     def _paces(self, *, first: bool) -> _Paces:
         """How long lines take in the first layer, or in those above it."""
@@ -158,10 +159,8 @@ class LayerTimes:
             for speed in (printer.retract_speed, printer.deretract_speed)
         )
         hop = float(time_moves(printer.z_hop, printer.max_speed_z, printer.max_acceleration_z))
-        solid, sparse = (
-            at.solid / self._profile.extrusion_width,
-            (at.inside - at.solid) / self._sparse_spacing,
-        )
+        area = at.solid(self._profile.quality.layer_height)
+        solid, sparse = area / self._profile.extrusion_width, (at.inside - area) / self._sparse_spacing
         by_loop, by_solid, by_sparse = _TRAVELS
         count = by_loop * at.loops + (by_solid * solid + by_sparse * sparse) / self._chord
         return np.asarray(count * way + _RETRACTIONS * np.maximum(at.loops - 1, 0) * (pulled + 2 * hop))

@@ -15,7 +15,7 @@ from printer_slicer.model import Float
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 
-__all__ = ["SectionSums", "measure_sections"]
+__all__ = ["SectionSums", "Shadows", "measure_sections"]
 
 _PLANES: Final = 60  # at most, over the height of the part, on which contours are cut
 _LEVELS: Final = 240  # at most, at which all the rest is told
@@ -65,8 +65,8 @@ class SectionSums:
         extent: (L,) mm, side of a square whose outline is as far from its middle as the contours are from theirs.
         area: (L,) mm², of the section.
         inside: (L,) mm² of it, within the perimeters.
-        solid: (L,) mm² of that, near a surface.
         shadows: of the part.
+        shell: mm under tops and mm over bottoms that are solid.
     """
 
     z: Float
@@ -77,22 +77,31 @@ class SectionSums:
     extent: Float
     area: Float
     inside: Float
-    solid: Float
     shadows: Shadows
+    shell: tuple[float, float]
 
     def at_levels(self, values: Float) -> Float:
         """(L,) what (P,) values of the planes come to between them."""
         return np.interp(self.z, self.planes, values)
 
-    def skins(self, height: float, top_thickness: float) -> tuple[Float, Float, Float]:
+    def solid(self, height: float) -> Float:
+        """(L,) mm² of layers of `height` mm that are solid: their upper or lower side is near enough to a surface."""
+        z, (top, bottom) = self.z, self.shell
+        near = self.shadows.up_between(z, z + height / 2 + top)
+        near += self.shadows.down_between(z - height / 2 - bottom, z)
+        near += (z - height / 2 < bottom) * self.area
+        # Of what is near a surface, a part lies within the perimeters.
+        return np.asarray(np.minimum(near * np.sqrt(self.inside / np.maximum(self.area, 1e-9)), self.inside))
+
+    def skins(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
         """(L,) mm² of solid in layers of `height` mm: under air, over air, and the first over sparse infill."""
-        begins = self.z + top_thickness
-        sparse_below = np.interp(self.z - height, self.z, self.inside - self.solid)
-        left, areas = self.solid, []
+        begins = self.z + self.shell[0]
+        sparse_below = np.interp(self.z - height, self.z, self.inside - solid)
+        left, areas = solid, []
         for found in (
             self.shadows.up_between(self.z, self.z + height),
             self.shadows.down_between(self.z - height, self.z),
-            np.minimum(self.shadows.up_between(begins - height, begins), sparse_below),
+            np.minimum(self.shadows.up_between(begins - height / 2, begins + height / 2), sparse_below),
         ):
             # What lies under steep slopes is covered by perimeters.
             areas.append(np.clip(found - _STEEP * height * self.length, 0.0, left))
@@ -119,11 +128,8 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
     )
     inside = np.maximum(area - length * quality.perimeters * profile.extrusion_width, 0.0)
     shadows = Shadows.of(surface, len(z))
-    near = shadows.up_between(z, z + quality.top_thickness)
-    near += shadows.down_between(z - quality.bottom_thickness, z) + (z < quality.bottom_thickness) * area
-    # Of what is near a surface, a part lies within the perimeters.
-    solid = np.minimum(near * np.sqrt(inside / np.maximum(area, 1e-9)), inside)
-    return SectionSums(z, planes, contours, length, loops, extent, area, inside, solid, shadows)
+    shell = quality.top_thickness, quality.bottom_thickness
+    return SectionSums(z, planes, contours, length, loops, extent, area, inside, shadows, shell)
 
 
 def _levels(surface: Surface, profile: Profile, most: int) -> Float:

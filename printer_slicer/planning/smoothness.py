@@ -28,8 +28,8 @@ def evenness_of(mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile) ->
     """What the profile asks of neighbours; None where it asks for nothing.
 
     `max_step` holds everywhere, as far as graver rules allow. Without it layers are smooth, where time and volume error
-    are weighed and no number of layers is asked for. Beside a flat, the end of a range and a first layer that is set,
-    where layers are thinner or thicker than the shape wants, a jump is as bad as half a layer more.
+    are weighed and no number of layers is asked for. Beside a flat, the top, the end of a range and a first layer that
+    is set, where layers are thinner or thicker than the shape wants, a jump is as bad as half a layer more.
     """
     dials = profile.dials
     highest = max(lattice.highest, int(steps.allowed[-1]) // lattice.steps)
@@ -57,7 +57,7 @@ def _least_neighbours(height: Int, lattice: Lattice, steps: Steps, spare: float)
 def _spared_nodes(mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile) -> Bool:
     """(n + 1,) the nodes beside which jumps are fined less."""
     free = np.zeros(lattice.n + 1, np.bool_)
-    free[0] = bool(steps.first)
+    free[0], free[-1] = bool(steps.first), True
     planes = np.concatenate([find_flats(mesh)[0], borders_of(profile, mesh.height)]) / lattice.unit
     snap = max(profile.dials.snap_tolerance / lattice.unit, 0.5)
     lowest, highest = np.ceil(planes - snap - _DUST), np.floor(planes + snap + _DUST)

@@ -102,7 +102,8 @@ class Rows:
     def per_mm(self, length: Float, speed: float) -> Float:
         """(n,) s for each mm of lines of lengths (n,), mm."""
         rate = self.paced.at(speed) / self.length
-        return np.asarray(np.exp(np.interp(np.log(length), np.log(self.length), np.log(rate))))
+        share = np.interp(np.log(length), np.log(self.length), np.log(rate / rate[0]))
+        return np.asarray(np.exp(share) * rate[0])
 
 
 def time_rows(link: float, role: Role, slowest: float, limits: Limits) -> Rows:

@@ -14,13 +14,13 @@ from printer_slicer.model import Bool, Float, LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.seconds import LayerTimes
 from printer_slicer.planning.smoothness import STEP, STEP_RATIO
+from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.surface import certify, find_flats, read_surface
-from tests.parts import cone, pyramid, sphere, step_pyramid
+from tests.parts import box, cone, pyramid, sphere, step_pyramid
 from tests.planning.machines import MACHINES, machine, on_another_clock
 from tests.planning.plans import frusta
 
-HEIGHTS: Final = (0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26, 0.28, 0.3, 0.32)
 NEARLY: Final = 2e-3
 ROUNDING: Final = 1e-6  # mm
 
@@ -55,8 +55,15 @@ def cost_of(mesh: Mesh, profile: Profile, plan: LayerPlan) -> Float:
 
 
 def uniform_plans(mesh: Mesh, profile: Profile) -> list[LayerPlan]:
-    one = profile_with(profile, {"quality.planner.kind": "uniform"})
-    return [plan_layers(mesh, profile_with(one, {"quality.layer_height": height})) for height in HEIGHTS]
+    """Those of all heights that the machine's list has, which need no other ones than that to be the last."""
+    steps = Steps(mesh, profile)
+    changes = [
+        {"quality.planner.kind": "uniform", "quality.layer_height": float(height)}
+        for height in steps.allowed * steps.size
+    ]
+    plans = [plan_layers(mesh, profile_with(profile, change)) for change in changes]
+    units = [np.rint(plan.height[1:-1] / steps.size).astype(np.int64) for plan in plans]
+    return [plan for plan, inner in zip(plans, units, strict=True) if np.isin(inner, steps.allowed).all()]
 
 
 def beaten(mine: Float, theirs: Float) -> bool:
@@ -128,7 +135,7 @@ def beside(planes: Float, plan: LayerPlan) -> Bool:
 @given(mesh=stacks())
 def test_neighbouring_layers_are_smooth_but_beside_flats(name: str, mesh: Mesh) -> None:
     plan = plan_layers(mesh, machine(name))
-    flats = np.append(find_flats(mesh)[0], 0.0)  # the first layer is set
+    flats = np.append(find_flats(mesh)[0], [0.0, mesh.height])  # the first layer is set, and the top is met
 
     assert not (jumps(plan) & ~beside(flats, plan)).any(), plan.runs()
 
@@ -153,10 +160,21 @@ def test_a_wall_beside_a_gentle_slope_has_no_bands() -> None:
     rough, smooth = (
         plan_layers(mesh, machine("marlin_220", planner__smooth=value)) for value in (False, True)
     )
-    bed = np.zeros(1)
+    ends = np.array([0.0, mesh.height])
 
-    assert (jumps(rough) & ~beside(bed, rough)).any()
-    assert not (jumps(smooth) & ~beside(bed, smooth)).any()
+    assert (jumps(rough) & ~beside(ends, rough)).any()
+    assert not (jumps(smooth) & ~beside(ends, smooth)).any()
+
+
+@any_machine
+def test_a_uniform_plan_with_a_jump_at_its_end_is_no_quicker(name: str) -> None:
+    """A layer of 0.2 mm under three of 0.3 mm and one of 0.2 mm on top."""
+    mesh = box((16, 16, 1.3))
+    wanted = machine(name)
+    mine = cost_of(mesh, wanted, plan_layers(mesh, wanted))
+
+    for plan in uniform_plans(mesh, wanted):
+        assert not beaten(mine, cost_of(mesh, wanted, plan)), plan.runs()
 
 
 def test_heights_that_follow_each_other_in_a_list_may_meet() -> None:

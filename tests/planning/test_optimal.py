@@ -48,9 +48,8 @@ each_objective = pytest.mark.parametrize("objective", OBJECTIVES)
 def optimal(**changes: Any) -> Profile:
     """All heights from 0.08 to 0.32 mm on a lattice of 0.01 mm, the first layer free, all neighbours allowed."""
     usual: dict[str, Any] = {"z_step": 0.01, "first_layer_height": 0, "planner__kind": "optimal"}
-    if changes.get("planner__kind", "optimal") == "optimal":
-        usual |= {"planner__error_price": ERROR_PRICE, "planner__smooth": False}
-    return profile(**(usual | changes))
+    dials = {"planner__error_price": ERROR_PRICE, "planner__smooth": False}
+    return profile(**(usual | (dials if "planner__kind" not in changes else {}) | changes))
 
 
 def planned(mesh: Mesh, **changes: Any) -> LayerPlan:

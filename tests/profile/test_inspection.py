@@ -72,7 +72,7 @@ def test_profiles_differ_in_what_one_of_them_says() -> None:
 def test_what_only_one_of_two_planners_has_is_a_difference() -> None:
     chains = [read_chain("quality", name) for name in ("standard", "adaptive")]
 
-    assert differences("quality", *chains)["planner.error_price"] == (None, 20)
+    assert differences("quality", *chains)["planner.error_price_ratio"] == (None, 45)
     assert differences("quality", chains[0], chains[0]) == {}
 
 
