@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             target.write_text(json.dumps([asdict(row) for row in known.values()], indent=1) + "\n")
             print(f"measured {mesh.name} on {machine}", file=sys.stderr, flush=True)
     rows = sorted(known.values(), key=lambda row: (row.part, row.machine))
-    print("\n".join(table(rows)))
+    print("\n".join([*table(rows), "", *summary(rows)]))
     return int(any(row.is_beaten for row in rows))
 
 
@@ -189,10 +189,25 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
         share = f"{row.minutes / row.rival_minutes:.2f}" if row.rival else ""
         of_uniform = f"{row.minutes / row.uniform_minutes:.2f}"
         yield f"| {row.part} | `{row.machine}` | {mine} | {uniform} | {of_uniform} | {rival} | {share} |"
-    beaten = [row for row in rows if row.is_beaten]
-    both = sum(row.minutes <= row.uniform_minutes and row.error <= row.uniform_error for row in rows)
-    yield f"\n{len(rows) - len(beaten)} of {len(rows)} are beaten by no uniform plan,"
-    yield f"{both} are as quick and as exact as uniform layers of the usual height"
+
+
+def summary(rows: Sequence[Row]) -> Iterator[str]:
+    """A line for each part: the default plan by uniform layers, from the least to the most of all machines."""
+    yield "| part | machines | minutes by uniform | error by uniform | minutes by as exact uniform | beaten |"
+    yield "|---|---|---|---|---|---|"
+    for part in sorted({row.part for row in rows}):
+        own = [row for row in rows if row.part == part]
+        by_usual = _span([row.minutes / row.uniform_minutes for row in own])
+        errors = _span([row.error / row.uniform_error for row in own if row.uniform_error > NEARLY])
+        by_rival = _span([row.minutes / row.rival_minutes for row in own if row.rival])
+        beaten = sum(row.is_beaten for row in own)
+        yield f"| {part} | {len(own)} | {by_usual} | {errors} | {by_rival} | {beaten} |"
+    beaten = sum(row.is_beaten for row in rows)
+    yield f"\n{len(rows) - beaten} of {len(rows)} are beaten by no uniform plan"
+
+
+def _span(ratios: Sequence[float]) -> str:
+    return f"{min(ratios):.2f} to {max(ratios):.2f}" if ratios else "-"
 
 
 if __name__ == "__main__":

@@ -250,11 +250,14 @@ class _Windows:
         self._steps = [1 << k for k in range(int(level.max(initial=0)))]
         self._left = level * columns + first
         self._right = level * columns + last + 1 - (1 << level.astype(np.int64))
+        self._runs: Float = np.zeros((0, 0))  # used again; what reaches beyond the columns stays infinite
 
     def least_of(self, values: Float) -> Float:
         """(m, R) for values (m, R)."""
         rows, columns = values.shape
-        runs = np.full((rows, columns * (len(self._steps) + 1)), np.inf)
+        if rows > len(self._runs):
+            self._runs = np.full((rows, columns * (len(self._steps) + 1)), np.inf)
+        runs = self._runs[:rows]
         runs[:, :columns] = values
         for level, step in enumerate(self._steps):
             one = runs[:, level * columns : (level + 1) * columns]

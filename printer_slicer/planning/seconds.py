@@ -66,6 +66,7 @@ class LayerTimes:
         self._share = place - self._below
         self._above, self._on_bed = (self._paces(first=first) for first in (False, True))
         self._between = self._travels()
+        self._known: dict[tuple[float, bool], Float] = {}
 
     def seconds(self, which: Int, height: float) -> Float:
         """(m,) s, for layers of `height` mm that are cut at the heights `z[which]`."""
@@ -89,6 +90,12 @@ class LayerTimes:
 
     def _layer(self, height: float, paces: _Paces) -> Float:
         """(L,) s, of a layer at each level."""
+        known = self._known.get((height, paces is self._on_bed))
+        if known is None:
+            known = self._known[height, paces is self._on_bed] = self._timed(height, paces)
+        return known
+
+    def _timed(self, height: float, paces: _Paces) -> Float:
         material, printer = self._profile.material, self._profile.printer
         laid, laying = self._lines(height, paces)
         idle = self._between + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)
