@@ -39,4 +39,4 @@ def test_beads_of_changing_width_and_own_height_get_the_volume_of_their_own_shap
     assert program.width[beads] == pytest.approx([0.55, 0.85, 0.5])
     assert program.height[beads] == pytest.approx([0.3, 0.3, 0.2])
     flow = fed / 3 * program.speed[beads]
-    assert (flow[:2] <= wanted.material.max_flow + 1e-9).all()
+    assert (flow[:2] <= wanted.max_flow + 1e-9).all()

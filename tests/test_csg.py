@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.checking import Check, check_gcode
-from printer_slicer.geometry import difference, offset, offset_open
+from printer_slicer.geometry import Areas, difference, offset, offset_open
 from printer_slicer.ledger import Finding
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import gcode_of, slice_stages
@@ -95,9 +95,13 @@ def own(check: Check) -> list[Finding]:
 
 def hangs(check: Check, layer: int) -> bool:
     """Whether the section reaches out over air by more than a bead's width."""
+    return bool(offset_open(overhang(check, WIDTH), WIDTH / 2).area()[layer] > 0)
+
+
+def overhang(check: Check, reach: float) -> Areas:
+    """What of each section lies more than `reach` mm beside the section below it."""
     solid = check.ledger.sections
-    out = difference(solid, offset(solid.raised(1), WIDTH))
-    return bool(offset_open(out, WIDTH / 2).area()[layer] > 0)
+    return difference(solid, offset(solid.raised(1), reach))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -113,7 +117,9 @@ def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
 def test_planted_faults_are_found_in_the_middle_and_near_the_tips(fault: str, seed: int) -> None:
     mesh, text = sliced(seed)
     area = checked(seed).ledger.sections.area()
-    small = [k for k in range(1, len(area) - 1) if 2.5 < area[k] < 20.0]
+    # Where sections grow fast, beads of the walls lie in the air, which is another finding.
+    carried = overhang(checked(seed), WIDTH / 2).area() == 0
+    small = [k for k in range(1, len(area) - 1) if 2.5 < area[k] < 20.0 and carried[k]]
     layers = {int(np.argmax(area[:-1])), *(small[:1] or []), *(small[-1:] or [])}
     for layer in layers:
         check = check_gcode(with_layer(text, layer, FAULTS[fault]), mesh)

@@ -88,7 +88,10 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
         widths.append(((wide[:-1] + wide[1:]) / 2)[moves])
 
     laid = np.stack([program.start, program.xyz], axis=1)[is_bead(program)]
-    assert np.array_equal(laid[:, :, :2], np.concatenate(segments))
+    wanted = np.concatenate(segments)
+    assert np.array_equal(laid[:, 1, :2], wanted[:, 1])
+    # What is shorter than 3 µm is laid with the bead after it.
+    assert laid[:, 0, :2] == pytest.approx(wanted[:, 0], abs=0.003)
     role = program.role[is_bead(program)]
     given = np.repeat(paths.role, [len(one) for one in segments])
     # A perimeter's bead that hangs has a name of its own.
@@ -170,7 +173,10 @@ def test_every_bead_gets_the_filament_of_its_width_and_its_layers_height(printer
     per_mm = bead.filament_per_mm(
         program.width, UNEVEN.height[program.layer], wanted.material.filament_diameter
     )
-    assert program.filament[beads] == pytest.approx(0.97 * (per_mm * travelled(program))[beads])
+    # What is shorter than 3 µm is laid with the bead after it.
+    assert program.filament[beads] == pytest.approx(
+        0.97 * (per_mm * travelled(program))[beads], abs=0.003 * per_mm.max()
+    )
     assert (travelled(program)[beads] > 0).all()
 
 

@@ -166,6 +166,29 @@ def test_deeper_loops_come_first_within_a_layer() -> None:
         assert lengths == sorted(lengths)
 
 
+@pytest.mark.parametrize("diameter", [0.5, 0.55, 0.6, 1.3])
+@pytest.mark.parametrize("longer", [0.0, 0.002, 0.02, 0.1, 0.15])
+def test_small_islands_that_are_hardly_longer_than_wide_get_their_plastic(
+    diameter: float, longer: float
+) -> None:
+    """Their last bead is nearly a dot: a line as short as that would hold hardly anything."""
+    turn = np.arange(60) * (2 * np.pi / 60)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)]) * diameter / 2
+    ring[:, 0] += np.where(np.cos(turn) > 0, longer, 0.0) + 100
+    plan = LayerPlan.from_tops(np.array([0.2]))
+    sections = Sections(plan, Areas.from_rings([[ring]]))
+
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    paths = walls.paths
+    area = bead.cross_section(paths.width, 0.2)
+    laid = 0.0
+    for i in range(paths.n_paths):
+        one = np.concatenate([paths.path(i), paths.path(i)[:1]]) if paths.closed[i] else paths.path(i)
+        laid += float(np.hypot(*np.diff(one, axis=0).T).sum() * area[paths.start[i]])
+    assert 0.7 < laid / (sections.solid.area()[0] * 0.2) < 1.2
+
+
 def test_a_hole_is_followed_the_other_way_round() -> None:
     walls = lay_walls(sections_of(box_with_hole((20, 20, 2))), plain(perimeters=2))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.geometry.areas import distinct, lengths, run_begins
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import dot, norm
@@ -71,7 +72,21 @@ class Lines:
 
 def middle_lines(layout: Layout, beading: Beading) -> Lines:
     """One polyline along every stretch of pieces with a bead in the middle; dots where there is room for no more."""
-    return _along(layout, beading).merge(_dots(layout, beading))
+    lines, short = _along(layout, beading)
+    dots = _as_dots(short).merge(_dots(layout, beading))
+    return lines.merge(dots.take(~_beside(dots, lines)))
+
+
+def _beside(dots: Lines, lines: Lines) -> Bool:
+    """(m,) which dots, each a ring, lie where a line or a dot before it lies already."""
+    low, high = (
+        side.reduceat(dots.xy, np.cumsum(dots.size) - dots.size, axis=0) for side in (np.minimum, np.maximum)
+    )
+    points = Boxes(lines.xy, lines.xy, np.repeat(lines.layer, lines.size))
+    around = Boxes(low, high, dots.layer)
+    result = around.touched(points)
+    result[np.maximum(*around.neighbours())] = True
+    return result
 
 
 def _dots(layout: Layout, beading: Beading) -> Lines:
@@ -88,21 +103,26 @@ def _dots(layout: Layout, beading: Beading) -> Lines:
     taken[layout.graph.ends[layout.middle]] = True
     port = port[~taken[layout.point[port]]]
     width, middle = layout.width[-1, port], layout.graph.xy[layout.point[port]]
+    return _rings(middle, width, np.pi / 4 * width, layout.graph.layer[layout.point[port]], count[port] // 2)
+
+
+def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -> Lines:
+    """Small rings (m,) of given length around points (m, 2)."""
     turn = np.arange(_CORNERS) * (2 * np.pi / _CORNERS)
-    ring = np.column_stack([np.cos(turn), np.sin(turn)]) * (np.pi / 8 / np.sin(np.pi / _CORNERS) / _CORNERS)
-    n = len(port)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)]) / (2 * np.sin(np.pi / _CORNERS) * _CORNERS)
+    n = len(middle)
     return Lines(
-        (middle[:, None] + ring * width[:, None, None]).reshape(-1, 2),
+        (middle[:, None] + ring * length[:, None, None]).reshape(-1, 2),
         np.repeat(width, _CORNERS),
         np.full(n, _CORNERS),
-        layout.graph.layer[layout.point[port]],
-        count[port] // 2,
+        layer,
+        depth,
         np.ones(n, np.bool_),
     )
 
 
-def _along(layout: Layout, beading: Beading) -> Lines:
-    """One polyline along every stretch of pieces with a bead in the middle.
+def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
+    """One polyline along every stretch of pieces with a bead in the middle; and those too short for a line.
 
     Where three stretches meet, the two that go on straightest are one line; the others end at its side.
     """
@@ -110,7 +130,8 @@ def _along(layout: Layout, beading: Beading) -> Lines:
     half = np.flatnonzero(np.repeat(layout.middle, 2))
     if not len(half):
         none = np.zeros(0, np.int64)
-        return Lines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
+        no_lines = Lines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
+        return no_lines, no_lines
     number = np.full(len(graph.start), -1)
     number[half] = np.arange(len(half))
     partner, met = _partners(
@@ -133,9 +154,17 @@ def _along(layout: Layout, beading: Beading) -> Lines:
     order = order[np.lexsort((rank[order], lowest[order]))]
     steps = _Chosen(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
     lines = _polylines(layout, steps)
-    length = lines.length()
+    short = lines.length() < _LEAST * lines.width[np.cumsum(lines.size) - 1]
     outer = (lines.depth == 0) & (beading.loops > 0)
-    return lines.take(outer | (length >= _LEAST * lines.width[np.cumsum(lines.size) - 1]))
+    return lines.take(~short), lines.take(short & outer)
+
+
+def _as_dots(lines: Lines) -> Lines:
+    """Rings instead of lines that are shorter than wide, which would hold nothing of their round ends' plastic."""
+    first = np.cumsum(lines.size) - lines.size
+    middle = np.add.reduceat(lines.xy, first, axis=0) / lines.size[:, None]
+    width = lines.width[first]
+    return _rings(middle, width, np.pi / 4 * width + lines.length(), lines.layer, lines.depth)
 
 
 def _partners(point: Int, way: Float) -> tuple[Int, Bool]:

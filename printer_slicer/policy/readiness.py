@@ -22,7 +22,9 @@ __all__ = ["Readiness"]
 
 _AXES: Final = "XYZ"
 _COLDEST: Final = 170.0  # °C; Marlin's EXTRUDE_MINTEMP
-_COOLS: Final = 30.0  # s that a hotend at printing temperature stays warm enough to extrude, about
+_COOLS: Final = (
+    10.0  # s after which plastic flows no more as it should; a hotend falls by one to three °C each second
+)
 _UNKNOWN, _HOMED, _LOOSE = range(3)
 _COLD, _HEATING, _HOT, _COOLING, _COOLED = range(5)
 _WAITS: Final = frozenset({"M109", "M116", "M190", "M191", "G29", "TEMPERATURE_WAIT"})
@@ -99,7 +101,13 @@ class Readiness:
         why = "the firmware does not turn a cold extruder: heat it and wait first, M109 S and a temperature"
         self._keep("cold", "extrudes before the nozzle is hot", why, moves, turns & (heat <= _HEATING))
         off = (heat == _COOLED) | self._cooled(moves, heat == _COOLING)
-        self._keep("cold", "extrudes long after the nozzle was switched off", why, moves, lays & off)
+        self._keep(
+            "cold",
+            f"extrudes more than {_COOLS:g} s after the nozzle was switched off",
+            why,
+            moves,
+            lays & off,
+        )
 
     def findings(self, commands: Sequence[bytes]) -> Iterator[Finding]:
         """What was wrong, each thing once; `commands` of the job are shown in it."""

@@ -228,7 +228,7 @@ def test_an_unknown_planner_is_refused_and_the_known_ones_are_listed(command: li
 
 
 BAD_PROFILES = [
-    ("broken", 'name = "x\n', ["line 1"]),
+    ("broken", 'name = "x\n', ["broken.toml:1: not valid TOML"]),
     ("unknown", 'inherits = "standard"\nperimetres = 3\n', ["perimetres", "perimeters"]),
     ("table", 'inherits = "standard"\n[spedes]\ntravel = 3\n', ["spedes"]),
     ("bound", 'inherits = "standard"\ninfill_density = 1.5\n', ["quality.infill_density", "<= 1", "1.5"]),

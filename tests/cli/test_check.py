@@ -37,7 +37,9 @@ def test_a_file_that_is_right_passes(gcode: Path) -> None:
     done = typed("check", gcode, "--model", BOX)
 
     assert done.code == 0
-    assert done.out.startswith("box.gcode against box.stl: nothing is beyond its limit\n")
+    machine, first = done.out.splitlines()[:2]
+    assert machine == "marlin_220 (from the file), pla (from the file), standard (from the file)"
+    assert first == "box.gcode against box.stl: nothing is beyond its limit"
     assert "shell holds" in done.out
     assert "x +110.000 y +110.000 z +0.000" in done.out
     assert done.err == ""

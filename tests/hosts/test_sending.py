@@ -27,9 +27,8 @@ def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
 def gcode(tmp_path: Path) -> Path:
     """A file that is sent in many pieces."""
     path = tmp_path / "a part.gcode"
-    path.write_bytes(
-        b"".join(b"G1 X%d Y%d E%.2f F1800\n" % (i % 200, i % 180, i / 20) for i in range(100_000))
-    )
+    lines = (b"G1 X%d Y%d E%.2f F1800\n" % (i % 200, i % 180, i / 20) for i in range(100_000))
+    path.write_bytes(b"G28\nM109 S210\n" + b"".join(lines))
     return path
 
 

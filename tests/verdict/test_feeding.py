@@ -189,7 +189,7 @@ def test_a_known_part_tells_which_layers_lack_plastic() -> None:
     (fault,) = told(verdict)
 
     assert fault.kind == "clog"
-    assert "12 layers from 9 to 20 hold less plastic than the part wants" in fault.what
+    assert "11 layers from 10 to 20 hold less plastic than the part wants" in fault.what
     assert "40%" in fault.what
 
 

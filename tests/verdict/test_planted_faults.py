@@ -82,7 +82,7 @@ def layers_missing(lines: Lines) -> int:
 
 
 def into_the_print(lines: Lines) -> int:
-    at = next_line(lines, begin(lines, 12), ";TYPE:External") + 1
+    at = next_line(lines, next_line(lines, begin(lines, 12), ";TYPE:External"), BEAD)
     lines.insert(at, f"G1 Z{height(lines, 12) - 0.45:.3f}")
     lines.insert(at + 2, f"G1 Z{height(lines, 12):.3f}")
     return at + 1
