@@ -97,7 +97,7 @@ def _flavour(made: Conversion) -> None:
     word = preset.text("gcode_flavor").strip().lower()
     notes = preset.text("printer_notes")
     macro = _macro_of_klipper(preset)
-    if macro and word in ("marlin", "marlin2"):
+    if macro and word in ("marlin", "marlin2", *_NEAR_FLAVOURS):
         how = f"{word} in the source, but {macro} is a macro of Klipper's"
         made.put("flavour", "klipper", "gcode_flavor", how)
         made.warn("gcode_flavor", f"{how}: taken as Klipper; set flavour if the firmware is another")

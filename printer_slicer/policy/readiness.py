@@ -1,8 +1,8 @@
 """Whether the machine is ready when a job needs it: homed before it moves, hot before it extrudes.
 
 The simulated printer tells the same by its own state; here whole arrays of moves are held against the commands that
-home, heat and switch motors off, so that `check` refuses what a dry run refuses. Macros whose name says START are taken
-for homing and heating, for what they hold is in the printer.
+home, heat and switch motors off, so that `check` refuses what a dry run refuses. Macros whose name says that they
+start prints are taken for homing and heating, for what they hold is in the printer.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from printer_slicer.gcode import Moves
 from printer_slicer.geometry import Bool, Float
+from printer_slicer.own_macros import starts_prints
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.words import Command
 
@@ -77,7 +78,7 @@ class Readiness:
     def follow(self, index: int, command: Command) -> None:
         """One more command, in the order of the job."""
         code = command.code
-        if code in _MACROS or ("START" in code and code[:1] not in "GMT"):
+        if code in _MACROS or starts_prints(code):
             self._home(index, _AXES)
             self._heat.set(index, _HOT)
         elif code == "G28":

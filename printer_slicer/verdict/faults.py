@@ -12,12 +12,23 @@ from printer_slicer.commands import lines_of
 from printer_slicer.deposition.marks import Mishap
 from printer_slicer.jobs import Job
 from printer_slicer.ledger.executed import Account
+from printer_slicer.own_macros import ends_prints, starts_prints
 from printer_slicer.policy.motion import MELTS
 from printer_slicer.profile import Profile
 from printer_slicer.sim.tally import Report, kind_of
 from printer_slicer.verdict.comparison import Comparison
 
-__all__ = ["Fault", "Places", "left_on", "of_machine", "of_material", "rule_of", "sentence", "starved"]
+__all__ = [
+    "Fault",
+    "Places",
+    "left_on",
+    "made_ready",
+    "of_machine",
+    "of_material",
+    "rule_of",
+    "sentence",
+    "starved",
+]
 
 _SLOW: Final = 2.0  # mm/s; nobody prints like that
 _ENOUGH: Final = 50.0  # mm of beads before a whole file is judged by how fast they are laid
@@ -33,7 +44,7 @@ _KNOWN: Final = re.compile(
 
 
 _TURNS_OFF: Final = "TURN_OFF_HEATERS"
-_ENDS_PRINTS: Final = re.compile(rb"(?i)(?:\w*_)?(?:END|FINISH|OFF|COOLDOWN|COOL)(?:_\w*)?(?=\s|$)")
+_BEFORE_LAYERS: Final = 1000  # commands in which a file without comments makes the printer ready
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,9 +288,27 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
 def _macro_behind(job: Job, last: int) -> str:
     """The last macro behind a command that by its name ends prints or cools; empty where none is."""
     for command in reversed(job.commands[last + 1 :]):
-        if found := _ENDS_PRINTS.match(command):
-            return found[0].decode("ascii")
+        if macro := ends_prints(command.decode("latin-1")):
+            return macro
     return ""
+
+
+def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Fault]]:
+    """The macro of the printer's own that is trusted to home and to heat, for nothing before it homes.
+
+    Args:
+        job: that was executed.
+        profile: whose firmware may have macros.
+    """
+    if not profile.printer.firmware.extended_commands:
+        return
+    for index, command in enumerate(job.commands[: min(job.marks, default=_BEFORE_LAYERS)]):
+        if command[:3].upper() == b"G28":
+            return
+        if macro := starts_prints(command.decode("latin-1")):
+            what = f"{macro} is a macro of the printer's own; it is taken to home all axes and to heat"
+            yield index, Fault("homing", what, "see that it does", harmless=True)
+            return
 
 
 def starved(report: Report, comparison: Comparison, baud: int, *, asked: bool) -> Iterator[tuple[int, Fault]]:

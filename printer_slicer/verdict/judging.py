@@ -16,7 +16,16 @@ from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
 from printer_slicer.verdict.causes import Cause, causes_of, explained, layer_of, left_over
 from printer_slicer.verdict.comparison import Comparison
-from printer_slicer.verdict.faults import Fault, Places, left_on, of_machine, of_material, sentence, starved
+from printer_slicer.verdict.faults import (
+    Fault,
+    Places,
+    left_on,
+    made_ready,
+    of_machine,
+    of_material,
+    sentence,
+    starved,
+)
 from printer_slicer.verdict.feeding import clogged, misread, short_of
 
 __all__ = ["Seen", "Verdict", "judge"]
@@ -127,7 +136,7 @@ def judge(
     account, targets, link, end, total_seconds = seen or Seen()
     waited = report.homing_seconds + report.heating_seconds
     before = set(_heights_before(job))
-    found = list(of_machine(job, report, comparison))
+    found = [*made_ready(job, profile), *of_machine(job, report, comparison)]
     if account is not None:
         found = _with_material(job, profile, report, comparison, (account, found))
         if "unsupported" in job.allowed:

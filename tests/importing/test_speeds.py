@@ -133,3 +133,13 @@ def test_old_marlin_is_told(tmp_path: Path) -> None:
 
     assert printer.values["flavour"] == "marlin_legacy"
     assert "Marlin 1.1" in {one.ours: one.how for one in printer.taken}["flavour"]
+
+
+@pytest.mark.parametrize("flavour", ["reprap", "reprapfirmware"])
+def test_a_macro_tells_klipper_from_the_oldest_firmware_only(tmp_path: Path, flavour: str) -> None:
+    printer = loaded(
+        imported(flat_file(tmp_path, gcode_flavor=flavour, start_gcode="START_PRINT EXTRUDER_TEMP=200")),
+        tmp_path,
+    ).printer
+
+    assert printer.flavour == ("klipper" if flavour == "reprap" else "reprapfirmware")
