@@ -20,6 +20,15 @@ __all__ = ["own_in_3mf"]
 
 _RANGES: Final = ("Metadata/Prusa_Slicer_layer_config_ranges.xml", "Metadata/layer_config_ranges.xml")
 _HEIGHTS: Final = ("Metadata/Slic3r_PE_layer_heights_profile.txt", "Metadata/layer_heights_profile.txt")
+_STOPS: Final = ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", "Metadata/custom_gcode_per_layer.xml")
+_KINDS_OF_STOPS: Final = {
+    "0": "change of colour",
+    "1": "pause",
+    "2": "change of tool",
+    "3": "G-code of the printer's template",
+    "4": "G-code",
+}
+_SHOWN: Final = 5
 _ABOUT_VOLUMES: Final = frozenset(
     {"name", "volume_type", "modifier", "matrix", "source_file", "source_object_id", "source_volume_id"}
     | {
@@ -50,7 +59,7 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
     Raises:
         ProfileError: the project is damaged.
     """
-    texts = unpacked(path, {*OBJECTS_IN_3MF, *_RANGES, *_HEIGHTS})
+    texts = unpacked(path, {*OBJECTS_IN_3MF, *_RANGES, *_HEIGHTS, *_STOPS})
     name = next((one for one in OBJECTS_IN_3MF if one in texts), "")
     objects = _Objects(f"{path}: {name}").read(texts[name]) if name else []
     for one in _RANGES:
@@ -61,6 +70,7 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
         for one in _HEIGHTS
         if texts.get(one, "").strip()
     ]
+    notes += [note for one in _STOPS if one in texts for note in _Stops(f"{path}: {one}").read(texts[one])]
     found: list[Own] = []
     for called, group in _by_name(objects).items():
         place = f"{path}: {name}: {called or 'an object without a name'}"
@@ -223,3 +233,28 @@ class _Ranges(_Xml):
             if _usual(self._key, settings[self._key].strip()):
                 del settings[self._key]
         self._key = None
+
+
+class _Stops(_Xml):
+    """What a person put at heights with the slider of layers: pauses, changes of colour, G-code."""
+
+    def __init__(self, place: str) -> None:
+        super().__init__(place)
+        self._found: list[str] = []
+
+    def read(self, text: str) -> list[Note]:
+        """What a person should know of a document."""
+        self.parse(text)
+        if not self._found:
+            return []
+        which = ", ".join(self._found[:_SHOWN]) + (", ..." if len(self._found) > _SHOWN else "")
+        return [
+            Note(self._place, f"what is put at heights is left out: {which}; quality.pause_at has pauses")
+        ]
+
+    def begin(self, tag: str, given: dict[str, str]) -> None:
+        """One of them: `code` with `print_z` in PrusaSlicer, `layer` with `top_z` in OrcaSlicer and BambuStudio."""
+        height = given.get("print_z" if tag == "code" else "top_z", "")
+        if tag in ("code", "layer") and height:
+            kind = _KINDS_OF_STOPS.get(given.get("type", ""), given.get("gcode", "") or "G-code")
+            self._found.append(f"{kind} at z {height} mm")

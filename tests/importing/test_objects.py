@@ -224,3 +224,33 @@ def test_damaged_projects_are_refused(tmp_path: Path, objects: str, said: str) -
         import_profiles(project(tmp_path, objects))
 
     assert caught.value.remedy
+
+
+STOPS = (
+    '<custom_gcodes_per_print_z><code print_z="4.2" type="1" extruder="1" color="" extra="" gcode="M601"/>'
+    '<code print_z="6.4" type="0" extruder="1" color="#FF0000" extra="" gcode="M600"/>'
+    '<mode value="SingleExtruder"/></custom_gcodes_per_print_z>'
+)
+LAYERS = (
+    '<custom_gcodes_per_layer><plate><plate_info id="1"/>'
+    '<layer top_z="4.2" type="1" extruder="1" color="" extra="" gcode="M400 U1"/>'
+    '<layer top_z="6.4" type="4" extruder="1" color="" extra="" gcode="M117 x"/>'
+    "</plate></custom_gcodes_per_layer>"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "second"),
+    [
+        ("Metadata/Prusa_Slicer_custom_gcode_per_print_z.xml", STOPS, "change of colour at z 6.4 mm"),
+        ("Metadata/custom_gcode_per_layer.xml", LAYERS, "G-code at z 6.4 mm"),
+    ],
+)
+def test_pauses_and_changes_of_colour_at_heights_are_named(
+    tmp_path: Path, name: str, text: str, second: str
+) -> None:
+    made = quality(tmp_path, body("lid", {}), more={name: text})
+
+    (told,) = [note.text for note in made.notes if "at heights" in note.text]
+    assert "pause at z 4.2 mm" in told
+    assert second in told
