@@ -18,6 +18,7 @@ from printer_slicer.geometry import Bool, Float
 from printer_slicer.own_macros import starts_prints
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.words import Command
+from printer_slicer.sim.moves import HARMLESS_LIFT
 
 __all__ = ["Readiness"]
 
@@ -67,9 +68,14 @@ class _Found:
 
 
 class Readiness:
-    """Follows the commands of a whole job, then sees its moves piece by piece."""
+    """Follows the commands of a whole job, then sees its moves piece by piece.
 
-    def __init__(self) -> None:
+    Args:
+        flavour: of the firmware; Klipper moves nothing before homing, others may be raised a little.
+    """
+
+    def __init__(self, flavour: str = "marlin") -> None:
+        self._may_lift = flavour != "klipper"
         self._homed: set[str] = set()
         self._axes, self._heat = _Track(), _Track()
         self._cooling = 0.0
@@ -97,7 +103,8 @@ class Readiness:
         turns = moves.delta[:, 3] != 0
         lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
         why = "where the nozzle is, is not known: begin with G28"
-        self._keep("homing", "moves before homing", why, moves, goes & (axes == _UNKNOWN))
+        lifts = self._lifts(moves)
+        self._keep("homing", "moves before homing", why, moves, goes & (axes == _UNKNOWN) & ~lifts)
         self._keep("homing", "extrudes after the motors were off", why, moves, lays & (axes == _LOOSE))
         why = "the firmware does not turn a cold extruder: heat it and wait first, M109 S and a temperature"
         self._keep("cold", "extrudes before the nozzle is hot", why, moves, turns & (heat <= _HEATING))
@@ -137,6 +144,11 @@ class Readiness:
     def _standby(command: Command) -> bool:
         """Whether a tool is named, which may be another than the one that prints."""
         return "T" in command.words or "P" in command.words
+
+    def _lifts(self, moves: Moves) -> Bool:
+        """(K,) which moves only raise the nozzle a little, as many start G-codes do on their way to homing."""
+        x, y, z = moves.delta[:, :3].T
+        return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= HARMLESS_LIFT))
 
     def _cooled(self, moves: Moves, cooling: Bool) -> Bool:
         """(K,) which moves come so long after the nozzle was switched off that it is too cold."""

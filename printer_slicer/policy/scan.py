@@ -55,7 +55,7 @@ def scan(
         moves = pieces_of(commands, profile.printer.corners[0], dialect)
     found: dict[_Key, Finding] = {}
     factors: list[tuple[int, float]] = []
-    heat, readiness = Heat(profile), Readiness()
+    heat, readiness = Heat(profile), Readiness(profile.printer.flavour)
     for index, line in unusual(commands):
         for command in read_commands(line):
             readiness.follow(index, command)

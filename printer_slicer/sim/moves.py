@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FARTHEST",
+    "HARMLESS_LIFT",
     "STOP_SECONDS",
     "TABLE",
     "firmware_retraction",
@@ -41,6 +42,8 @@ FARTHEST: Final = 1000.0
 """mm outside the machine where nothing guards its edges: a number beyond is a slip, and no frame lets it come true."""
 
 HOMING_REACH: Final = 1.5
+HARMLESS_LIFT: Final = 10.0
+"""mm up that a printer has room for wherever its nozzle stands; Klipper refuses to go there before homing."""
 
 LARGEST_BABYSTEP: Final = 2.0
 BABYSTEP_SPEED: Final = 2.0
@@ -97,8 +100,11 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
     over = 0.0 if board.guarded else FARTHEST
     x, y, z, e = goal
     if not board.guarded and not board.warned_unhomed and not all(board.homed) and goal[:3] != old[:3]:
-        board.warned_unhomed = True
-        board.violated("moved before homing")
+        if _lifts(board, old, goal):
+            board.violated("raised the nozzle before homing")
+        else:
+            board.warned_unhomed = True
+            board.violated("moved before homing")
     if not (
         low[0] - over <= x <= high[0] + over
         and low[1] - over <= y <= high[1] + over
@@ -128,6 +134,12 @@ def _prepared(board: Board, goal: Axes) -> Block | None:
         board.filament += de
         board.tally.filament_retracted -= de
     return block
+
+
+def _lifts(board: Board, old: Axes, goal: Axes) -> bool:
+    """Whether a move only raises the nozzle a little, as many start G-codes do on their way to homing."""
+    lift = goal[2] - old[2]
+    return board.front_end.flavour != "klipper" and goal[:2] == old[:2] and 0.0 < lift <= HARMLESS_LIFT
 
 
 def _refuse_extrusion(board: Board) -> None:

@@ -104,6 +104,8 @@ class _Rule(NamedTuple):
     remedy: str
 
 
+_LIFTED: Final = "raised the nozzle before homing"
+
 _RULES: Final[Mapping[str, _Rule]] = {
     "cold extrusion prevented": _Rule("cold", "heat the nozzle first: M109 S and a temperature"),
     "too long extrusion prevented": _Rule("extrusion", "look at M82, M83 and G92 E0 before it"),
@@ -111,6 +113,7 @@ _RULES: Final[Mapping[str, _Rule]] = {
         "box", "move the part, or name the printer that it was made for with --printer"
     ),
     "moved before homing": _Rule("homing", "begin with G28"),
+    _LIFTED: _Rule("homing", "home first, if the nozzle may stand at the top"),
     "probed before homing": _Rule("homing", "put G28 before G29"),
     "unknown command": _Rule("unknown", "the printer passes over it; is the file made for this firmware?"),
     "hotend asked for": _Rule("temperature", "choose a temperature that the printer stands"),
@@ -182,7 +185,7 @@ def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tup
         same = sum(kind_of(one.text) == kind and code in one.text for one in report.violations)
         times = same if rule.kind == "unknown" else report.violation_counts.get(kind, 1)
         remedy = _INCHES if rule.kind == "box" and inches else rule.remedy
-        harmless = rule.kind == "unknown" and _KNOWN.match(code) is not None
+        harmless = kind == _LIFTED or (rule.kind == "unknown" and _KNOWN.match(code) is not None)
         yield (
             comparison.command_of(violation.line),
             Fault(rule.kind, what, remedy, times=times, harmless=harmless),
