@@ -10,6 +10,7 @@ import pytest
 from benchmarks.readme import BLOCKS, written
 from printer_slicer.planning import PLANNERS
 from printer_slicer.policy import NAMES
+from printer_slicer.profile import load_profile
 from printer_slicer.stream.states import TRANSITIONS
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -40,6 +41,18 @@ def test_the_table_of_names_that_allow_is_the_one_in_the_code() -> None:
     )
 
     assert written.splitlines()[2:] == [f"| `{name}` | {meaning} |" for name, meaning in NAMES.items()]
+
+
+def changes_shown() -> list[tuple[str, str]]:
+    """(key, value) of every `--set KEY=VALUE` in the documents, placeholders apart."""
+    texts = [path.read_text() for path in [*sorted(DOCS.rglob("*.md")), DOCS.parent / "README.md"]]
+    shown = re.findall(r"--set ([\w.]+)=([^`\s\"']+)", "\n".join(texts))
+    return sorted({(key, value) for key, value in shown if not value.isupper()})
+
+
+@pytest.mark.parametrize(("key", "value"), changes_shown())
+def test_settings_that_the_documents_change_can_be_changed_so(key: str, value: str) -> None:
+    load_profile(changes={key: value})
 
 
 @pytest.mark.parametrize("name", BLOCKS)

@@ -68,6 +68,8 @@ def nearest(key: str, known: Sequence[str]) -> str:
 def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tuple[str, str]:
     """Which section and key a change means: `quality.perimeters`, or `perimeters` where only one section has it.
 
+    Settings of the chosen planner may be named alone, too: `smooth` for `quality.planner.smooth`.
+
     Raises:
         ProfileError: none has it, or several have.
     """
@@ -76,6 +78,7 @@ def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tu
     matches = exact or [(kind, path) for kind, path in known if path == key]
     if key.partition(".")[0] in INNER["quality"]:
         matches = [one for one in matches if one[0] == "quality"] or matches
+    matches = matches or [("quality", path) for _, path in known if path == f"planner.{key}"]
     if len(matches) == 1:
         return matches[0]
     if matches:

@@ -119,6 +119,11 @@ def test_a_setting_of_another_planner_is_answered_with_the_planner(key: str) -> 
     assert "--planner optimal" in str(refused.value)
 
 
+@pytest.mark.parametrize("key", ["max_step", "planner.max_step", "quality.planner.max_step"])
+def test_a_setting_of_the_chosen_planner_may_be_named_alone(key: str) -> None:
+    assert load_profile(None, None, None, {key: 0.02}).dials.max_step == 0.02
+
+
 @pytest.mark.parametrize("text", ["nan", "0.1, inf", "-0.1", "0", "5"])
 def test_heights_that_no_printer_has_are_refused(text: str) -> None:
     with pytest.raises(ProfileError) as caught:
