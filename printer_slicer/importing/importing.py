@@ -19,6 +19,7 @@ from printer_slicer.importing.qualities import quality_from
 from printer_slicer.importing.report import Imported, Refused
 from printer_slicer.importing.safety import CEILINGS, Ceilings, check_safe
 from printer_slicer.importing.sources import Found, presets_in
+from printer_slicer.importing.usual import with_usual
 
 __all__ = ["Wanted", "import_found", "import_profiles"]
 
@@ -89,14 +90,18 @@ def _of_few(presets: Sequence[Preset], wanted: Wanted) -> Iterator[Imported | Re
     """Presets that belong together: they know of each other."""
     printer = next((preset for preset in presets if preset.kind == "printer"), None)
     quality = next((preset for preset in presets if preset.kind == "quality"), None)
-    for preset in presets:
-        if not wanted.takes(preset.kind, preset.name):
-            continue
-        other = printer if preset.kind in _WITH_PRINTER else quality
-        known = _beside(preset, other)
+
+    def made(preset: Preset) -> Imported | Refused:
+        known = _beside(preset, printer if preset.kind in _WITH_PRINTER else quality)
         if preset.kind == "material" and quality is not None:
             known = replace(known, heights=_heights(quality))
-        yield _one(known, presets, wanted)
+        return _one(known, presets, wanted)
+
+    done = [made(preset) for preset in presets]
+    others = [one for one in done if isinstance(one, Imported) and one.kind in _WITH_PRINTER]
+    for one in done:
+        if wanted.takes(one.kind, one.name):
+            yield with_usual(one, others) if isinstance(one, Imported) and one.kind == "printer" else one
 
 
 def _heights(quality: Preset) -> tuple[float, float]:
@@ -120,7 +125,13 @@ def _of_bundle(bundle: Bundle, wanted: Wanted) -> Iterator[Imported | Refused]:
             yield preset
             continue
         suiting = [one for one in others if bundle.suits(one, preset)] if preset.kind == "printer" else ()
-        yield _one(preset, suiting, wanted)
+        made = _one(preset, suiting, wanted)
+        if isinstance(made, Imported) and made.kind == "printer":
+            names = {kind: bundle.companion(preset, kind) for kind in _WITH_PRINTER}
+            usual = [_beside(one, preset) for one in suiting if one.name == names[one.kind]]
+            known = [_one(one, (), wanted) for one in usual]
+            made = with_usual(made, [one for one in known if isinstance(one, Imported)])
+        yield made
 
 
 def _triple(bundle: Bundle, wanted: Wanted) -> list[Preset]:

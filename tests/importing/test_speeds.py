@@ -143,3 +143,50 @@ def test_a_macro_tells_klipper_from_the_oldest_firmware_only(tmp_path: Path, fla
     ).printer
 
     assert printer.flavour == ("klipper" if flavour == "reprap" else "reprapfirmware")
+
+
+def test_a_printer_has_the_speeds_flow_and_pressure_advance_that_come_with_it(tmp_path: Path) -> None:
+    path = flat_file(
+        tmp_path,
+        infill_acceleration="650",
+        enable_dynamic_overhang_speeds="1",
+        overhang_speed_1="50%",
+        filament_max_volumetric_speed="17",
+        start_filament_gcode="M900 K0.043",
+    )
+    made = imported(path)
+    printer = loaded({"printer": made["printer"]}, tmp_path).printer
+
+    own = loaded(made, tmp_path).speeds
+    assert printer.speeds.outer_perimeter == own.outer_perimeter == 24
+    assert (printer.speeds.travel, printer.speeds.first_layer) == (own.travel, own.first_layer)
+    assert printer.speeds.overhang_25 == 12
+    assert printer.accelerations.sparse == 650
+    assert (printer.hotend_max_flow, printer.pla_pressure_advance) == (17, 0.043)
+
+
+def test_a_quality_of_ours_prints_as_fast_on_an_imported_printer_as_its_own(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path, perimeter_speed="120", infill_speed="180", travel_speed="250"))
+    ours = loaded({"printer": made["printer"]}, tmp_path).speeds
+
+    assert (ours.inner_perimeter, ours.sparse, ours.travel) == (120, 180, 250)
+
+
+def test_materials_without_pla_do_not_tell_what_the_hotend_melts(tmp_path: Path) -> None:
+    made = imported(flat_file(tmp_path, filament_type="TPU", filament_max_volumetric_speed="3"))
+
+    assert "hotend_max_flow" not in made["printer"].values
+
+
+def test_a_printer_of_a_bundle_has_the_speeds_of_its_usual_print_settings(tmp_path: Path) -> None:
+    path = tmp_path / "Acme.ini"
+    path.write_text(
+        "[vendor]\nname = Acme\n[print:Slow]\nperimeter_speed = 31\n[print:Usual]\nperimeter_speed = 57\n"
+        "[filament:PLA]\nfilament_type = PLA\nfilament_max_volumetric_speed = 13\n"
+        "[printer:One]\nprinter_model = One\nbed_shape = 0x0,200x0,200x180,0x180\nnozzle_diameter = 0.4\n"
+        "default_print_profile = Usual\ndefault_filament_profile = PLA\n"
+    )
+    for wanted in ({}, {"printer": "One"}):
+        printer = loaded({"printer": imported(path, **wanted)["printer"]}, tmp_path).printer
+
+        assert (printer.speeds.inner_perimeter, printer.hotend_max_flow) == (57, 13)

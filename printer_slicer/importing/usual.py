@@ -1,0 +1,68 @@
+"""What a printer usually prints with, from the print settings and the material that come with it.
+
+Other slicers keep speeds in print settings. A printer here has its own, for every quality that leaves them to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from printer_slicer.importing.report import Imported, Taken
+from printer_slicer.profile.speeds import PrinterAccelerations, PrinterSpeeds
+
+__all__ = ["with_usual"]
+
+_TABLES: Final = {"speeds": PrinterSpeeds, "accelerations": PrinterAccelerations}
+_OVERHANGS: Final = ("75", "50", "25")
+_PLA: Final = "PLA"
+
+
+def with_usual(printer: Imported, others: Sequence[Imported]) -> Imported:
+    """A printer with the speeds and accelerations of the first quality, and flow and pressure advance of materials.
+
+    The hotend melts the most that any of the materials asks for, as far as one of them is PLA: others alone do not tell
+    how much that is.
+
+    Args:
+        printer: without any of these.
+        others: materials and qualities that come with it, the usual ones first.
+    """
+    quality = next((one for one in others if one.kind == "quality"), None)
+    materials = [one for one in others if one.kind == "material"]
+    taken = [*(_speeds(quality) if quality else ()), *_flow(materials)]
+    values: dict[str, Any] = dict(printer.values)
+    for one in taken:
+        table, _, leaf = one.ours.rpartition(".")
+        into = values.setdefault(table, {}) if table else values
+        into[leaf] = one.value
+    return replace(printer, values=values, taken=(*printer.taken, *taken))
+
+
+def _speeds(quality: Imported) -> list[Taken]:
+    """Every speed and acceleration that printers have too, as they became the quality's."""
+    known = {f"{table}.{name}" for table, owner in _TABLES.items() for name in owner.__struct_fields__}
+    found = [one for one in quality.taken if one.ours in known]
+    speeds = quality.values["speeds"]
+    for share in _OVERHANGS:
+        ratio = speeds.get(f"overhang_{share}_ratio", 1)
+        graded = next((one for one in quality.taken if one.ours == f"speeds.overhang_{share}_ratio"), None)
+        if graded and ratio < 1:
+            value = round(ratio * speeds["outer_perimeter"], 6)
+            found.append(replace(graded, ours=f"speeds.overhang_{share}", value=value, how=""))
+    return found
+
+
+def _flow(materials: Sequence[Imported]) -> list[Taken]:
+    """The most that the hotend melts, and pressure advance of the first PLA."""
+    pla = [one for one in materials if str(one.values.get("type", "")).strip().upper() == _PLA]
+    if not pla:
+        return []
+    found = [one for each in materials for one in each.taken if one.ours == "max_flow" and one.value > 0]
+    advance = [one for one in pla[0].taken if one.ours == "pressure_advance" and one.value > 0]
+    most = sorted(found, key=lambda one: float(one.value))[-1:]
+    return [
+        *(replace(one, ours="hotend_max_flow") for one in most),
+        *(replace(one, ours="pla_pressure_advance") for one in advance),
+    ]
