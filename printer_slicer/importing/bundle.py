@@ -18,6 +18,8 @@ __all__ = ["Bundle", "bundle_of"]
 
 _KINDS: Final = {"printer": "printer", "filament": "material", "print": "quality"}
 _DEEPEST: Final = 50
+_MOST_SOUGHT: Final = 5
+_LONGEST_NAME: Final = 200  # characters
 _WHOLE: Final = (
     30  # settings from which on a preset stands for itself, although what it inherits from is not there
 )
@@ -39,6 +41,7 @@ class Bundle:
     dialect: str
     place: str
     _known: dict[tuple[str, str], dict[str, Entry]] = field(default_factory=dict, repr=False)
+    _sought: list[str] = field(default_factory=list, repr=False)
 
     def presets(self) -> Iterator[Preset | Refused]:
         """All presets but abstract ones, with what they inherit; or why one cannot be had."""
@@ -76,14 +79,25 @@ class Bundle:
                 entries |= self._resolved(kind, parent, (*below, name))
             elif len(section.entries) < _WHOLE:
                 assert parents is not None
-                near = get_close_matches(parent, self.sections[kind], n=1)
-                hint = f"did you mean {near[0]!r}? " if near else ""
+                near = self._near(parent, kind)
+                hint = f"did you mean {near!r}? " if near else ""
                 raise ProfileError(
                     f"{parents.place}: inherits = {parent}: no such preset in this file",
                     remedy=f"{hint}export the preset itself (File, Export, Export Config), which holds all of it",
                 )
         self._known[kind, name] = entries | section.entries
         return self._known[kind, name]
+
+    def _near(self, name: str, kind: str) -> str:
+        """What may have been meant by a name that no preset has; empty where that is not looked for.
+
+        It is looked for a few times only, as each takes time for every name there is.
+        """
+        if len(self._sought) >= _MOST_SOUGHT or len(name) > _LONGEST_NAME:
+            return ""
+        self._sought.append(name)
+        names = [one for one in self.sections[kind] if len(one) <= _LONGEST_NAME]
+        return next(iter(get_close_matches(name, names, n=1)), "")
 
     def suits(self, preset: Preset, printer: Preset) -> bool:
         """Whether a material or quality says that it is for this printer."""

@@ -29,6 +29,8 @@ __all__ = ["Plain", "holds", "known_setting", "matches", "value_of"]
 Plain = float | int | str | bool
 _LONGEST_PATTERN: Final = 10_000
 """characters"""
+_MOST_STEPS: Final = 10_000_000
+"""Characters of a text times those of its pattern: seconds, at the worst."""
 _PATTERN_BYTES: Final = 1 << 23
 """Memory that a pattern may take; one that repeats repetitions takes more."""
 
@@ -181,12 +183,14 @@ def matches(text: str, pattern: str) -> bool:
     looking around and back, which no vendor's bundle uses.
 
     Raises:
-        Unreadable: the pattern cannot be read, or is too long.
+        Unreadable: the pattern cannot be read, or is too long, by itself or for the text.
     """
     import re2  # noqa: PLC0415 - few imports have a pattern
 
     if len(pattern) > _LONGEST_PATTERN:
         raise Unreadable(f"a pattern of {len(pattern)} characters; at most {_LONGEST_PATTERN} are read")
+    if len(text) * len(pattern) > _MOST_STEPS:
+        raise Unreadable(f"a pattern of {len(pattern)} characters on a text of {len(text)}")
     options = re2.Options()
     options.dot_nl, options.log_errors, options.max_mem = True, False, _PATTERN_BYTES
     try:

@@ -57,6 +57,8 @@ _LEVELS: Final = (
 )
 _DEEPEST: Final = 40
 _MOST_WORDS: Final = 2000
+_MOST_SIGNS: Final = 150
+"""Signs between two things: each makes the tree higher, and is followed by functions that call themselves."""
 
 
 class Unreadable(Exception):  # noqa: N818 - becomes a comment and a warning
@@ -124,7 +126,8 @@ def words_of(text: str) -> list[tuple[str, str]]:
     """
     words: list[tuple[str, str]] = []
     place = 0
-    while text[place:].strip():
+    text = text.rstrip()
+    while place < len(text):
         wants_pattern = bool(words) and words[-1] in (("sign", "=~"), ("sign", "!~"))
         match = _REGEX.match(text, place) if wants_pattern else _WORD.match(text, place)
         if match is None or len(words) > _MOST_WORDS:
@@ -156,6 +159,7 @@ class _Reader:
     words: list[tuple[str, str]]
     place: int = 0
     depth: int = 0
+    signs: int = 0
 
     def taken(self, *signs: str) -> str:
         """The next sign, read, if it is one of these; else nothing."""
@@ -190,6 +194,9 @@ class _Reader:
             return self.unary()
         left = self.level(height + 1)
         while sign := self.taken(*_LEVELS[height]):
+            self.signs += 1
+            if self.signs > _MOST_SIGNS:
+                raise Unreadable(f"over {_MOST_SIGNS} signs between things")
             left = Binary(sign, left, self.level(height + 1))
         return left
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,6 +20,7 @@ _MARKS: Final = {
     "else": "else",
     "endif": "endif",
 }
+_QUOTE_OR_BRACE: Final = re.compile(r'(?<!\\)"|\}')
 _DEEPEST: Final = 15
 _OF_EXTRUDER: Final = re.compile(r"^(\w+)\s*,\s*(\w+)$", re.ASCII)  # Cura's {name, extruder}
 
@@ -80,13 +82,13 @@ def pieces_of(text: str, *, square: bool = True) -> tuple[Piece, ...]:
 def _flat(text: str, *, square: bool) -> list[_Flat]:
     """Text, values and marks one after the other."""
     found: list[_Flat] = []
-    place, begin = 0, 0
+    place, begin, braces = 0, 0, _Braces(text)
     while place < len(text):
         match = _SQUARE.match(text, place) if square and text[place] == "[" else None
         if match or text[place] == "{":
             if place > begin:
                 found.append(text[begin:place])
-            end = match.end() if match else _closing(text, place)
+            end = match.end() if match else braces.behind(place)
             found.append(_in_square(match) if match else _in_braces(text[place:end]))
             place = begin = end
         else:
@@ -94,17 +96,33 @@ def _flat(text: str, *, square: bool) -> list[_Flat]:
     return [*found, text[begin:]] if begin < len(text) else found
 
 
-def _closing(text: str, place: int) -> int:
-    """The place behind the brace that closes the one here, or the end of the line; texts in quotes may hold braces."""
-    quoted = False
-    for index in range(place + 1, len(text)):
-        letter = text[index]
-        if letter == '"' and text[index - 1] != "\\":
-            quoted = not quoted
-        if letter == "}" and not quoted:
-            return index + 1
-    end = text.find("\n", place)
-    return len(text) if end < 0 else end
+class _Braces:
+    """Where the braces of a macro close; texts in quotes may hold braces.
+
+    Of every quotation mark and closing brace the place is found once, so that the time grows with the length only.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._quotes: list[int] = []
+        self._closing: tuple[list[int], list[int]] = (
+            [],
+            [],
+        )  # behind an even number of quotation marks, an odd one
+        for found in _QUOTE_OR_BRACE.finditer(text):
+            if found[0] == '"':
+                self._quotes.append(found.start())
+            else:
+                self._closing[len(self._quotes) % 2].append(found.start())
+
+    def behind(self, place: int) -> int:
+        """The place behind the brace that closes the one here, or the end of the line."""
+        closing = self._closing[bisect_right(self._quotes, place) % 2]
+        number = bisect_right(closing, place)
+        if number < len(closing):
+            return closing[number] + 1
+        end = self._text.find("\n", place)
+        return len(self._text) if end < 0 else end
 
 
 def _in_square(match: re.Match[str]) -> _Flat:

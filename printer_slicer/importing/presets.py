@@ -15,7 +15,7 @@ from printer_slicer.importing.report import Note
 __all__ = ["Own", "Preset", "Quantity", "number_in"]
 
 _NOTHING: Final = ("", "nil", '""')
-_REMARK: Final = re.compile(r"\s+[#;].*")
+_REMARK: Final = re.compile(r"(?<!\s)\s+[#;].*")
 
 
 @dataclass(frozen=True, slots=True)

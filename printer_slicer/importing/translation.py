@@ -22,6 +22,7 @@ _ONE_TOOL: Final = (
     "initial_no_support_extruder",
 )
 _TIGHT: Final = {"or": 1, "and": 2, "not": 3, "compare": 4, "sum": 5, "product": 6, "value": 8}
+_LONGEST: Final = 20_000
 _COMPARE: Final = ("==", "!=", "<", "<=", ">", ">=")
 # Words, with anything before or behind them. A point is any character there: close enough within "0.25 nozzle".
 _WORD: Final = r"(?:[^\\.*+?()\[\]{}|^$]|\\[^\w]|(?<=\d)\.(?=\d))+"
@@ -64,8 +65,14 @@ class Translator:
         """An expression of the same meaning.
 
         Raises:
-            Unreadable: there is none, with the reason.
+            Unreadable: there is none, with the reason, or it is far too long: a remainder names its operands twice.
         """
+        said = self._said(node)
+        if len(said.text) > _LONGEST:
+            raise Unreadable(f"over {_LONGEST} characters as an expression of ours")
+        return said
+
+    def _said(self, node: Node) -> Said:
         match node:
             case Literal():
                 return literal(node.value)

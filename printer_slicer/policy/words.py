@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 __all__ = ["Command", "read_commands", "unusual"]
@@ -65,7 +66,13 @@ class Command:
     @property
     def vague(self) -> bool:
         """Whether its numbers may be read in more ways than one: expressions, exponents, hexadecimals."""
-        return "{" in self.text or _EXPONENT.search(self.text) is not None
+        return _is_vague(self.text)
+
+
+@lru_cache(maxsize=8)
+def _is_vague(text: str) -> bool:
+    """Whether a line is; asked once for a line, however many commands stand in it."""
+    return "{" in text or _EXPONENT.search(text) is not None
 
 
 def unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:

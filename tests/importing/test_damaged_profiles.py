@@ -15,10 +15,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from printer_slicer.cli import main
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
 from printer_slicer.importing.conditions import matches
 from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.ini import split_texts, unescaped
+from printer_slicer.importing.pieces import pieces_of
 from printer_slicer.macros import read_template
 from printer_slicer.profile.faults import fault_in
 from tests.importing.files import FLAT, ini
@@ -194,6 +197,73 @@ def deep_blocks(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("make", [nested, a_bomb, a_ladder, deep_blocks])
+LONG = 200_000
+BRANCH = "{if layer_z>1}"
+TEXTS_MADE_TO_DELAY: dict[str, dict[str, str]] = {
+    "a number, blanks and no remark": {"layer_height": "0.2" + " " * LONG + "x"},
+    "a name with many blanks": {"filament_settings_id": "a" + " " * LONG + "b"},
+    "something far behind a quoted name": {"print_settings_id": '"a"' + " " * LONG + "b"},
+    "braces that nothing closes": {"start_gcode": "{\\n" * (LONG // 8)},
+    "braces that close in quotes only": {"start_gcode": "{\\n" * (LONG // 8) + '\\"}'},
+    "brackets that nothing closes": {"start_gcode": "[a" * LONG},
+    "a sum of very many": {"layer_gcode": "{" + "+".join(["layer_z"] * 900) + "}"},
+    "a condition of very many": {
+        "layer_gcode": "{if " + " and ".join(["layer_z>1"] * 600) + "}M117 a{endif}"
+    },
+    "remainders of remainders": {"layer_gcode": "{layer_num" + "%7" * 60 + "}"},
+    "choices in choices": {"layer_gcode": "{" + "(layer_num>1?" * 30 + "1" + ":2)" * 30 + "}"},
+    "many commands in a line": {"start_gcode": "M104 " * (LONG // 5)},
+    "many blanks behind an expression": {"start_gcode": "{" + "a " * 1000 + " " * 2_000_000 + "}"},
+}
+
+
+@pytest.mark.parametrize("what", TEXTS_MADE_TO_DELAY)
+def test_no_text_takes_far_longer_than_its_length(what: str, tmp_path: Path) -> None:
+    path = tmp_path / "slow.ini"
+    path.write_text(ini(FLAT | TEXTS_MADE_TO_DELAY[what]), encoding="utf-8")
+
+    assert check(path) >= 1
+    assert main(["profiles", "import", str(path), "--dry-run", "--quiet"]) in (0, 2)
+
+
+@given(st.text('a"}{\\\n', max_size=12))
+def test_a_brace_ends_at_the_next_one_that_no_quotes_hold(text: str) -> None:
+    shown = pieces_of("{" + text, square=False)[0]
+    assert not isinstance(shown, str)
+
+    quoted = False
+    for number, letter in enumerate(text):
+        if letter == '"' and text[number - 1 : number] != "\\":
+            quoted = not quoted
+        if letter == "}" and not quoted:
+            assert shown.source == "{" + text[: number + 1]
+            return
+    assert shown.source == "{" + text.partition("\n")[0]
+
+
+@given(st.text('a"; \\', max_size=10))
+def test_texts_of_a_list_are_those_between_semicolons(text: str) -> None:
+    """The same as a plain reading, letter by letter: quotes count where they begin a text and end it."""
+    found, place = [], 0
+    while place < len(text):
+        match = re.compile(r'\s*("(?:[^"\\]|\\.)*"|[^;]*?)\s*(?:;|$)').match(text, place)
+        assert match
+        found.append(unescaped(match[1]))
+        place = max(match.end(), place + 1)
+
+    assert split_texts(text) == found
+
+
+def lost_parents(folder: Path) -> Path:
+    """Each preset inherits from one that is not there, and has a name like that of all others."""
+    path = folder / "lost.ini"
+    lost = [
+        f"[print:preset number {n} of all]\ninherits = another number {n} of all\n" for n in range(10_000)
+    ]
+    path.write_text("[print:a]\nlayer_height = 0.2\n" + "".join(lost), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("make", [nested, a_bomb, a_ladder, deep_blocks, lost_parents])
 def test_files_made_to_do_harm_do_none(make: Callable[[Path], Path], tmp_path: Path) -> None:
     check(make(tmp_path))
