@@ -1,4 +1,4 @@
-"""glTF 2.0 in its binary form: nodes, meshes, accessors, with what compilers of it may do to positions.
+"""glTF 2.0: nodes, meshes, accessors, with what compilers of it may do to positions; and its binary form, GLB.
 
 Only what decides the shape is looked at: never materials, images or files elsewhere.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
     from printer_slicer.model import Float
 
-__all__ = ["read_glb"]
+__all__ = ["FAULTS", "check_extensions", "read_glb", "read_scene", "reason_of"]
 
 Numbers = np.ndarray[tuple[int, ...], np.dtype[Any]]
 JSON_CHUNK: Final = 0x4E4F534A
@@ -50,34 +50,31 @@ UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0
 """glTF's y points up, ours is z; for rows."""
 
 
-class _Document:
-    """The two chunks of a GLB file, and the arrays that one describes in the other."""
+FAULTS: Final = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    struct.error,
+)
+"""What reading raises where something in a file does not fit together."""
 
-    def __init__(self, data: bytes, path: Path, limits: Limits) -> None:
-        magic, version, _ = struct.unpack_from("<4sLL", data)
-        if magic != b"glTF" or version != 2:
-            raise ValueError("not binary glTF of version 2")
-        chunks: dict[int, memoryview] = {}
-        place, view = 12, memoryview(data)
-        while place + 8 <= len(data):
-            length, kind = struct.unpack_from("<LL", data, place)
-            if place + 8 + length > len(data):
-                raise ValueError(f"a chunk of {length} bytes, but only {len(data) - place - 8} are left")
-            chunks.setdefault(kind, view[place + 8 : place + 8 + length])
-            place += 8 + length
-        if len(chunks[JSON_CHUNK]) > limits.json_bytes:
-            raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of text; at most {limits.json_bytes} are read")
-        self.tree: dict[str, Any] = json.loads(bytes(chunks[JSON_CHUNK]))
-        self._binary = chunks.get(BINARY_CHUNK, memoryview(b""))
+
+class _Document:
+    """The text of a file, and the arrays that it describes in its buffers."""
+
+    def __init__(
+        self, tree: dict[str, Any], buffers: Mapping[int, bytes | memoryview], path: Path, limits: Limits
+    ) -> None:
+        self.tree = tree
         self._limits = limits
-        self._length = len(data)
         self._path = path
         self._n_vertices = self._n_facets = self._n_instances = 0
         self.n_bent = self.n_morphed = 0
-        self._decoded: dict[int, bytes] = {}
-        for name in self.tree.get("extensionsRequired", []):
-            if not str(name).startswith(KNOWN):
-                raise _unknown(path, str(name))
+        self._buffers = dict(buffers)
+        self._length = sum(map(len, buffers.values()))
 
     def check_packed(self, what: dict[str, Any]) -> None:
         """Refuse numbers that are only there in a packed form; files should say so in front, but not all do.
@@ -154,11 +151,7 @@ class _Document:
         start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
         offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
         stride = int(view.get("byteStride", least))
-        number = _index(view["buffer"])
-        if number > 0 and "uri" not in self.tree["buffers"][number]:
-            self.check_packed(view)
-            raise ValueError(f"the bytes of buffer {number} are not there")
-        buffer = self._buffer(number)
+        buffer = self._buffer(view)
         if min(start, length, offset) < 0 or stride < least or start + length > len(buffer):
             raise ValueError("a part of the buffer that is not there")
         if count and offset + (count - 1) * stride + least > length:
@@ -167,17 +160,31 @@ class _Document:
             (count, columns), kind, buffer[start : start + length], offset, (stride, kind.itemsize)
         )
 
-    def _buffer(self, index: int) -> memoryview | bytes:
-        uri = self.tree["buffers"][index].get("uri")
-        if uri is None:
-            return self._binary
-        if index in self._decoded:
-            return self._decoded[index]
-        head, comma, text = str(uri).partition(",")
-        if not comma or not head.startswith("data:") or not head.endswith("base64"):
-            raise ValueError("a part of it is in another file")
-        self._decoded[index] = base64.b64decode(text, validate=True)
-        return self._decoded[index]
+    def _buffer(self, view: dict[str, Any]) -> memoryview | bytes:
+        """The buffer that a view is a part of."""
+        number = _index(view["buffer"])
+        if number not in self._buffers:
+            uri = self.tree["buffers"][number].get("uri")
+            if uri is None:
+                self.check_packed(view)
+                raise ValueError(f"the bytes of buffer {number} are not there")
+            head, comma, text = str(uri).partition(",")
+            if not comma or not head.lower().startswith("data:") or not head.lower().endswith("base64"):
+                raise ValueError("a part of it is in another file")
+            self._buffers[number] = base64.b64decode(text, validate=True)
+        return self._buffers[number]
+
+
+def check_extensions(tree: Mapping[str, Any], path: Path) -> None:
+    """Refuse a file that cannot be understood without an extension that is not known here.
+
+    Raises:
+        MeshError: it is one.
+        TypeError: what it requires is no list.
+    """
+    for name in tree.get("extensionsRequired", []):
+        if not str(name).startswith(KNOWN):
+            raise _unknown(path, str(name))
 
 
 def read_glb(
@@ -199,26 +206,77 @@ def read_glb(
         MeshError: it is no sound GLB.
     """
     try:
-        document = _Document(data, path, limits)
-        bodies = _bodies(document)
-        bodies[SCENE] = _scene(document.tree)
-    except (
-        ValueError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        ArithmeticError,
-        RecursionError,
-        struct.error,
-    ) as error:
-        reason = str(error).partition("\n")[0][:200] or type(error).__name__
-        raise MeshError(f"{path}: not a sound .glb file: {reason}", remedy=COPY_AGAIN) from error
+        tree, binary = _chunks(data, limits)
+        # Bytes in the file itself are those of its first buffer, if that has no others.
+        is_own = tree.get("buffers") and tree["buffers"][0].get("uri") is None
+        return read_scene(tree, {0: binary} if is_own else {}, path, limits, unit, y_up=y_up)
+    except FAULTS as error:
+        raise MeshError(f"{path}: not a sound .glb file: {reason_of(error)}", remedy=COPY_AGAIN) from error
+
+
+def read_scene(
+    tree: dict[str, Any],
+    buffers: Mapping[int, bytes | memoryview],
+    path: Path,
+    limits: Limits,
+    unit: str | None,
+    *,
+    y_up: bool = True,
+) -> tuple[Float, str, list[str]]:
+    """Everything in the scene of a glTF, z up.
+
+    Args:
+        tree: the text of it.
+        buffers: number -> bytes of those that are known; others may stand in the text.
+        path: of the file, for messages.
+        limits: of what it holds.
+        unit: as for `read_glb`.
+        y_up: as for `read_glb`.
+
+    Returns:
+        As `read_glb`.
+
+    Raises:
+        MeshError: there is too much in it, or an extension is not known.
+        FAULTS: something in it does not fit together.
+    """
+    check_extensions(tree, path)
+    document = _Document(tree, buffers, path, limits)
+    bodies = _bodies(document)
+    bodies[SCENE] = _scene(tree)
     own_unit = unit or "m"
     return (
         assembled([Use(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
         own_unit,
         document.notes(),
     )
+
+
+def reason_of(error: Exception) -> str:
+    """What to say of one of `FAULTS`."""
+    reason = str(error).partition("\n")[0][:200] or type(error).__name__
+    return f"no {reason}" if isinstance(error, KeyError) else reason
+
+
+def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
+    """The text of a GLB, and its bytes; none where it has none."""
+    magic, version, _ = struct.unpack_from("<4sLL", data)
+    if magic != b"glTF" or version != 2:
+        raise ValueError("not binary glTF of version 2")
+    chunks: dict[int, memoryview] = {}
+    place, view = 12, memoryview(data)
+    while place + 8 <= len(data):
+        length, kind = struct.unpack_from("<LL", data, place)
+        if place + 8 + length > len(data):
+            raise ValueError(f"a chunk of {length} bytes, but only {len(data) - place - 8} are left")
+        chunks.setdefault(kind, view[place + 8 : place + 8 + length])
+        place += 8 + length
+    if len(chunks[JSON_CHUNK]) > limits.json_bytes:
+        raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of text; at most {limits.json_bytes} are read")
+    tree = json.loads(bytes(chunks[JSON_CHUNK]))
+    if not isinstance(tree, dict):
+        raise TypeError("no JSON object")
+    return tree, chunks.get(BINARY_CHUNK, memoryview(b""))
 
 
 def _scene(tree: dict[str, Any]) -> Body:

@@ -1,28 +1,21 @@
-"""glTF as a text, with its numbers in it or in files beside it: read by trimesh, whose import takes half a second.
+"""glTF as a text, with its numbers in it or in files beside it.
 
-The files are opened here, not by trimesh: only what is in the folder of the model, or below it, becomes part of it.
+Only what is in the folder of the model, or below it, becomes part of it.
 """
 
 from __future__ import annotations
 
 import base64
 import errno
-import io
 import json
-import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
-
-import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.input_files import read_input
 from printer_slicer.mesh_io.files import without_byte_order_mark
-from printer_slicer.mesh_io.limits import check_facets
+from printer_slicer.mesh_io.glb import FAULTS, check_extensions, read_scene, reason_of
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
-from printer_slicer.mesh_io.units import UNITS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,7 +31,7 @@ TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB."
 def read_gltf(
     data: bytes, path: Path, limits: Limits, unit: str | None = None
 ) -> tuple[Float, str, list[str]]:
-    """(F, 3, 3) mm, corners of all meshes of the scene, z up; the unit, m if none is asked for; no notes.
+    """(F, 3, 3) mm, corners of all meshes of the scene, z up; the unit, m if none is asked for; what deserves a look.
 
     Args:
         data: the text.
@@ -51,57 +44,34 @@ def read_gltf(
     """
     try:
         tree = json.loads(without_byte_order_mark(data))
-    except (ValueError, RecursionError) as error:
-        raise _unsound(path, error) from error
+        _check_version(tree)
+        check_extensions(tree, path)
+        buffers = _buffers(tree, path, limits.file_bytes - len(data))
+        return read_scene(tree, buffers, path, limits, unit)
+    except FAULTS as error:
+        raise MeshError(f"{path}: not a sound .gltf file: {reason_of(error)}", remedy=EXPORT_AGAIN) from error
+
+
+def _check_version(tree: object) -> None:
     if not isinstance(tree, dict):
-        raise MeshError(f"{path}: not a sound .gltf file: no JSON object", remedy=EXPORT_AGAIN)
-    buffers = _buffers(tree, path, limits.file_bytes - len(data))
-    with _silence():
-        try:
-            triangles = _triangles(tree, buffers, path, limits)
-        except MeshError:
-            raise
-        except Exception as error:  # trimesh fails in all ways there are
-            raise _unsound(path, error) from error
-    own = unit or "m"
-    return triangles[:, :, [0, 2, 1]] * [1.0, -1.0, 1.0] * UNITS[own], own, []
+        raise TypeError("no JSON object")
+    version = str(tree.get("asset", {}).get("version", "2.0"))
+    if not version.startswith("2."):
+        raise ValueError(f"glTF of version {version[:20]}; 2.0 is read")
 
 
-def _unsound(path: Path, error: Exception) -> MeshError:
-    """What to say where reading failed; of an error without words, that something does not fit."""
-    reason = str(error).partition("\n")[0][:200]
-    if isinstance(error, KeyError):
-        reason = f"no {reason}"
-    reason = reason or "what it says of its meshes does not fit together"
-    return MeshError(f"{path}: not a sound .gltf file: {reason}", remedy=EXPORT_AGAIN)
-
-
-def _triangles(tree: dict[str, Any], buffers: dict[str, bytes], path: Path, limits: Limits) -> Float:
-    """(F, 3, 3) corners of all meshes, in units of the file; `buffers` by the names that the tree has for them."""
-    import trimesh  # noqa: PLC0415 - most parts are STL
-
-    text = io.BytesIO(json.dumps(tree).encode())
-    loaded: Any = trimesh.load(
-        text, file_type="gltf", resolver=buffers, force="scene", process=False, skip_materials=True
-    )
-    meshes = [one for one in loaded.dump() if isinstance(one, trimesh.Trimesh)]
-    check_facets(sum(len(one.faces) for one in meshes), path, limits)
-    return np.concatenate([np.zeros((0, 3, 3)), *(_corners(one) for one in meshes)])
-
-
-def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[str, bytes]:
-    """The bytes of each buffer, by its number, which becomes its name in the tree; images are taken out.
+def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[int, bytes]:
+    """The bytes of each buffer, by its number.
 
     Args:
-        tree: of the file; changed.
+        tree: of the file.
         path: of the file.
         left: bytes that all of them may have.
 
     Raises:
         MeshError: one cannot be had.
     """
-    found: dict[str, bytes] = {}
-    tree.pop("images", None)
+    found: dict[int, bytes] = {}
     buffers = tree.get("buffers", [])
     if not isinstance(buffers, list):
         raise MeshError(f"{path}: not a sound .gltf file: 'buffers' is no list", remedy=EXPORT_AGAIN)
@@ -116,8 +86,7 @@ def _buffers(tree: dict[str, Any], path: Path, left: int) -> dict[str, bytes]:
         if isinstance(wanted, int) and len(data) < wanted:
             raise MeshError(f"{path}: buffer {number} has {len(data)} of {wanted} bytes", remedy=EXPORT_AGAIN)
         left -= len(data)
-        buffer["uri"] = str(number)
-        found[str(number)] = data
+        found[number] = data
     return found
 
 
@@ -128,7 +97,7 @@ def _written_out(uri: str, number: int, path: Path) -> bytes:
         data = base64.b64decode(unquote(text), validate=True)
     except ValueError:
         kind = ""
-    if not kind.endswith(";base64"):
+    if not kind.lower().endswith(";base64"):
         raise MeshError(
             f"{path}: not a sound .gltf file: buffer {number} is not valid base64", remedy=EXPORT_AGAIN
         )
@@ -146,8 +115,8 @@ def _beside(uri: str, path: Path, most: int) -> bytes:
     Raises:
         MeshError: it is elsewhere, missing or too long.
     """
-    folder = path.parent.resolve()
     try:
+        folder = path.parent.resolve()
         # A backslash parts folders on some systems only: taken so on all, nothing is outside on one alone.
         target = (folder / unquote(uri).replace("\\", "/")).resolve()
         if ":" in uri.partition("/")[0] or not target.is_relative_to(folder):
@@ -155,6 +124,8 @@ def _beside(uri: str, path: Path, most: int) -> bytes:
         return read_input(target, most)
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         raise MeshError(f"{path}: names a file that is not beside it: {uri!r}", remedy=TOGETHER) from None
+    except RuntimeError:  # of older Pythons, for links that lead to each other
+        raise MeshError(f"{path}: names a link in a circle: {uri!r}", remedy=TOGETHER) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
@@ -162,28 +133,3 @@ def _beside(uri: str, path: Path, most: int) -> bytes:
         raise MeshError(
             f"{path}: names a file that cannot be read: {uri!r}: {reason}", remedy=TOGETHER
         ) from None
-
-
-def _corners(mesh: Any) -> Float:
-    """(F, 3, 3) corners of a mesh, whose numbers trimesh does not check."""
-    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=np.float64)
-    if not len(faces):
-        return np.zeros((0, 3, 3))
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
-        raise ValueError(f"vertices of shape {vertices.shape}, facets of shape {faces.shape}")
-    if not (faces.min() >= 0 and faces.max() < len(vertices)):
-        raise ValueError(f"a facet with a vertex that is not one of {len(vertices)}")
-    corners: Float = vertices[faces]
-    return corners
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """What trimesh logs about a file is told by our own errors, or nobody's concern."""
-    log = logging.getLogger("trimesh")
-    before, log.disabled = log.disabled, True
-    try:
-        with np.errstate(all="ignore"):
-            yield
-    finally:
-        log.disabled = before

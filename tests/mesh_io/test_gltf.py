@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import sys
 from pathlib import Path
@@ -85,7 +86,7 @@ def test_a_buffer_outside_of_the_folder_is_refused_and_named(way: str, tmp_path:
     assert repr(uri) in str(caught.value)
 
 
-def test_trimesh_is_given_no_way_to_open_files(tmp_path: Path) -> None:
+def test_only_files_beside_the_model_are_opened(tmp_path: Path) -> None:
     opened = list[str]()
     path = written(tmp_path)
     load_model(path)  # imports what is imported once
@@ -155,3 +156,92 @@ def test_what_is_no_gltf_is_refused(text: str, tmp_path: Path) -> None:
 
     with pytest.raises(MeshError, match=r"part\.gltf"):
         load_model(tmp_path / "part.gltf")
+
+
+def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    tree = json.loads(path.read_text())
+    (tmp_path / "circle.bin").symlink_to("circle.bin")
+    tree["buffers"][0]["uri"] = "circle.bin"
+    path.write_text(json.dumps(tree))
+
+    with pytest.raises(MeshError, match=r"circle\.bin"):
+        load_model(path)
+
+
+def tetrahedron(folder: Path, **changes: object) -> Path:
+    """10 mm wide, its numbers in the text itself."""
+    points = np.array([[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]], "<f4").tobytes()
+    corners = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], "<u2").tobytes()
+    coded = base64.b64encode(points + corners).decode()
+    tree = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 24},
+        ],
+        "buffers": [{"uri": f"Data:application/octet-stream;BASE64,{coded}", "byteLength": 72}],
+    }
+    (folder / "part.gltf").write_text(json.dumps(tree | changes))
+    return folder / "part.gltf"
+
+
+def test_numbers_in_the_text_and_sparse_ones_are_read(tmp_path: Path) -> None:
+    assert load_model(tetrahedron(tmp_path)).mesh.size == pytest.approx([10, 10, 10])
+    positions = {
+        "componentType": 5126,
+        "count": 4,
+        "type": "VEC3",
+        "sparse": {
+            "count": 4,
+            "indices": {"bufferView": 1, "componentType": 5123, "byteOffset": 4},  # 1, 0, 1, 3
+            "values": {"bufferView": 0},
+        },
+    }
+    corners = {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"}
+    sparse = load_model(tetrahedron(tmp_path, accessors=[positions, corners]))
+
+    assert sparse.mesh.size == pytest.approx([10, 10, 10])
+    assert sparse.n_folded == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"asset": {"version": "1.0"}}, r"version 1\.0"),
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, r"KHR_draco_mesh_compression"),
+        ({"nodes": [{"mesh": 0, "children": [0]}]}, r"within each other"),
+        ({"nodes": [{"children": [n + 1, n + 1]} for n in range(40)] + [{"mesh": 0}]}, r"within each other"),
+        ({"nodes": [{"mesh": 0}] * 2, "scenes": [{"nodes": [0, 1] * 60_000}]}, r"over 100000 objects"),
+        ({"nodes": [{"mesh": 0, "matrix": [1e300] * 16}]}, r"coordinate 1e\+30"),
+        ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}] * 2}, r"1000000000 items"),
+    ],
+)
+def test_what_would_exhaust_the_machine_or_is_not_known_is_refused(
+    changes: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(MeshError, match=said):
+        load_model(tetrahedron(tmp_path, **changes))
+
+
+def test_copies_by_an_extension_and_what_is_not_followed_are_told(tmp_path: Path) -> None:
+    places = base64.b64encode(np.array([[0, 0, 0], [0.1, 0, 0]], "<f4").tobytes()).decode()
+    tree = json.loads(tetrahedron(tmp_path).read_text())
+    tree["buffers"].append({"uri": f"data:;base64,{places}", "byteLength": 24})
+    tree["bufferViews"].append({"buffer": 1, "byteLength": 24})
+    tree["accessors"].append({"bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3"})
+    copies = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}
+    tree["nodes"] = [{"mesh": 0, "skin": 0, "extensions": copies}]
+    (tmp_path / "part.gltf").write_text(json.dumps(tree))
+
+    model = load_model(tmp_path / "part.gltf")
+
+    assert model.mesh.size == pytest.approx([110, 10, 10])
+    assert any("skeleton" in note for note in model.notes)
