@@ -10,7 +10,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Final
 
-__all__ = ["WRITER_SECONDS", "open_input", "read_input"]
+__all__ = ["WRITER_SECONDS", "check_is_file", "open_input", "read_input"]
 
 WRITER_SECONDS: Final = 10.0
 """How long a named pipe may wait for a program that opens it for writing."""
@@ -62,3 +62,13 @@ def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) ->
     if is_long or len(data) > most:
         raise OSError(errno.EFBIG, f"longer than {most} bytes", str(path))
     return data
+
+
+def check_is_file(path: Path) -> None:
+    """Refuse what would be waited for: in folders of our own nothing but files stands.
+
+    Raises:
+        OSError: it is not there, or is a pipe, a folder or a device.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "a pipe, a folder or a device, no file", str(path))

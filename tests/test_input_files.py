@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from printer_slicer.cli.inputs import refuse_other_text
 from printer_slicer.input_files import open_input, read_input
 
 needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
@@ -63,3 +64,11 @@ def test_a_name_that_no_file_can_have_and_a_folder_are_errors(tmp_path: Path) ->
         read_input(Path("a\0b"), 10)
     with pytest.raises(OSError, match=r"directory|denied"):
         read_input(tmp_path, 10)
+
+
+@needs_pipes
+def test_a_pipe_is_not_opened_only_to_look_whether_it_is_gcode(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.gcode"
+    os.mkfifo(pipe)
+
+    refuse_other_text(pipe)

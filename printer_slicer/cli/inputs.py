@@ -163,10 +163,14 @@ def _looks_like_gcode(head: bytes) -> bool:
 def refuse_other_text(path: Path) -> None:
     """Refuse a file whose lines are mostly no commands; one that cannot be read is told of by who reads it.
 
+    A pipe is let through: it may have no writer, and what is read of it here nobody could read again.
+
     Raises:
         UsageError: it is something else than G-code.
     """
     try:
+        if not path.is_file():
+            return
         with path.open("rb") as file:
             head = file.read(_HEAD)
     except (OSError, ValueError):

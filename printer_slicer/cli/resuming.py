@@ -83,7 +83,7 @@ def _list(arguments: argparse.Namespace, shelf: Path) -> int:
     from printer_slicer.printing.shelf import damaged_on, on_shelf
 
     damaged = {damage.folder: damage for damage in damaged_on(shelf)}
-    left = [one for one in on_shelf(shelf) if not one.running and one.folder not in damaged]
+    left = [one for one in on_shelf(shelf) if one.folder not in damaged and not one.running]
     rows = []
     for one in left:
         story = read_story(one.folder)

@@ -27,9 +27,12 @@ from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
+from printer_slicer.input_files import check_is_file, read_input
+
 __all__ = ["HEATERS_OFF", "HOST", "LOST", "Journal", "Numbered", "Story", "read_story"]
 
 _NAME: Final = "journal"
+_LONGEST: Final = 1 << 32  # bytes
 _DIGITS: Final = 12  # of a count
 LOST: Final = "lost: "
 """A reason begins so if the time of the loss is known: the cable was gone at that moment."""
@@ -243,7 +246,8 @@ def read_story(folder: Path) -> Story:
         OSError: it cannot be read.
     """
     story = Story()
-    for index, line in enumerate((folder / _NAME).read_bytes().split(b"\n"), start=1):
+    check_is_file(folder / _NAME)
+    for index, line in enumerate(read_input(folder / _NAME, _LONGEST).split(b"\n"), start=1):
         data, _, sum_ = line.rpartition(b" ")
         if not data or sum_ != b"%08x" % crc32(data):
             break

@@ -16,6 +16,7 @@ from threading import Event as Flag
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.input_files import check_is_file, read_input
 
 if TYPE_CHECKING:
     from printer_slicer.printing.setup import Setup
@@ -42,6 +43,7 @@ __all__ = [
 ]
 
 _A_MOMENT = 0.02  # s
+_MOST_HEAD = 1 << 24  # bytes
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 _IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
 _KINDS = {str: "a text", int: "a whole number", dict: "an object"}
@@ -120,8 +122,20 @@ class Print:
             self._lock = -1
 
     @property
+    def is_running(self) -> bool:
+        """The same as `running`, of one that may be damaged: what nobody can hold nobody prints."""
+        try:
+            return self.running
+        except OSError:
+            return False
+
+    @property
     def running(self) -> bool:
-        """Whether a process prints it just now."""
+        """Whether a process prints it just now.
+
+        Raises:
+            OSError: that cannot be found out: its lock is no file.
+        """
         if self._lock >= 0:
             return True
         if not self._try_to_hold():
@@ -237,7 +251,8 @@ def _print_in(folder: Path) -> Print | None:
         _NonsenseError: its head makes no sense.
     """
     try:
-        head = json.loads((folder / _HEAD).read_text(encoding="utf-8"))
+        check_is_file(folder / _HEAD)
+        head = json.loads(read_input(folder / _HEAD, _MOST_HEAD))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
@@ -249,6 +264,8 @@ def _print_in(folder: Path) -> Print | None:
     for name, kind in _IN_HEAD.items():
         if type(head.get(name)) is not kind:
             raise _NonsenseError(f"{name!r} is missing, or is not {_KINDS[kind]}")
+    if not _is_address(head["port"]):
+        raise _NonsenseError("'port' is no address of a port")
     return Print(folder, *(head[name] for name in _IN_HEAD))
 
 
@@ -264,7 +281,20 @@ def damage_of(print_: Print) -> Damage | None:
         why = read_story(print_.folder).damage
     except OSError as error:
         why = f"it cannot be read: {error.strerror}"
-    return Damage(print_.folder, "journal", why) if why else None
+    if why:
+        return Damage(print_.folder, "journal", why)
+    try:
+        check_is_file(print_.folder / _JOB)
+    except OSError as error:
+        return Damage(print_.folder, _JOB, f"it cannot be read: {error.strerror}")
+    return None
+
+
+def _is_address(port: str) -> bool:
+    """Whether a text can be the name of a port."""
+    with suppress(UnicodeEncodeError):
+        return b"\0" not in os.fsencode(port)
+    return False
 
 
 def damaged_on(shelf: Shelf) -> Iterator[Damage]:
@@ -275,7 +305,14 @@ def damaged_on(shelf: Shelf) -> Iterator[Damage]:
         except _NonsenseError as error:
             yield Damage(folder, _HEAD, str(error))
         else:
-            if found and not found.running and (damage := damage_of(found)):
+            if not found:
+                continue
+            try:
+                is_running = found.running
+            except OSError as error:
+                yield Damage(folder, _LOCK, f"it cannot be held: {error.strerror}")
+                continue
+            if not is_running and (damage := damage_of(found)):
                 yield damage
 
 
@@ -287,7 +324,7 @@ def same_port(one: str, other: str) -> bool:
 def unfinished(shelf: Shelf, port: str) -> Print | None:
     """A print on this port that ended before its end, and that nobody prints now."""
     for one in on_shelf(shelf):
-        if same_port(one.port, port) and not one.running:
+        if same_port(one.port, port) and not one.is_running:
             return one
     return None
 
@@ -303,13 +340,14 @@ def find(shelf: Shelf, name: str, *, running: bool) -> Print:
     Raises:
         UsageError: there is none, or more than one.
     """
-    known = [one for one in on_shelf(shelf) if one.running is running]
+    known = list(on_shelf(shelf))
     if not running:
         damaged = {one.folder: one for one in damaged_on(shelf)}
         for one in known:
             if name and one.folder in damaged and name in {one.name, one.folder.name}:
                 raise damaged[one.folder].error()
         known = [one for one in known if one.folder not in damaged]
+    known = [one for one in known if one.is_running is running]
     named = [one for one in known if name in {"", one.name, one.folder.name}]
     if len(named) == 1:
         return named[0]

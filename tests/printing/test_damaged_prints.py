@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,7 @@ from printer_slicer.printing.journal import Journal, read_story
 from printer_slicer.printing.kept import value_from
 from printer_slicer.printing.parking import Parked, parked_from
 from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.shelf import Place, Print, begin, damaged_on, find, on_shelf
+from printer_slicer.printing.shelf import Place, Print, begin, damaged_on, find, on_shelf, unfinished
 from printer_slicer.printing.take_up import nonsense_in
 from printer_slicer.profile import load_profile
 from tests.cli.command_line import typed
@@ -86,6 +88,59 @@ def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
     )  # what stands before it counts: the heaters can be switched off
     with pytest.raises(UsageError, match="record 4 makes no sense"):
         find(shelf, "bad.gcode", running=False)
+
+
+def no_file(path: Path) -> None:
+    path.unlink(missing_ok=True)
+
+
+def a_folder(path: Path) -> None:
+    no_file(path)
+    path.mkdir()
+
+
+def a_pipe(path: Path) -> None:
+    no_file(path)
+    os.mkfifo(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "spoil"),
+    [
+        ("head.json", a_folder),
+        ("head.json", a_pipe),
+        ("journal", no_file),
+        ("journal", a_folder),
+        ("journal", a_pipe),
+        ("job.gcode", no_file),
+        ("job.gcode", a_folder),
+        ("job.gcode", a_pipe),
+        ("lock", a_folder),
+    ],
+)
+def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
+    file: str, spoil: Callable[[Path], None], tmp_path: Path
+) -> None:
+    shelf, good, bad = shelf_in(tmp_path)
+    spoil(bad.folder / file)
+    (damage,) = damaged_on(shelf)
+
+    assert str(damage).startswith(str(bad.folder / file))
+    assert find(shelf, "", running=False).folder == good.folder
+    assert unfinished(shelf, "/dev/null") is not None
+    damage.forget()
+    assert [one.folder for one in on_shelf(shelf)] == [good.folder]
+
+
+@pytest.mark.parametrize("port", ["a\0b", "\ud800"])
+def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Path) -> None:
+    shelf, good, bad = shelf_in(tmp_path)
+    head = json.loads((bad.folder / "head.json").read_text(encoding="utf-8")) | {"port": port}
+    (bad.folder / "head.json").write_text(json.dumps(head), encoding="utf-8")
+
+    assert unfinished(shelf, "/dev/elsewhere") is None
+    assert find(shelf, "", running=False).folder == good.folder
+    assert "'port'" in str(next(damaged_on(shelf)))
 
 
 @given(name=st.sampled_from(["name", "port", "baud", "begun", "boot", "setup", None]), value=ANYTHING)
