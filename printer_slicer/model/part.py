@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from printer_slicer.errors import MeshError
 from printer_slicer.geometry import Float, frozen_array
 from printer_slicer.model.items import Item
 from printer_slicer.showing import Drawn
+
+if TYPE_CHECKING:
+    import trimesh
 
 __all__ = ["Faults", "Mesh", "Repair", "Repairs"]
 
@@ -41,6 +46,36 @@ class Mesh(Drawn):
     def __repr__(self) -> str:
         x, y, z = self.size.tolist() if self.n_facets else (0, 0, 0)
         return f"<Mesh {self.name!r}: {self.n_facets} facets, {x:.4g} x {y:.4g} x {z:.4g} mm>"
+
+    @classmethod
+    def from_trimesh(cls, mesh: trimesh.Trimesh, name: str = "part") -> Mesh:
+        """The surface of a trimesh, with the same coordinates, in mm.
+
+        Args:
+            mesh: of triangles; its transforms, colours and metadata are not looked at.
+            name: what to call the part in messages.
+
+        Raises:
+            MeshError: it has no facets, or a coordinate that is no number.
+        """
+        triangles = np.asarray(mesh.triangles, np.float64)
+        if not len(triangles) or not np.isfinite(triangles).all():
+            raise MeshError(
+                f"{name}: this trimesh has {'a coordinate that is no number' if len(triangles) else 'no facets'}",
+                remedy="look at its faces and vertices",
+            )
+        return cls(triangles, name)
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """The same surface as a trimesh; corners with equal coordinates are one vertex.
+
+        The first call imports trimesh, which takes about half a second.
+        """
+        import trimesh  # noqa: PLC0415 - the slicer does without
+
+        corners = self.triangles.reshape(-1, 3)
+        vertices, number = np.unique(corners, axis=0, return_inverse=True)
+        return trimesh.Trimesh(vertices, number.reshape(-1, 3), process=False, metadata={"name": self.name})
 
     @property
     def n_facets(self) -> int:
