@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.inputs import inputs
-from printer_slicer.cli.output_streams import outlive_readers
+from printer_slicer.cli.output_streams import outlive_readers, unwritten
 from printer_slicer.errors import PrinterSlicerError
 
 __all__ = ["main"]
@@ -46,6 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = _run(parser, argv)
         finally:  # also where --help ends it
             sys.stdout.flush()
+            if missed := unwritten():
+                raise missed
     except OSError as error:
         failed = _output_failed(error)
         code = code or failed
@@ -94,7 +96,9 @@ def _output_failed(error: OSError) -> int:
     # Point stdout at nothing, so that closing it at the end of the process cannot fail again.
     with contextlib.suppress(OSError):  # a stdout that is no file has nothing to close
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return _fail(f"cannot go on: {error.strerror or error}\n  check free space and permissions", 2)
+    return _fail(
+        f"the output is not all there: {error.strerror or error}\n  check free space and permissions", 2
+    )
 
 
 def _fail(message: str, code: int) -> int:

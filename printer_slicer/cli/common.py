@@ -165,7 +165,12 @@ def _choose_uniform(changes: dict[str, object]) -> None:
         raise UsageError(
             f"layer height {height}: layers of one height are those of --planner uniform, and {planner} was named, "
             "which chooses heights itself",
-            remedy=f"leave out one of the two, or bound the heights: --heights 0.1:{height}",
+            remedy="leave out one of the two, or bound the heights: --heights LOW:HIGH",
+        )
+    if listed := named.get("layer_heights"):
+        raise UsageError(
+            f"layer height {named['layer_height']}: all layers are to be so, and --heights {listed} lists others",
+            remedy="leave out one of the two",
         )
 
 

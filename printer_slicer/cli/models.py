@@ -174,8 +174,10 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
     found = list(islice(find_overlaps(meshes), _MOST_TOLD + 1))
     if not found:
         return
+    names = [path.name for path in dict.fromkeys(paths)]
+    called = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
     told = [
-        f"{paths[one.second].name} overlaps {paths[one.first].name} by {one.width:.4g} x {one.depth:.4g} mm"
+        f"{called[one.second]} overlaps {called[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
         for one in found[:_MOST_TOLD]
     ]
     told += ["and there are more"] if len(found) > _MOST_TOLD else []

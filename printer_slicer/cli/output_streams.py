@@ -2,7 +2,7 @@
 
 `dry-run part.gcode | head -1` closes the pipe while the command works, and a terminal may be closed while it prints.
 What is written from then on is dropped, so the command goes on to its end, and its exit code is its own. A full disk
-is no such case: what could not be written is missed, and stays an error.
+does not end a print either, but what could not be written is missed: `unwritten` tells, and it is an error at the end.
 """
 
 from __future__ import annotations
@@ -17,14 +17,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from typing_extensions import Buffer
 
-__all__ = ["outlive_readers"]
+__all__ = ["outlive_readers", "unwritten"]
 
 _GONE = {errno.EPIPE, errno.ECONNRESET} | ({errno.EINVAL} if sys.platform == "win32" else set())
 _GONE_TERMINAL = {errno.EIO, errno.ENXIO}
 
 
 class _Output(io.RawIOBase):
-    """A file descriptor that is written to for as long as somebody reads it."""
+    """A file descriptor that is written to for as long as it takes what is written.
+
+    Attributes:
+        failure: why something that somebody may miss was not written.
+    """
+
+    failure: OSError | None = None
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -44,11 +50,7 @@ class _Output(io.RawIOBase):
         return True
 
     def write(self, data: Buffer, /) -> int | None:
-        """How many bytes were taken; all of them once nobody reads them. None: just now, none can be.
-
-        Raises:
-            OSError: as of any file, such as one on a full disk.
-        """
+        """How many bytes were taken; all of them once no more can be written. None: just now, none can be."""
         size = memoryview(data).nbytes
         if self._gone:
             return size
@@ -57,10 +59,17 @@ class _Output(io.RawIOBase):
         except BlockingIOError:
             return None
         except OSError as error:
-            self._gone = error.errno in _GONE | (_GONE_TERMINAL if self._terminal else set())
-            if not self._gone:
-                raise
+            self._gone = True
+            if error.errno not in _GONE | (_GONE_TERMINAL if self._terminal else set()):
+                self.failure = error
             return size
+
+
+def unwritten() -> OSError | None:
+    """Why something that was to go to stdout is not there, as on a full disk; a reader who went away misses nothing."""
+    buffer = getattr(sys.stdout, "buffer", None)
+    raw = getattr(buffer, "raw", buffer)
+    return raw.failure if isinstance(raw, _Output) else None
 
 
 def outlive_readers() -> None:

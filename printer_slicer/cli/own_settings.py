@@ -34,10 +34,18 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
     Args:
         path: of the G-code.
         folders: of profiles, besides the usual ones.
+
+    Raises:
+        UsageError: it is a pipe.
     """
-    from printer_slicer.errors import ProfileError
+    from printer_slicer.errors import ProfileError, UsageError
     from printer_slicer.importing import NoSettingsError, Refused, import_profiles
 
+    if path.is_fifo():  # what is read of it here, nobody would judge
+        raise UsageError(
+            f"{path}: is a pipe, which can be read only once, and G-code is read several times",
+            remedy="pipe it into stdin and name -, or write it to a file",
+        )
     try:
         found = import_profiles(path)
     except NoSettingsError:

@@ -487,6 +487,28 @@ def test_a_stdout_that_takes_nothing_is_a_failure_with_a_message(
     assert is_message(outcome, "No space left")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_print_whose_log_fills_the_disk_goes_on_to_its_verdict(tmp_path: Path) -> None:
+    """The exit code is that of the print, which is only known at its end."""
+    cold = tmp_path / "cold.gcode"
+    cold.write_text("G28\nG1 X20 Y20 Z0.2 F1200\nG1 X40 E1\n", encoding="utf-8")
+    for log in (Path("/dev/full"), tmp_path / "log"):
+        with log.open("wb") as full:
+            outcome = process(
+                "print",
+                cold,
+                "--port",
+                "sim:",
+                "--allow",
+                "cold",
+                cwd=tmp_path,
+                stdout=full.fileno(),
+                env=NO_BUFFER,
+            )
+        assert outcome.code == 7, outcome.err
+        assert ("No space left" in outcome.err) == (log.name == "full")
+
+
 def test_progress_is_shown_on_a_terminal_and_wiped_away(tmp_path: Path) -> None:
     """Printing on the simulated printer with stderr on a terminal ends with a clean line."""
     import pty

@@ -64,3 +64,13 @@ def test_another_planner_and_a_layer_height_contradict_each_other(
 
 def test_without_a_layer_height_the_default_planner_chooses() -> None:
     assert heights(typed("slice", BOX, "-o", "/dev/null", "--json"))[0] == "optimal"
+
+
+def test_a_layer_height_beside_a_list_of_heights_is_an_error(tmp_path: Path) -> None:
+    outcome = typed(
+        "slice", BOX, "--layer-height", "0.2", "--heights", "0.1,0.15", "-o", tmp_path / "x.gcode"
+    )
+
+    assert outcome.code == 2
+    assert "layer height 0.2" in outcome.err
+    assert "--heights 0.1,0.15" in outcome.err

@@ -160,6 +160,15 @@ def test_parts_that_overlap_are_refused_unless_they_shall_fuse(tmp_path: Path) -
     assert typed("slice", one, touching, *QUICK).code == 0
 
 
+def test_parts_of_one_name_that_overlap_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    for folder in ("left", "right"):
+        (tmp_path / folder).mkdir()
+        part(tmp_path / folder, "part.stl", (0, 0, 0), (20, 20, 6))
+    left, right = (tmp_path / folder / "part.stl" for folder in ("left", "right"))
+
+    assert f"{right} overlaps {left} by 20 x 20 mm" in typed("slice", left, right, *QUICK).err
+
+
 def test_a_part_in_a_hole_of_another_does_not_overlap(tmp_path: Path) -> None:
     write(tmp_path, binary_stl(box_with_hole((40, 40, 6), (20, 20)).triangles), "frame.stl")
     low, high = 11, 29
