@@ -127,7 +127,7 @@ def _parts(models: Path | None, wanted: Sequence[str]) -> Iterator[Path]:
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """The rows in Markdown."""
-    yield "| machine | part | minutes before | now | the vendor's | now / vendor's |"
+    yield "| machine | part | minutes before | now | vendor | now / vendor |"
     yield "|---|---|---|---|---|---|"
     for row in rows:
         yield (

@@ -1,11 +1,11 @@
-"""The usual plan of every part on every machine against uniform layers, on the program's moves.
+"""Compare default layer plans with uniform layers, on the program's moves.
 
     python -m benchmarks.plans [--models DIR] [--machine NAME ...] [--limit N] [--json FILE] [--again] [part ...]
 
 For each part and machine the default plan and uniform layers of `layer_height` are sliced, and of all uniform plans
-whose certified volume error is no larger than the default plan's the three thickest: only these could be as exact and
-quicker. Minutes are those of the moves, volume errors the certified ones. Rows that are in the file of figures already
-are not measured again, so that a run may be stopped and gone on with.
+whose certified volume error is no larger than the default plan's the three thickest: only these could be as accurate and
+faster. Minutes are those of the moves, volume errors the certified ones. Rows that the file of figures already holds
+are not measured again, so a run may be interrupted and continued.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from printer_slicer.profile import Profile, load_profile
 from printer_slicer.surface import certify, read_surface
 
 NEARLY: Final = 0.01
-"""Of minutes or volume error: closer ones are the same, as near as the planner's model knows minutes of like plans."""
+"""Relative difference of time or volume error that the planner's model cannot resolve: closer values count as equal."""
 
 _RIVALS: Final = 3
 _SIDES: Final = 96
@@ -193,7 +193,7 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 
 def summary(rows: Sequence[Row]) -> Iterator[str]:
     """A line for each part: the default plan by uniform layers, from the least to the most of all machines."""
-    yield "| part | machines | minutes by uniform | error by uniform | minutes by as exact uniform | beaten |"
+    yield "| part | machines | time / uniform | error / uniform | time / equally accurate uniform | plans beaten by a uniform one |"
     yield "|---|---|---|---|---|---|"
     for part in sorted({row.part for row in rows}):
         own = [row for row in rows if row.part == part]
