@@ -1,7 +1,7 @@
-"""TOML that anybody may have written: parsed within limits, with the line of every fault and of every key.
+"""Parse untrusted TOML within limits, with the line of every error and every key.
 
-Python's parser has no limits: a key of 20 000 parts takes it gigabytes, brackets in brackets end in a RecursionError,
-and whole numbers may have any number of digits.
+Python's parser has no limits: a key of 20 000 parts takes gigabytes, nested brackets raise RecursionError,
+and integers may have any number of digits.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from typing import Any, Final
 __all__ = ["MOST_BYTES", "TomlError", "key_lines", "parse_toml"]
 
 MOST_BYTES: Final = 1 << 20
-"""Of a file; the longest one that is shipped has 10 kB."""
+"""Size limit of a file; the largest shipped one has 10 kB."""
 MOST_PARTS: Final = 32
-"""Parts of a dotted key, and tables or lists in each other."""
+"""Limit for the parts of a dotted key, and for nested tables or lists."""
 LONGEST_KEY: Final = 200
 LONGEST_TEXT: Final = 1 << 16
-"""Characters of a key, and of a value."""
+"""Limits for keys and values, characters."""
 LARGEST: Final = 2**63 - 1
-"""Whole number that TOML asks programs to read."""
+"""Largest integer that TOML requires programs to read."""
 
 _KEY = r"(?:[A-Za-z0-9_-]+|\"[^\"\n]*\"|'[^'\n]*')"
 _DOTTED = rf"{_KEY}(?:[ \t]*\.[ \t]*{_KEY})*"
 _HEADER = re.compile(rf"[ \t]*\[\[?[ \t]*({_DOTTED})[ \t]*\]\]?")
 _SETTING = re.compile(rf"[ \t]*({_DOTTED})[ \t]*=")
-# What may hold line breaks or signs that mean nothing there, and the brackets between which breaks mean nothing.
+# Strings and comments, in which brackets and line breaks do not count, and brackets, between which line breaks do not.
 _WORD = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}|\'\'\'(?:[^\']|\'(?!\'\'))*+\'{3,5}'
     r'|"(?:\\.|[^"\\\n])*+"|\'[^\'\n]*+\'|#[^\n]*+|[\[{]|[\]}]|\n',
@@ -38,11 +38,11 @@ _MANY_DIGITS = re.compile(r"(?:\d_?){4000}")
 
 
 class TomlError(ValueError):
-    """What is wrong with a text.
+    """A TOML text is invalid or exceeds a limit.
 
     Attributes:
-        line: from 1.
-        reason: in words.
+        line: counted from 1.
+        reason: message.
     """
 
     def __init__(self, line: int, reason: str) -> None:
@@ -51,11 +51,11 @@ class TomlError(ValueError):
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """What a text means.
+    """Parse a TOML text.
 
     Raises:
-        TomlError: it is no TOML, or goes beyond a limit: `MOST_BYTES` characters, `MOST_PARTS` of a key or in each
-            other, `LONGEST_KEY`, `LONGEST_TEXT`, `LARGEST`.
+        TomlError: the text is invalid or exceeds a limit: `MOST_BYTES` characters, `MOST_PARTS` of a key or
+            nesting levels, `LONGEST_KEY`, `LONGEST_TEXT`, `LARGEST`.
     """
     if len(text) > MOST_BYTES:
         raise TomlError(1, f"over {MOST_BYTES} characters")
@@ -69,7 +69,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise TomlError(int(found[1]) if found else text.count("\n") + 1, reason[:300]) from None
     except RecursionError:
         raise _too_deep(_line_of_depth(text)) from None
-    except ValueError:  # of Python's limit of the digits of a number
+    except ValueError:  # Python limits the digits of a number
         found = _MANY_DIGITS.search(text)
         raise _too_large(text.count("\n", 0, found.start()) + 1 if found else 1) from None
     fault = _beyond_limits(values)
@@ -83,15 +83,15 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _too_deep(line: int) -> TomlError:
-    return TomlError(line, f"over {MOST_PARTS} tables or lists in each other")
+    return TomlError(line, f"more than {MOST_PARTS} nested tables or lists")
 
 
 def _too_large(line: int) -> TomlError:
-    return TomlError(line, f"a whole number beyond {LARGEST}")
+    return TomlError(line, f"an integer larger than {LARGEST}")
 
 
 def _check_dotted_keys(text: str) -> None:
-    """Refuse keys of many parts before they are parsed."""
+    """Reject keys of many parts before parsing."""
     bare = _WORD.sub(lambda found: _without_meaning(found[0]), text)
     found = _MANY_PARTS.search(bare)
     if found:
@@ -99,12 +99,12 @@ def _check_dotted_keys(text: str) -> None:
 
 
 def _without_meaning(word: str) -> str:
-    """As many lines, with a key in place of a text and nothing in place of a comment."""
+    """Replace a string by a key and a comment by nothing, with the same number of lines."""
     return word if len(word) == 1 else "_" * (word[0] != "#") + "\n" * word.count("\n")
 
 
 def _line_of_depth(text: str) -> int:
-    """The line where too many brackets are open for the first time."""
+    """Return the first line with too many open brackets."""
     depth = 0
     for found in _WORD.finditer(text):
         depth += (found[0] in "[{") - (found[0] in "]}")
@@ -114,7 +114,7 @@ def _line_of_depth(text: str) -> int:
 
 
 def _beyond_limits(values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """The dotted key of the first value that is beyond a limit, and what is wrong with it."""
+    """Return the dotted key of the first value that exceeds a limit, and the reason."""
     left: list[tuple[str, int, Any]] = [("", 0, values)]
     while left:
         key, depth, value = left.pop()
@@ -123,22 +123,22 @@ def _beyond_limits(values: Mapping[str, Any]) -> tuple[str, str] | None:
         if isinstance(value, dict):
             long = next((name for name in value if len(name) > LONGEST_KEY), None)
             if long is not None:
-                return key, f"a key of {len(long)} characters; at most {LONGEST_KEY} are read"
+                return key, f"a key of {len(long)} characters; at most {LONGEST_KEY} are allowed"
             left += [(f"{key}.{name}" if key else name, depth + 1, one) for name, one in value.items()]
         elif isinstance(value, list):
             left += [(key, depth + 1, one) for one in value]
         elif isinstance(value, str) and len(value) > LONGEST_TEXT:
-            return key, f"a text of {len(value)} characters; at most {LONGEST_TEXT} are read"
+            return key, f"a string of {len(value)} characters; at most {LONGEST_TEXT} are allowed"
         elif isinstance(value, int) and not -LARGEST - 1 <= value <= LARGEST:
             return key, _too_large(1).reason
     return None
 
 
 def key_lines(text: str) -> dict[str, int]:
-    """Dotted key, or table -> the line, from 1, where it is first named, of the text of a valid TOML file.
+    """Map each dotted key and table of a valid TOML text to the line, from 1, where it is first named.
 
-    Tables of a list `[[many]]` are `many[0]`, `many[1]` and so on, and `many` is where the list begins. Keys of tables
-    between braces are not told apart from their table.
+    Tables of a list `[[many]]` are `many[0]`, `many[1]` and so on, and `many` is where the list begins. Keys of inline
+    tables have no entry of their own.
     """
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}
@@ -158,12 +158,12 @@ def key_lines(text: str) -> dict[str, int]:
 
 
 def _numbered(name: str, counts: dict[str, int], *, new: bool) -> str:
-    """The name of a table with the numbers of the lists that it is in: those of their last tables.
+    """Return the name of a table with the indices of the lists that contain it.
 
     Args:
-        name: as it is written.
-        counts: how many tables each list has by now; one more if there is a new one.
-        new: whether this is one more table of a list of that name.
+        name: as in the file.
+        counts: number of tables in each list so far; increased for a new one.
+        new: whether this is a new table of a list of that name.
     """
     found, parts = "", name.split(".")
     for k, part in enumerate(parts):
@@ -175,17 +175,17 @@ def _numbered(name: str, counts: dict[str, int], *, new: bool) -> str:
 
 
 def _listed(table: str) -> str:
-    """The list of a table that is one of a list; another table as it is."""
+    """Return the name of the list for a table of a list; other names unchanged."""
     return table.rpartition("[")[0] if table.endswith("]") else table
 
 
 def _plain(key: str) -> str:
-    """A dotted key without quotes and blanks."""
+    """Return a dotted key without quotes and spaces."""
     return ".".join(part.strip().strip("\"'") for part in re.findall(_KEY, key))
 
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
-    """Where each begins, and its text: a line, or several where a value goes over several."""
+    """Yield the first line and the text of each statement; values may span several lines."""
     begin, depth = 0, 0
     for word in _WORD.finditer(text):
         sign = word[0]

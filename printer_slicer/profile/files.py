@@ -84,13 +84,13 @@ def profile_over(
     changes: Mapping[str, object] | None = None,
     folders: Sequence[Path] = (),
 ) -> Profile:
-    """The profile of something that is not sliced, but printed, and holds settings of its own.
+    """Load a profile for printing G-code that has settings of its own.
 
     Args:
-        own: kind -> its settings, which are taken where `names` has no other.
+        own: kind -> settings of the file, used if `names` has no other profile.
         names: as for `read_sources`.
         changes: as for `load_profile`.
-        folders: likewise.
+        folders: as for `load_profile`.
 
     Raises:
         ProfileError: naming file, line, key and bound.

@@ -28,7 +28,7 @@ INNER: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
     "material": {},
     "quality": {"speeds": Speeds, "accelerations": Accelerations},
 }
-"""The tables of each section. A key without its section means the quality's: `speeds.travel`."""
+"""The tables of each section. A key without a section refers to the quality: `speeds.travel`."""
 
 ENTRIES: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
 """Settings that are lists of tables: what these may hold."""

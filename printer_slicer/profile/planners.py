@@ -90,7 +90,7 @@ class OptimalPlanner(
     error_price: Annotated[
         float,
         meta(
-            "what a mm³ of volume error may cost, for objective = balanced; 0: as error_price_ratio says",
+            "print time worth spending to avoid 1 mm³ of volume error (balanced); 0: see error_price_ratio",
             "s/mm³",
             ge=0,
             le=1e6,
@@ -99,7 +99,7 @@ class OptimalPlanner(
     error_price_ratio: Annotated[
         float,
         meta(
-            "the same in times of what the machine needs for a mm³ of the part in layers of layer_height",
+            "the same, relative to the time the machine needs for 1 mm³ of the part in layers of layer_height",
             "ratio",
             gt=0,
             le=1e6,
@@ -109,13 +109,13 @@ class OptimalPlanner(
         float, meta("layers end this near to flats; 0: half of the printer's z_step", "mm", ge=0, le=1)
     ] = 0
     max_step: Annotated[
-        float, meta("neighbouring layers differ by no more than this; 0: as smooth says", "mm", ge=0, le=1)
+        float, meta("largest step between neighbouring layers; 0: see smooth", "mm", ge=0, le=1)
     ] = 0
     smooth: Annotated[
         bool,
         meta(
-            "without max_step: neighbouring layers differ by no more than 0.06 mm or a quarter of the thicker one, "
-            "but beside flats"
+            "without max_step: neighbouring layers differ by at most 0.06 mm or a quarter of the thicker one, "
+            "except next to flats"
         ),
     ] = True
     max_layers: Annotated[

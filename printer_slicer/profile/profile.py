@@ -40,33 +40,33 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def speeds(self) -> Speeds:
-        """Speed of each role, mm/s, with the printer's filled in; see `resolve_speeds`."""
+        """Speed of each role, mm/s, including the printer's; see `resolve_speeds`."""
         return resolve_speeds(self.printer, self.quality)
 
     @property
     def raft_interface_speed(self) -> float:
-        """Speed of a raft's last layer, mm/s: as the interface of supports, unless the quality names the raft's."""
+        """Speed of a raft's top layer, mm/s: that of the support interface, unless the quality sets `raft`."""
         resolved, named = self.speeds, self.quality.speeds.raft
         return named or min(resolved.raft, resolved.support_interface)
 
     @property
     def accelerations(self) -> Accelerations:
-        """Acceleration of each role, mm/s², with the printer's filled in; see `resolve_accelerations`."""
+        """Acceleration of each role, mm/s², including the printer's; see `resolve_accelerations`."""
         return resolve_accelerations(self.printer, self.quality)
 
     @property
     def max_flow(self) -> float:
-        """Most plastic that hotend and material allow, mm³/s."""
+        """Flow limit of hotend and material, mm³/s."""
         return resolve_flow(self.printer, self.material)
 
     @property
     def pressure_advance(self) -> float:
-        """Pressure advance that the file sets, s; 0: none."""
+        """Pressure advance set in the G-code, s; 0: none."""
         return resolve_pressure_advance(self.printer, self.material)
 
     @property
     def resolved(self) -> Profile:
-        """The same with everything filled in that quality and material leave to the printer."""
+        """Return the profile with all values that quality and material leave to the printer."""
         return replace(
             self,
             material=replace(self.material, max_flow=self.max_flow, pressure_advance=self.pressure_advance),

@@ -251,7 +251,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_overlap: Annotated[
         float,
         meta(
-            "ends of solid infill reach into the perimeter by this share of the mean of their spacings",
+            "overlap of solid infill ends with the perimeter, as a share of the mean of both spacings",
             "0-1",
             ge=0,
             le=0.5,
@@ -261,7 +261,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sparse_overlap: Annotated[
         float,
         meta(
-            "ends of sparse infill reach into the perimeter by this share of the mean of their spacings",
+            "overlap of sparse infill ends with the perimeter, as a share of the mean of both spacings",
             "0-1",
             ge=0,
             le=0.5,

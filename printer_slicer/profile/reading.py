@@ -46,7 +46,7 @@ DEFAULT_NAMES: Final[Mapping[str, str]] = {
 MOST_ANCESTORS: Final = 32
 LONGEST_NAME: Final = 200
 LONGEST_PATH: Final = 1000
-"""Bytes of the name of a file, and characters of a path; systems allow 255 and some thousand."""
+"""Limits of a file name, bytes, and of a path, characters; systems allow 255 and a few thousand."""
 
 
 class Source(NamedTuple):
@@ -94,7 +94,7 @@ def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[P
         raise ProfileError(f"{path}: inherits from itself by way of {way}", remedy="break the circle")
     if len(seen) > MOST_ANCESTORS:
         raise ProfileError(
-            f"{seen[0]}: inherits from over {MOST_ANCESTORS} files in a row", remedy="inherit from fewer"
+            f"{seen[0]}: more than {MOST_ANCESTORS} levels of inheritance", remedy="inherit from fewer files"
         )
     text, values = _read(path)
     lines = key_lines(text)
@@ -164,7 +164,7 @@ def _read(path: Path) -> tuple[str, dict[str, Any]]:
     except TomlError as error:
         raise ProfileError(
             f"{path}:{error.line}: not valid TOML: {error.reason}",
-            remedy="mend the line that the message names",
+            remedy="correct this line",
         ) from None
     except UnicodeDecodeError as error:
         raise ProfileError(
@@ -173,7 +173,7 @@ def _read(path: Path) -> tuple[str, dict[str, Any]]:
     except OSError as error:
         if error.errno == errno.EFBIG:
             raise ProfileError(
-                f"{path}: over {MOST_BYTES >> 20} MiB, more than any profile", remedy="check the path"
+                f"{path}: over {MOST_BYTES >> 20} MiB, too large for a profile", remedy="check the path"
             ) from None
         raise ProfileError(
             f"{path}: cannot be read: {error.strerror}", remedy="check the file's permissions"
@@ -193,7 +193,7 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
         len(part.encode("utf-8", "replace")) > LONGEST_NAME for part in Path(name).parts
     ):
         raise ProfileError(
-            f"{asked_by}{kind} {name[:60]!r}...: too long for the name of a file", remedy="check the name"
+            f"{asked_by}{kind} {name[:60]!r}...: too long for a file name", remedy="check the name"
         )
     if name.endswith(".toml") or "/" in name:
         path = (seen[-1].parent if seen else Path()) / name
@@ -227,7 +227,7 @@ def _no_file(path: Path, asked_by: str = "", kind: str = "") -> ProfileError:
     if path.is_dir():
         problem = "is a folder, no profile"
     elif path.exists():
-        problem = "is a pipe or a device, no file"
+        problem = "is a pipe or a device, not a file"
     elif path.is_symlink():
         problem = "is a link to a file that there is not"
     return ProfileError(

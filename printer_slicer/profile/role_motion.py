@@ -1,6 +1,6 @@
-"""Speed, acceleration and flow of each role: the quality over the printer, within the machine and the material.
+"""Resolve speed, acceleration and flow of each role from quality, printer and material.
 
-All stages ask here, by way of `Profile`; nobody else multiplies factors.
+All stages get them through `Profile`; no other module applies factors.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = [
 ]
 
 USUAL_FLOW: Final = 12.0
-"""mm³/s of PLA that a plain 0.4 mm hotend melts, where neither printer nor material says more."""
+"""Flow limit of a standard 0.4 mm hotend for PLA, mm³/s, if neither printer nor material sets one."""
 
 _SCALED: Final = ("outer_perimeter", "inner_perimeter", "sparse", "solid", "top_skin", "gap", "support")
 _VISIBLE: Final = ("outer_perimeter", "top_skin")
@@ -28,10 +28,10 @@ _AS_THEY_ARE: Final = ("bridge", "internal_bridge", "small_perimeter", "travel",
 
 
 def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
-    """The quality's speeds with everything filled in that it leaves to the printer, mm/s.
+    """Return the speeds of a quality, mm/s, with zeros replaced by the printer's values.
 
-    `small_perimeter` alone may stay 0: such perimeters are as fast as others. Every 0 of the printer that stands for
-    another of its speeds is filled in too. What comes from the printer is at most as fast as its axes.
+    Only `small_perimeter` may stay 0: such perimeters are as fast as others. Zeros of the printer that refer to
+    another of its speeds are replaced too. Values from the printer are limited by the speed of its axes.
     """
     own, wanted = printer.speeds, quality.speeds
     fastest = max(printer.max_speed_x, printer.max_speed_y)
@@ -53,9 +53,9 @@ def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
 
 
 def resolve_accelerations(printer: Printer, quality: Quality) -> Accelerations:
-    """The quality's accelerations with everything filled in, mm/s²: at most `printer.acceleration`.
+    """Return the accelerations of a quality with zeros replaced, mm/s²: at most `printer.acceleration`.
 
-    `first_layer` may stay 0: the first layer is accelerated as the others.
+    `first_layer` may stay 0: then the first layer has the accelerations of the others.
     """
     own, wanted, most = printer.accelerations, quality.accelerations, printer.acceleration
     filled = {
@@ -70,7 +70,7 @@ def resolve_accelerations(printer: Printer, quality: Quality) -> Accelerations:
 
 
 def resolve_flow(printer: Printer, material: Material) -> float:
-    """Most plastic that hotend and material allow, mm³/s."""
+    """Return the flow limit of hotend and material, mm³/s."""
     hotend = printer.hotend_max_flow
     if not material.max_flow:
         return hotend or USUAL_FLOW
@@ -78,7 +78,7 @@ def resolve_flow(printer: Printer, material: Material) -> float:
 
 
 def resolve_pressure_advance(printer: Printer, material: Material) -> float:
-    """Pressure advance, s: the material's, or the printer's start value for PLA; 0 leaves the firmware's own."""
+    """Return the pressure advance, s: the material's, or the printer's for PLA; 0: the firmware's own."""
     if material.pressure_advance:
         return material.pressure_advance
     is_pla = (material.type or material.name).strip().upper() == "PLA"

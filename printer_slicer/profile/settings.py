@@ -104,11 +104,11 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float, meta("while only the extruder turns", "mm/s²", gt=0, le=100000)
     ] = 1000
     hotend_max_flow: Annotated[
-        float, meta("most PLA that the hotend melts; 0: not known", "mm³/s", ge=0, le=200)
+        float, meta("flow limit of the hotend for PLA; 0: unknown", "mm³/s", ge=0, le=200)
     ] = 0
     pla_pressure_advance: Annotated[
         float,
-        meta("linear advance for PLA whose material names none; 0: the firmware's own", "s", ge=0, le=5),
+        meta("pressure advance for PLA if the material sets none; 0: the firmware's own", "s", ge=0, le=5),
     ] = 0
     corner: Annotated[
         Literal["junction_deviation", "jerk", "square_corner"], meta("how the firmware finds corner speeds")
@@ -221,12 +221,13 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bed_temperature: Annotated[float, meta("bed", "°C", ge=0, le=200)] = 60
     first_layer_bed_temperature: Annotated[float, meta("bed, first layer", "°C", ge=0, le=200)] = 60
     pressure_advance: Annotated[
-        float, meta("linear advance; 0: the printer's for PLA, else the firmware's own", "s", ge=0, le=5)
+        float,
+        meta("pressure (linear) advance; 0: the printer's for PLA, else the firmware's own", "s", ge=0, le=5),
     ] = 0
     max_flow: Annotated[
         float,
         meta(
-            "most plastic that is melted; printer.hotend_max_flow may lower it; 0: as much PLA as the hotend melts",
+            "flow limit; printer.hotend_max_flow may lower it; 0: that of the hotend for PLA",
             "mm³/s",
             ge=0,
             le=200,

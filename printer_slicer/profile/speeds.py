@@ -1,4 +1,4 @@
-"""How fast and how hard each role is printed: what a machine does usually, and what a quality makes of it."""
+"""Speeds and accelerations of each role: those of a printer, and those of a quality."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ __all__ = ["Accelerations", "PrinterAccelerations", "PrinterSpeeds", "Speeds"]
 
 
 class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How fast the machine usually prints each role, in layers of about 0.2 mm."""
+    """Usual speed of each role on a printer, for layers of about 0.2 mm."""
 
     outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
     inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
     sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
-    solid: Annotated[float, meta("solid infill and bottom skins", "mm/s", gt=0, le=1000)] = 60
-    top_skin: Annotated[float, meta("top skins", "mm/s", gt=0, le=1000)] = 40
-    gap: Annotated[
-        float, meta("single beads between perimeters; 0: as inner perimeters", "mm/s", ge=0, le=1000)
-    ] = 0
+    solid: Annotated[float, meta("solid infill, bottom layers included", "mm/s", gt=0, le=1000)] = 60
+    top_skin: Annotated[float, meta("top solid infill", "mm/s", gt=0, le=1000)] = 40
+    gap: Annotated[float, meta("gap fill; 0: as inner perimeters", "mm/s", ge=0, le=1000)] = 0
     bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
     internal_bridge: Annotated[
         float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
@@ -27,7 +25,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     overhang_75: Annotated[
         float,
         meta(
-            "perimeters with 75 % of their width over the layer below, at most; 0: no limit of its own",
+            "limit for perimeters with 75 % of their width over the layer below; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -38,7 +36,7 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     small_perimeter: Annotated[
         float,
         meta(
-            "perimeters of quality.speeds.small_perimeter_radius, at most; 0: as the others",
+            "limit for perimeters up to quality.speeds.small_perimeter_radius; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -47,40 +45,38 @@ class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     support: Annotated[float, meta("supports and rafts", "mm/s", gt=0, le=1000)] = 30
     support_interface: Annotated[
         float,
-        meta("the layer of supports and rafts under the part; 0: as support", "mm/s", ge=0, le=1000),
+        meta("support interface and top layer of rafts; 0: as support", "mm/s", ge=0, le=1000),
     ] = 0
     travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
-    first_layer: Annotated[float, meta("perimeters on the first layer, at most", "mm/s", gt=0, le=1000)] = 20
+    first_layer: Annotated[float, meta("limit for perimeters on the first layer", "mm/s", gt=0, le=1000)] = 20
     first_layer_infill: Annotated[
-        float, meta("infill on the first layer, at most; 0: as first_layer", "mm/s", ge=0, le=1000)
+        float, meta("limit for infill on the first layer; 0: as first_layer", "mm/s", ge=0, le=1000)
     ] = 0
     first_layer_travel: Annotated[
-        float, meta("travels on the first layer, at most; 0: as travel", "mm/s", ge=0, le=2000)
+        float, meta("limit for travels on the first layer; 0: as travel", "mm/s", ge=0, le=2000)
     ] = 0
 
 
 class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How hard the machine usually accelerates each role; `printer.acceleration` is the most for all of them."""
+    """Usual acceleration of each role on a printer; `printer.acceleration` limits all of them."""
 
-    default: Annotated[
-        float, meta("what is not named here; 0: printer.acceleration", "mm/s²", ge=0, le=100000)
-    ] = 0
+    default: Annotated[float, meta("all other roles; 0: printer.acceleration", "mm/s²", ge=0, le=100000)] = 0
     first_layer: Annotated[
-        float, meta("everything on the first layer; 0: as above it", "mm/s²", ge=0, le=100000)
+        float, meta("everything on the first layer; 0: as on other layers", "mm/s²", ge=0, le=100000)
     ] = 0
     outer_perimeter: Annotated[float, meta("outer perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
     inner_perimeter: Annotated[float, meta("inner perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    overhang: Annotated[
-        float, meta("perimeters that hang over air; 0: default", "mm/s²", ge=0, le=100000)
-    ] = 0
+    overhang: Annotated[float, meta("overhanging perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
     bridge: Annotated[float, meta("bridges; 0: default", "mm/s²", ge=0, le=100000)] = 0
     sparse: Annotated[float, meta("sparse infill; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    solid: Annotated[float, meta("solid infill and bottom skins; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    top_skin: Annotated[float, meta("top skins and ironing; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    solid: Annotated[
+        float, meta("solid infill, bottom layers included; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
+    top_skin: Annotated[float, meta("top solid infill and ironing; 0: default", "mm/s²", ge=0, le=100000)] = 0
 
 
 class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How fast each role is printed; 0: as the printer's `speeds` say, times `ratio`.
+    """Speed of each role; 0: the printer's speed times `ratio`.
 
     The flow limits of material and hotend may lower any of them.
     """
@@ -88,7 +84,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ratio: Annotated[
         float,
         meta(
-            "the printer's speeds of perimeters, infill, gaps and supports are multiplied by this",
+            "factor for the printer's speeds of perimeters, infill, gap fill and supports",
             "ratio",
             gt=0,
             le=10,
@@ -98,7 +94,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     visible_most: Annotated[
         float,
         meta(
-            "outer perimeters and top skins take at most this of the printer's speed; 0: all of it",
+            "outer perimeters and top solid infill, upper limit of the printer's speeds; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -113,12 +109,13 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     sparse: Annotated[float, meta("sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
     solid: Annotated[
-        float, meta("solid infill and bottom skins; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta("solid infill, bottom layers included; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE),
     ] = 0
-    top_skin: Annotated[float, meta("top skins; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
-    gap: Annotated[
-        float, meta("single beads between perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    top_skin: Annotated[
+        float, meta("top solid infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
+    gap: Annotated[float, meta("gap fill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
     ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 15
     bridge: Annotated[float, meta("bridges; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
     internal_bridge: Annotated[
@@ -163,15 +160,15 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0.45
     support: Annotated[float, meta("supports; 0: the printer's", "mm/s", ge=0, le=1000)] = 0
     support_interface: Annotated[
-        float, meta("the layer of supports and rafts under the part; 0: the printer's", "mm/s", ge=0, le=1000)
+        float, meta("support interface and top layer of rafts; 0: the printer's", "mm/s", ge=0, le=1000)
     ] = 0
     raft: Annotated[
-        float, meta("rafts; 0: as supports and, last, their interface", "mm/s", ge=0, le=1000)
+        float, meta("rafts; 0: as supports, the top layer as their interface", "mm/s", ge=0, le=1000)
     ] = 0
     first_layer: Annotated[
         float,
         meta(
-            "perimeters on the first layer, and on the part's first over a raft, at most; 0: the printer's",
+            "limit for perimeters on the first layer, and the part's first layer on a raft; 0: the printer's",
             "mm/s",
             ge=0,
             le=1000,
@@ -180,14 +177,14 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     first_layer_infill: Annotated[
         float,
         meta(
-            "infill there, at most; 0: first_layer where that is set, else the printer's",
+            "limit for infill there; 0: first_layer if set, else the printer's",
             "mm/s",
             ge=0,
             le=1000,
         ),
     ] = 0
     first_layer_travel: Annotated[
-        float, meta("travels on the first layer, at most; 0: the printer's", "mm/s", ge=0, le=2000)
+        float, meta("limit for travels on the first layer; 0: the printer's", "mm/s", ge=0, le=2000)
     ] = 0
     slow_below: Annotated[
         float,
@@ -196,7 +193,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     small_perimeter: Annotated[
         float,
         meta(
-            "perimeters of small_perimeter_radius, at most; 0: the printer's",
+            "limit for perimeters up to small_perimeter_radius; 0: the printer's",
             "mm/s",
             ge=0,
             le=1000,
@@ -224,32 +221,32 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How hard each role is accelerated; 0: `default`, and where that is 0 too as the printer's `accelerations` say.
+    """Acceleration of each role; 0: `default`, or the printer's if that is 0 too.
 
-    `printer.acceleration` is the most for all of them.
+    `printer.acceleration` limits all of them.
     """
 
     default: Annotated[
-        float, meta("what is not named here; 0: the printer's", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+        float, meta("all other roles; 0: the printer's", "mm/s²", ge=0, le=100000, own=ANYWHERE)
     ] = 0
     first_layer: Annotated[
         float, meta("everything on the first layer; 0: the printer's", "mm/s²", ge=0, le=100000)
     ] = 0
     outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    overhang: Annotated[
-        float, meta("perimeters that hang over air", "mm/s²", ge=0, le=100000, own=ANYWHERE)
-    ] = 0
+    overhang: Annotated[float, meta("overhanging perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     bridge: Annotated[float, meta("bridges", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     sparse: Annotated[float, meta("sparse infill", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     solid: Annotated[
         float,
         meta(
-            "solid infill and bottom skins",
+            "solid infill, bottom layers included",
             "mm/s²",
             ge=0,
             le=100000,
             own=ANYWHERE,
         ),
     ] = 0
-    top_skin: Annotated[float, meta("top skins and ironing", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
+    top_skin: Annotated[
+        float, meta("top solid infill and ironing", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+    ] = 0

@@ -20,26 +20,34 @@ from printer_slicer.profile.reading import KINDS, read_chain
 from printer_slicer.toml_text import LARGEST, MOST_BYTES, MOST_PARTS, TomlError, key_lines, parse_toml
 
 HOSTILE = {
-    "a key of many parts": ("a = 1\n" + "a." * 20_000 + "b = 1\n", 2, "in each other"),
-    "many such keys": ("".join(f"{'a.' * 60}b{n} = 1\n" for n in range(8000)), 1, "in each other"),
-    "a table of many parts": ("\n\n[" + "a." * 20_000 + "b]\n", 3, "in each other"),
-    "quoted parts": ("x = 1\n" + '"a".' * 9000 + "b = 1\n", 2, "in each other"),
-    "parts in a table between braces": ("t = {" + "a . " * 9000 + "b = 1}\n", 1, "in each other"),
-    "behind a comment of dots": ("# " + "a." * 90 + "\n" + "a." * 90 + "b = 1\n", 2, "in each other"),
-    "behind a text of dots": ('x = """\n' + "a." * 90 + '"""\n' + "a." * 90 + "b = 1\n", 3, "in each other"),
-    "lists in lists": ("a = 1\nb = " + "[" * 100_000, 2, "in each other"),
-    "lists in lists, closed": ("a = 1\nb = " + "[" * 200 + "]" * 200, 2, "in each other"),
-    "tables in tables": ("b = " + "{a=" * 100_000, 1, "in each other"),
+    "a key of many parts": ("a = 1\n" + "a." * 20_000 + "b = 1\n", 2, "nested tables or lists"),
+    "many such keys": ("".join(f"{'a.' * 60}b{n} = 1\n" for n in range(8000)), 1, "nested tables or lists"),
+    "a table of many parts": ("\n\n[" + "a." * 20_000 + "b]\n", 3, "nested tables or lists"),
+    "quoted parts": ("x = 1\n" + '"a".' * 9000 + "b = 1\n", 2, "nested tables or lists"),
+    "parts in a table between braces": ("t = {" + "a . " * 9000 + "b = 1}\n", 1, "nested tables or lists"),
+    "behind a comment of dots": (
+        "# " + "a." * 90 + "\n" + "a." * 90 + "b = 1\n",
+        2,
+        "nested tables or lists",
+    ),
+    "behind a text of dots": (
+        'x = """\n' + "a." * 90 + '"""\n' + "a." * 90 + "b = 1\n",
+        3,
+        "nested tables or lists",
+    ),
+    "lists in lists": ("a = 1\nb = " + "[" * 100_000, 2, "nested tables or lists"),
+    "lists in lists, closed": ("a = 1\nb = " + "[" * 200 + "]" * 200, 2, "nested tables or lists"),
+    "tables in tables": ("b = " + "{a=" * 100_000, 1, "nested tables or lists"),
     "few parsers go down so far": (
         "b = " + "[" * (MOST_PARTS + 1) + "]" * (MOST_PARTS + 1),
         1,
-        "in each other",
+        "nested tables or lists",
     ),
-    "a number of 5000 digits": ("a = 1\nb = " + "9" * 5000, 2, "a whole number beyond"),
-    "the same with underlines": ("a = 1\n\nb = " + "9_9" * 5000, 3, "a whole number beyond"),
-    "a hexadecimal one": ("a = 1\nb = 0x" + "f" * 5000, 2, "a whole number beyond"),
-    "one more than fits": (f"a = {LARGEST + 1}", 1, "a whole number beyond"),
-    "a text of 900 kB": ("a = 1\nb = '" + "x" * 900_000 + "'", 2, "a text of 900000 characters"),
+    "a number of 5000 digits": ("a = 1\nb = " + "9" * 5000, 2, "an integer larger than"),
+    "the same with underlines": ("a = 1\n\nb = " + "9_9" * 5000, 3, "an integer larger than"),
+    "a hexadecimal one": ("a = 1\nb = 0x" + "f" * 5000, 2, "an integer larger than"),
+    "one more than fits": (f"a = {LARGEST + 1}", 1, "an integer larger than"),
+    "a text of 900 kB": ("a = 1\nb = '" + "x" * 900_000 + "'", 2, "a string of 900000 characters"),
     "a key of 900 kB": ("[t]\n" + "x" * 900_000 + " = 1", 1, "a key of 900000 characters"),
     "9 MB": ("b = '" + "x" * 9_000_000 + "'", 1, "over 1048576 characters"),
     "no value": ("a = 1\nb = \nc = 1\n", 2, "Invalid value"),
@@ -105,7 +113,7 @@ def test_too_many_ancestors_are_refused(tmp_path: Path) -> None:
         (tmp_path / f"p{n}.toml").write_text(f'inherits = "p{n + 1}.toml"\n')
     (tmp_path / "p500.toml").write_text("")
 
-    with pytest.raises(ProfileError, match="over 32 files in a row"):
+    with pytest.raises(ProfileError, match="more than 32 levels of inheritance"):
         load_profile(str(tmp_path / "p0.toml"))
 
 
