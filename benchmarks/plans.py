@@ -3,8 +3,8 @@
     python -m benchmarks.plans [--models DIR] [--machine NAME ...] [--limit N] [--json FILE] [--again] [part ...]
 
 For each part and machine the default plan and uniform layers of `layer_height` are sliced, and of all uniform plans
-whose certified volume error is no larger than the default plan's the three thickest: only these could be as accurate and
-faster. Minutes are those of the moves, volume errors the certified ones. Rows that the file of figures already holds
+whose certified volume error is no larger than the default plan's the three thickest: only these could be as accurate
+and faster. Minutes are those of the moves, volume errors the certified ones. Rows that the file of figures already has
 are not measured again, so a run may be interrupted and continued.
 """
 
@@ -193,7 +193,10 @@ def table(rows: Sequence[Row]) -> Iterator[str]:
 
 def summary(rows: Sequence[Row]) -> Iterator[str]:
     """A line for each part: the default plan by uniform layers, from the least to the most of all machines."""
-    yield "| part | machines | time / uniform | error / uniform | time / equally accurate uniform | plans beaten by a uniform one |"
+    yield (
+        "| part | machines | time / uniform | error / uniform | time / equally accurate uniform "
+        "| plans beaten by a uniform one |"
+    )
     yield "|---|---|---|---|---|---|"
     for part in sorted({row.part for row in rows}):
         own = [row for row in rows if row.part == part]

@@ -313,7 +313,7 @@ class Areas(Drawn):
         return Areas(self.xy.take(consecutive(begin, sizes), axis=0), start, layer, n_layers)
 
     def of_points(self, keep: Bool) -> Areas:
-        """Only the points for which `keep` (N,) is true; rings that keep fewer than three go altogether."""
+        """Keep the points where `keep` (N,) is true; drop rings with fewer than three."""
         keep = self.in_whole_rings(keep)
         count = np.append(0, np.cumsum(keep))[self.ring_start]
         kept = np.diff(count) > 0
@@ -321,7 +321,7 @@ class Areas(Drawn):
         return Areas(self.xy.compress(keep, axis=0), start, self.ring_layer[kept], self.n_layers)
 
     def in_whole_rings(self, keep: Bool) -> Bool:
-        """(N,) those of the points in `keep` (N,) whose ring keeps three or more."""
+        """(N,) the points in `keep` (N,) whose ring keeps three or more."""
         count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
         return keep & np.repeat(count >= 3, np.diff(self.ring_start))
 

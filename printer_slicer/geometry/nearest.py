@@ -56,7 +56,7 @@ class Segments:
         return result
 
     def within(self, points: Float, layer: Int, reach: float) -> tuple[Int, Int, Float]:
-        """Which segments of their `layer` (P,) points (P, 2) are near, in no order.
+        """Find the segments of their `layer` (P,) within reach of points (P, 2), unordered.
 
         Returns:
             (X,) the point, (X,) the segment, and (X,) mm between them, at most `reach`.

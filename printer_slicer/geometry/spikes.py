@@ -1,4 +1,4 @@
-"""Remove spikes: what the rounding of an engine leaves of strips that are narrower than its grid.
+"""Remove spikes, which rounding in a geometry engine leaves of strips narrower than its grid.
 
 Where two outlines lie a step of the grid apart, a cut between them leaves an outline that runs out and back along
 itself. Such a spike holds no area, but its rounded sides may cross, and whatever relies on simple rings (GEOS, an
@@ -14,14 +14,12 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["is_spike", "without_spikes"]
 
-_MOST = 2 / STEPS_PER_MM  # mm; both sides of a spike are rounded, each by up to a step
-_LEAST = (
-    1 / STEPS_PER_MM + 1e-11
-)  # mm; a ring that is no wider in the mean has no area but that of its rounding
+_MOST = 2 / STEPS_PER_MM  # mm; rounding moves each side of a spike by up to one step
+_LEAST = 1 / STEPS_PER_MM + 1e-11  # mm; a ring with this mean width or less has only rounding as its area
 
 
 def without_spikes(areas: Areas) -> Areas:
-    """Remove the points in which an outline turns back on itself, and rings that hold no area.
+    """Remove the points at which an outline turns back on itself, and rings without area.
 
     Args:
         areas: rings on the grid of the engines. A spike is at most two steps of that grid wide; a ring without area is
@@ -30,14 +28,14 @@ def without_spikes(areas: Areas) -> Areas:
     spikes = is_spike(areas)
     if not spikes.any():
         return areas
-    # Whatever holds no area turns back somewhere: the other rings need no second look.
+    # Rings without area turn back somewhere, so the other rings need no check.
     rings = distinct(areas.point_ring[spikes])
     points = consecutive(areas.ring_start[rings], np.diff(areas.ring_start)[rings])
     keep = np.ones(len(areas.xy), np.bool_)
     keep[points] = False
     part, spikes = areas.take(rings), spikes[points]
     while spikes.any():
-        # One of several neighbours at a time: without it, the next may be none.
+        # Only one of several neighbouring spikes at a time: without it, the next may not be a spike.
         gone = spikes & ~spikes[part.previous]
         sound = part.in_whole_rings(~(gone | _is_flat(part, spikes)))
         part, points = part.of_points(sound), points[sound]
@@ -47,21 +45,21 @@ def without_spikes(areas: Areas) -> Areas:
 
 
 def _is_flat(areas: Areas, spikes: Bool) -> Bool:
-    """(N,) whether the ring of each point is at most one step wide in the mean, or has nothing but spikes (N,)."""
+    """(N,) whether the ring of each point is at most one step wide on average, or has only spikes (N,)."""
     flat = 2 * np.abs(areas.ring_area()) <= areas.ring_length() * _LEAST
     flat |= np.logical_and.reduceat(spikes, areas.ring_start[:-1])
     return np.repeat(flat, np.diff(areas.ring_start))
 
 
 def is_spike(areas: Areas) -> Bool:
-    """(N,) whether the outline turns back in each point, within two steps of the grid from where it came."""
+    """(N,) whether the outline turns back at each point, within two steps of the grid."""
     spikes = np.zeros(len(areas.xy), np.bool_)
     if not areas.n_rings:
         return spikes
     first, last = areas.ring_start[:-1], areas.ring_start[1:] - 1
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = _to_next(x, first, last), _to_next(y, first, last)
-    # As whole arrays, not through indices: every area that an engine makes passes here.
+    # Whole arrays instead of indices, because every area from an engine passes here.
     along = np.zeros(len(x))
     np.multiply(ahead_x[1:], ahead_x[:-1], out=along[1:])
     along[1:] += ahead_y[1:] * ahead_y[:-1]

@@ -19,7 +19,7 @@ from printer_slicer.geometry import (
     pieces_of,
     staircases,
 )
-from printer_slicer.infill.held import Grid, held_threads, way_to_walls
+from printer_slicer.infill.bridge_anchors import HatchGrids, extensions_to_walls, join_bridge_lines
 from printer_slicer.infill.narrow import beads_amid
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags, zigzags
 from printer_slicer.model import LayerPlan, Role, Toolpaths
@@ -59,9 +59,9 @@ class Beads:
 def rows_in(
     plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile, inside: Areas | None = None
 ) -> list[Toolpaths]:
-    """Beads side by side, a little nearer or farther than usual so that a whole number of them fills each piece.
+    """Fill pieces with parallel lines, at a spacing that fits a whole number of them.
 
-    Threads in the air begin and end in the walls around `inside`, if that is given.
+    Bridge lines start and end in the walls around `inside`, if given.
     """
     overlap = _overlap(plan, pieces, beads, profile)
     rows, area, gap, grid = _hatched(pieces, beads)
@@ -70,8 +70,8 @@ def rows_in(
         if inside is None:
             threads = Zigzags.plain(rows, area, beads.angle, gap, overlap)
         else:
-            way = way_to_walls(rows, grid, pieces, inside, gap / 2)
-            threads = held_threads(rows, way, gap, beads.angle)
+            way = extensions_to_walls(rows, grid, pieces, inside, gap / 2)
+            threads = join_bridge_lines(rows, way, gap, beads.angle)
         threads = _without_dots(threads, shortest)
         laid = [_toolpaths(plan, pieces, beads, threads, beads.width[threads.entry])]
         if (beads.role == Role.BRIDGE).any():  # beside it, walls hold beads
@@ -100,7 +100,7 @@ def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
 
 
 def _overlap(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> Float:
-    """(P,) mm by which ends of rows reach into the perimeter: a share of half its spacing and half that of the rows."""
+    """(P,) overlap of row ends with the perimeter, mm: a share of the mean of both spacings."""
     if not profile.quality.perimeters:
         return np.zeros(pieces.count)
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
@@ -109,8 +109,8 @@ def _overlap(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) ->
     return np.asarray(share * (perimeter + beads.gap) / 2)
 
 
-def _hatched(pieces: Pieces, beads: Beads) -> tuple[Lines, Areas, Float, Grid]:
-    """Rows across the pieces; where their centre lines may be (P entries); (P,) mm from row to row; and their grid."""
+def _hatched(pieces: Pieces, beads: Beads) -> tuple[Lines, Areas, Float, HatchGrids]:
+    """Hatch pieces: return rows, areas of their centre lines (P entries), (P,) row spacing in mm, and the grid."""
     low, high = _across(pieces.areas, beads.angle)
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
     gap = np.clip((high - low) / count, _NARROWEST * beads.gap, _WIDEST * beads.gap)
@@ -119,7 +119,7 @@ def _hatched(pieces: Pieces, beads: Beads) -> tuple[Lines, Areas, Float, Grid]:
     area = offset(pieces.areas, -gap / 2)
     first = np.where(count > 1, low + gap / 2 + _HAIR, (low + high) / 2)
     step = np.where(count > 1, (high - low - gap - 2 * _HAIR) / np.maximum(count - 1, 1), gap)
-    grid = Grid(beads.angle, step, first / step)
+    grid = HatchGrids(beads.angle, step, first / step)
     return grid.rows(area), area, gap, grid
 
 
@@ -146,7 +146,7 @@ def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: Beads, lines: Zigzags, wi
 
 
 def _share(areas: Areas, laid: Float, filled: Float) -> Float:
-    """(P,) by how much rows have to be thicker so that each piece holds what it should."""
+    """(P,) flow factor of the rows so that each piece has its nominal volume."""
     wanted = areas.area() - filled
     share = np.divide(wanted, laid, out=np.ones_like(laid), where=laid > 0)
     return np.asarray(np.clip(share, _LESS, _MORE), dtype=np.float64)

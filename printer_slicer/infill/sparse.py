@@ -14,7 +14,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
 from printer_slicer.geometry.areas import distinct
 from printer_slicer.infill.own import insist_on_density
-from printer_slicer.infill.reaching import reach_out
+from printer_slicer.infill.perimeter_overlap import extend_ends
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import fillings
 from printer_slicer.model import Regions, Role, Toolpaths
@@ -89,7 +89,7 @@ def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpath
         profile: density, anchors, and width of the beads.
     """
     own = _task(layout.task.regions, regions.sparse, layout.groups, profile)
-    # Of half the perimeter's spacing and half their own, which are the same here.
+    # A share of the mean of both spacings, which are equal here.
     overlap = profile.quality.sparse_overlap * own.bead if profile.quality.perimeters else 0.0
     # Lines reach into the walls to hold on to them; the ends of bridges are there already and would lie under them.
     around = own.bead / 2 + overlap
@@ -98,7 +98,7 @@ def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpath
     bare, more = _drawn(task, layout.pattern)
     lines = _anchored(task, bare, profile, layout.reach)
     if overlap:
-        lines = reach_out(lines, bare, task.area, overlap, task.bead)
+        lines = extend_ends(lines, bare, task.area, overlap, task.bead)
     share = np.ones_like(more)
     if layout.measured:
         laid, volume = _laid(task, lines, more), _volume(own, regions.sparse, profile)

@@ -33,11 +33,11 @@ class Zigzags:
 
     @classmethod
     def plain(cls, rows: Lines, area: Areas, angle: Float, gap: Float, overlap: Float) -> Zigzags:
-        """Rows of a hatch joined as they are by turns like themselves; other ends reach into the perimeter.
+        """Join rows of a hatch by turns of the same width; other ends overlap the perimeter.
 
         Args:
-            rows: of a hatch of `area`.
-            area: P entries, half a row inside what is to be filled.
+            rows: hatch of `area`.
+            area: P entries, the area to fill, inset by half a row.
             angle: (P,) radians, of the rows.
             gap: (P,) mm from row to row.
             overlap: (P,) mm by which ends without a turn reach farther.
@@ -69,8 +69,8 @@ def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float, *, 
     beyond them as every second gap's turn fills: all of it at any width, and the more evenly the narrower it is.
 
     Args:
-        rows: of a hatch of `area`.
-        area: P entries, half a row inside what is to be filled.
+        rows: hatch of `area`.
+        area: P entries, the area to fill, inset by half a row.
         angle: (P,) radians, of the rows.
         gap: (P,) mm from row to row.
         turn: (P,) mm, spacing of the turns.
@@ -89,14 +89,14 @@ def zigzags(rows: Lines, area: Areas, angle: Float, gap: Float, turn: Float, *, 
 
 
 def _turning(end: Int, start: Int) -> Bool:
-    """(N,) which ends of rows are those of turns, too: all but the first and last of each zigzag."""
+    """(N,) which row ends belong to turns: all but the first and last of each zigzag."""
     inner = np.ones(len(end), np.bool_)
     inner[start[:-1]] = inner[start[1:] - 1] = False
     return inner
 
 
 def _reaching(rows: Lines, area: Areas, angle: Float, end: Int, deep: Float) -> Float:
-    """(N, 2) mm, ends of rows by number, moved on along their rows until they are `deep` (N,) mm beyond the border."""
+    """(N, 2) mm, row ends extended along their rows until they are `deep` (N,) mm beyond the border."""
     entry = rows.layer[end // 2]
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1).take(entry, axis=0)
     out = np.where((end % 2 == 1)[:, None], along, -along)

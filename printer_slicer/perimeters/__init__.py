@@ -24,7 +24,7 @@ _OVERHANG_BEADS = 3  # side by side over air; wider overhangs are bridged
 def lay_walls(sections: Sections, profile: Profile) -> Walls:
     """`quality.perimeters` loops around every section, and the area left inside them.
 
-    The outermost bead's side lies on the contour; inner beads hold what its round side leaves empty there. Layers that
+    The outermost perimeter touches the contour; inner perimeters fill the gaps beside its rounded side. Layers that
     are wide everywhere have loops of one width; on others the beads fill the narrow places from side to side. Under the
     open sky only the outermost loop is laid if `quality.single_top_perimeter` says so; with `quality.extra_perimeters`
     the edges of overhangs are walls too.

@@ -78,7 +78,7 @@ class Beading:
         result = np.repeat(usual[None], self.loops + 1, axis=0)
         pairs, middle = np.minimum(count // 2, self.loops), (count % 2 == 1) & (count < self.full)
         left = room - 2 * pairs * usual
-        alone = np.where(pairs == 0, narrowest, 0.0)  # a bead on its own is never narrower
+        alone = np.where(pairs == 0, narrowest, 0.0)  # a single bead is never narrower
         given = np.clip((narrowest - left) / 2, 0.0, np.maximum(usual - narrowest, 0.0))
         gives = np.flatnonzero((pairs > 0) & (middle | (count >= self.full)))
         result[pairs[gives] - 1, gives] -= given[gives]
@@ -89,17 +89,17 @@ class Beading:
         return np.maximum(result, 0.0)
 
     def deepest_dip(self, layer: Int) -> Float:
-        """The strain up to which the bead in the middle goes on through a short dip, as loops give way; in spacings.
+        """The strain up to which the middle bead continues through a short thin stretch, in spacings.
 
-        So far the loops stay within their limits, and nearer to the usual width than without it: with it they give half
-        of what the narrowest bead is short of, without it they take half of what is left.
+        Up to it, the loops beside the middle bead stay within their limits, and closer to their usual width than
+        without the bead: with it they give up half of the missing width, without it they take half of the rest.
         """
         narrowest, usual = self.narrowest[layer], self.spacing[layer]
         short = np.minimum(narrowest / 2, 2 * np.maximum(usual - narrowest, 0.0))
         return np.asarray(short / usual)
 
     def strain(self, radius: Float, count: Int, layer: Int) -> Float:
-        """By how much the bead that gives way is outside of its limits, with usual loops around it; in spacings."""
+        """How far the adapted bead is outside its limits, with loops of the usual width around it, in spacings."""
         room = self.room(radius, layer)
         spacings = self.spacings(room, count, layer)
         pairs, odd = np.minimum(count // 2, self.loops), count % 2 == 1

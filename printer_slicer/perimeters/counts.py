@@ -265,7 +265,7 @@ class _Runs:
         return result
 
     def _dips(self, own: Int, other: Int) -> Bool:
-        """(n,) runs between others with one bead more: that in the middle would end before them and begin behind."""
+        """(n,) which runs lie between two with one more bead, whose middle bead they would interrupt."""
         deeper = np.bincount(own, self.count[other] == self.count[own] + 1, len(self.count))
         met = np.bincount(own, minlength=len(self.count))
         return np.asarray((met > 1) & (deeper == met) & (self.count > 0))

@@ -78,7 +78,7 @@ def middle_lines(layout: Layout, beading: Beading) -> Lines:
 
 
 def _beside(dots: Lines, lines: Lines) -> Bool:
-    """(m,) which dots, each a ring, lie where a line or a dot before it lies already."""
+    """(m,) which dots, each a ring, overlap a line or an earlier dot."""
     low, high = (
         side.reduceat(dots.xy, np.cumsum(dots.size) - dots.size, axis=0) for side in (np.minimum, np.maximum)
     )
@@ -107,7 +107,7 @@ def _dots(layout: Layout, beading: Beading) -> Lines:
 
 
 def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -> Lines:
-    """Small rings (m,) of given length around points (m, 2)."""
+    """Make small rings (m,) of given length around points (m, 2)."""
     turn = np.arange(_CORNERS) * (2 * np.pi / _CORNERS)
     ring = np.column_stack([np.cos(turn), np.sin(turn)]) / (2 * np.sin(np.pi / _CORNERS) * _CORNERS)
     n = len(middle)
@@ -122,7 +122,7 @@ def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -
 
 
 def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
-    """One polyline along every stretch of pieces with a bead in the middle; and those too short for a line.
+    """Return a polyline along every stretch of pieces with a middle bead, and those too short for a line.
 
     Where three stretches meet, the two that go on straightest are one line; the others end at its side.
     """
@@ -160,7 +160,7 @@ def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
 
 
 def _as_dots(lines: Lines) -> Lines:
-    """Rings instead of lines that are shorter than wide, which would hold nothing of their round ends' plastic."""
+    """Replace lines shorter than their width by rings, because such lines would lack the volume of their round ends."""
     first = np.cumsum(lines.size) - lines.size
     middle = np.add.reduceat(lines.xy, first, axis=0) / lines.size[:, None]
     width = lines.width[first]

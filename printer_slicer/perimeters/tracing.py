@@ -272,10 +272,10 @@ class _Ordinary:
 
 
 def _lie_beside(rings: Areas, layout: Layout) -> Bool:
-    """(R,) whether rings lie between the outline and pieces that are used, on the way from one to the other.
+    """(R,) whether rings lie between the outline and pieces in use.
 
-    Two of their points tell, a corner and the middle of the longest side: a ring in a wide place may touch with either
-    what leads into a narrow one.
+    Two points decide, a corner and the middle of the longest side, because a ring in a wide area may touch the entry
+    of a narrow one with either.
     """
     corner = rings.xy.take(rings.ring_start[:-1], axis=0)
     beside = np.zeros(rings.n_rings, np.bool_)
@@ -287,7 +287,7 @@ def _lie_beside(rings: Areas, layout: Layout) -> Bool:
 
 
 def _beside(ring: Int, point: Float, rings: Areas, layout: Layout) -> Int:
-    """Which of the rings have their point (n, 2) between the outline and a piece that is used; may repeat."""
+    """Return the rings with their point (n, 2) between the outline and a piece in use; may repeat."""
     graph, layer = layout.graph, np.zeros(rings.n_layers, np.bool_)
     layer[rings.ring_layer[ring]] = True
     half = np.flatnonzero(np.repeat(layout.used & layer[graph.piece_layer], 2))

@@ -1,4 +1,4 @@
-"""Inner perimeters are wider by what the round sides of the outer ones leave empty along the contours."""
+"""Widen inner perimeters to fill the gaps beside the rounded sides of the outer ones."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from printer_slicer.model import Float, Role, Toolpaths
 __all__ = ["widen_inner"]
 
 _MOST_WIDER = 0.15  # of the spacing of an inner perimeter
-# Round sides of outer perimeters: one amid a wall has two of them to make up for. Islands without inner perimeters do
-# not make those of other islands of their layer wider than that.
+# Limit of the widening: a perimeter in the middle of a wall fills the gaps of two rounded sides. Islands without inner
+# perimeters must not widen those of other islands of their layer further.
 _MOST_SIDES = 2.0
 
 
 def widen_inner(paths: Toolpaths, room: Float) -> Toolpaths:
-    """The perimeters, with inner ones so wide that all perimeters of a layer together fill their room.
+    """Widen inner perimeters so that all perimeters of a layer together fill their area.
 
-    Outer perimeters stay as they are: their width is what is seen and measured.
+    Outer perimeters do not change, because they define dimensions and appearance.
 
     Args:
-        paths: perimeters.
+        paths: the perimeters.
         room: (L,) mm² of each layer that perimeters have to fill, up to the contours.
     """
     if not paths.n_paths:

@@ -35,7 +35,7 @@ class Arcs:
         bound: (A,) mm, certified error as tables have it.
         volume: (A,) mm³, wrongly filled or empty at most.
         seconds: (A,) s, modelled.
-        per_mm3: s that the machine needs for a mm³ of the part's plastic in layers of `layer_height`, modelled.
+        per_mm3: modelled time per mm³ of the part in layers of `layer_height`, s.
         uniform: (U, 2) s and mm³ of the plans of the planner `uniform`, of each height of the list that leaves no other
             ones than that to be the last.
     """
@@ -127,7 +127,7 @@ def _bounds(surface: Surface, lattice: Lattice, containment: str, rows: list[Row
 
 
 class _Volumes:
-    """Wrong volumes at most, of layers between two nodes each."""
+    """Upper bounds of the volume error of layers between two nodes."""
 
     def __init__(self, surface: Surface, lattice: Lattice, containment: str) -> None:
         self._lattice, self._containment = lattice, containment
@@ -137,15 +137,15 @@ class _Volumes:
         self._over, self._under = (up, down) if containment != "negative" else (down, up)
 
     def between(self, first: Int, last: Int) -> Float:
-        """(m,) mm³, of layers between nodes (m,)."""
+        """(m,) mm³, volume error of layers between nodes (m,)."""
         start, end = self._lattice.cells * first, self._lattice.cells * last
         if self._containment == "mid":
             both = self._both
             volume = both.take(start) + both.take(end) - 2 * both.take((start + end) // 2)
         else:
             over, under, cell = self._over, self._under, self._lattice.cell
-            # Shadows just above and just below each end, from the nearest cell: flats in the end itself belong to one
-            # side.
+            # Shadows just above and just below each end, from the nearest cell, because flats at the end belong to one
+            # side only.
             above, below = np.append(np.diff(over), 0.0) / cell, np.append(0.0, np.diff(under)) / cell
             thick = (end - start) * cell
             volume = over[end] - over[start] - thick * above[start]
@@ -154,7 +154,7 @@ class _Volumes:
 
 
 def _uniform_layers(steps: Steps) -> Iterable[Int]:
-    """Heights in z steps of the layers of uniform plans; only the last one may be of a height that is not allowed."""
+    """Yield uniform plans as layer heights in z steps; only the last layer may have a height outside the list."""
     first, rest = steps.begin()
     for height in steps.allowed.tolist():
         layers = fill(rest, height, steps.lowest, steps.highest)
@@ -163,7 +163,7 @@ def _uniform_layers(steps: Steps) -> Iterable[Int]:
 
 
 def _cost_of(layers: Int, times: LayerTimes, wrong: _Volumes, lattice: Lattice) -> tuple[float, float]:
-    """Seconds and mm³ of the plan of layers of these heights in z steps, to the nearest node of the lattice."""
+    """Return time, s, and volume error, mm³, of a plan given as heights in z steps, to the nearest lattice node."""
     end = np.rint(np.cumsum(layers) / lattice.steps).astype(np.int64).clip(0, lattice.n)
     start = np.append(0, end[:-1])
     thick = end - start

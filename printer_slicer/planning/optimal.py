@@ -34,15 +34,15 @@ from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.levels import ODD, Level, levels_of, underrated
 from printer_slicer.planning.path import (
-    Evenness,
     Graph,
+    NeighbourLimits,
     cheapest,
-    cheapest_even,
     cheapest_few,
     cheapest_within,
+    cheapest_within_limits,
     kept_by,
 )
-from printer_slicer.planning.smoothness import evenness_of
+from printer_slicer.planning.smoothness import neighbour_limits
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import Profile
 from printer_slicer.surface import layer_bounds, read_surface
@@ -55,9 +55,21 @@ _ROUNDS: Final = 20
 _MOST_ARCS: Final = 50_000_000  # of about 70 bytes
 _DIGITS: Final = 9  # of the dearest layer's cost
 _LAYER: Final = 1e-6  # of the dearest layer: of plans that cost the same, the one of fewer layers
-_FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 3.0, 5.0, 10.0, 0.8, 0.6, 0.4, 0.2)  # of the price
-_BEATEN: Final = 1e-4  # of time or volume error: less is rounding
-_JUMP: Final = 0.5  # usual layers that it is worth to avoid a jump beside a flat
+_FACTORS: Final = (
+    1.0,
+    1.25,
+    1.6,
+    2.0,
+    3.0,
+    5.0,
+    10.0,
+    0.8,
+    0.6,
+    0.4,
+    0.2,
+)  # factors of the price, in the order of trial
+_BEATEN: Final = 1e-4  # relative difference of time or volume error; less is rounding
+_JUMP: Final = 0.5  # typical layers that avoiding a large step next to a flat is worth
 _TIE: Final = 1e-4  # mm³ that a layer must be worth where the volume error alone counts
 
 
@@ -96,7 +108,7 @@ def _planned(mesh: Mesh, profile: Profile, steps: Steps, *, everywhere: bool) ->
             remedy="a coarser layer_step, a list of heights, or a coarser printer.z_step",
         )
     arcs = Arcs.over(mesh, lattice, steps, profile, everywhere=everywhere)
-    even = evenness_of(mesh, lattice, steps, profile)
+    even = neighbour_limits(mesh, lattice, steps, profile)
     for _ in range(_ROUNDS):
         layers = _Search(mesh, arcs, profile, levels_of(mesh, arcs, steps, profile), even).best()
         if layers is None:
@@ -114,7 +126,7 @@ class _Search:
     """The objective of one plan, over the layers that its part may have and what they break."""
 
     def __init__(
-        self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level], even: Evenness | None
+        self, mesh: Mesh, arcs: Arcs, profile: Profile, levels: list[Level], even: NeighbourLimits | None
     ) -> None:
         self._settings, self._even = profile.dials, even
         self._odd, self._jump = ODD, _JUMP
@@ -138,11 +150,11 @@ class _Search:
         return self._search(self._objective())
 
     def _balanced(self) -> Int | None:
-        """The plan of least time and volume error at their price, which no uniform plan beats in both.
+        """Find the plan with the lowest cost of time and volume error, not beaten by a uniform plan in both.
 
-        No plan that keeps the rules as well can: it would cost less. A uniform plan that misses flats might, or one
-        with a jump or an odd height at its end. Where one does, jumps beside flats and odd heights are free, and if
-        that does not help the price is raised, then lowered, until no uniform plan is better.
+        No plan that keeps the rules can beat it, because that would cost less. A uniform plan that misses flats, or has
+        a large step or a height outside the list at its end, can. In that case large steps next to flats and heights
+        outside the list become free. If that does not help, the price is raised, then lowered, until none is better.
         """
         arcs, settings = self._arcs, self._settings
         price = settings.error_price or settings.error_price_ratio * arcs.per_mm3
@@ -161,7 +173,7 @@ class _Search:
         return found
 
     def _is_beaten(self, layers: Int) -> bool:
-        """Whether a uniform plan is as quick and as exact as this one, and better at one of it."""
+        """Whether a uniform plan is as fast and as accurate as this one, and better in one of them."""
         mine = np.array([self._arcs.seconds[layers].sum(), self._arcs.volume[layers].sum()])
         slack = _BEATEN * mine
         theirs = self._arcs.uniform
@@ -194,12 +206,14 @@ class _Search:
         return None if found is None else self._kept[found]
 
     def _cheapest(self, graph: Graph, cost: Float, worth: float) -> Int | None:
-        """The cheapest plan; where neighbours shall be even, with as few uneven ones as there can be."""
+        """Find the cheapest plan with as few disallowed neighbours as possible."""
         even, height = self._even, graph.height
         if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):
             return cheapest(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
-        return cheapest_even(graph, cost, even, worth * most_layers, self._jump * float(np.median(cost)))
+        return cheapest_within_limits(
+            graph, cost, even, worth * most_layers, self._jump * float(np.median(cost))
+        )
 
     def _few(self, most: int) -> Int | None:
         """The least volume error with at most so many layers; with a greatest step, at some price on layers.

@@ -20,13 +20,13 @@ from printer_slicer.geometry import frozen_array
 from printer_slicer.model import Bool, Float, Int
 
 __all__ = [
-    "Evenness",
     "Graph",
+    "NeighbourLimits",
     "Search",
     "cheapest",
-    "cheapest_even",
     "cheapest_few",
     "cheapest_within",
+    "cheapest_within_limits",
     "kept_by",
 ]
 
@@ -143,8 +143,8 @@ def kept_by(graph: Graph, levels: Sequence[Float]) -> Int:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evenness:
-    """Which heights may lie next to each other.
+class NeighbourLimits:
+    """Which layer heights may be neighbours.
 
     Attributes:
         least, most: (H + 1,) for each height in units up to the highest, the least and the highest neighbour, in units.
@@ -161,25 +161,27 @@ class Evenness:
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind, (-1,)))
 
     def holds_between(self, lowest: int, highest: int) -> bool:
-        """Whether all heights between two may lie next to each other."""
+        """Whether all heights between two may be neighbours."""
         return bool(self.least[highest] <= lowest and self.most[lowest] >= highest)
 
     @classmethod
-    def by_step(cls, change: int, highest: int, n: int) -> Evenness:
-        """Neighbours of up to `highest` units that differ by no more than `change`, everywhere alike."""
+    def by_step(cls, change: int, highest: int, n: int) -> NeighbourLimits:
+        """Allow steps of up to `change` units everywhere, for heights of up to `highest` units."""
         height = np.arange(highest + 1)
         return cls(height - change, height + change, np.zeros(n + 1, np.bool_))
 
 
-def cheapest_even(graph: Graph, cost: Float, even: Evenness, fine: float, lesser: float = 0.0) -> Int | None:
-    """The same where neighbouring layers that may not lie next to each other cost a fine.
+def cheapest_within_limits(
+    graph: Graph, cost: Float, even: NeighbourLimits, fine: float, lesser: float = 0.0
+) -> Int | None:
+    """Find the cheapest path where neighbours that are not allowed cost a penalty.
 
     Args:
         graph: the layers that there are.
         cost: (A,) of each.
-        even: which may.
-        fine: for each pair that may not.
-        lesser: for each such pair beside a node that is spared.
+        even: allowed neighbours.
+        fine: penalty per pair that is not allowed.
+        lesser: penalty per such pair at a spared node.
     """
     n, height = graph.n, graph.height
     if len(height) == 0:
@@ -212,9 +214,9 @@ def cheapest_even(graph: Graph, cost: Float, even: Evenness, fine: float, lesser
 
 
 def _even_chain(
-    graph: Graph, cost: Float, even: Evenness, fines: tuple[float, float], settled: tuple[Float, Float]
+    graph: Graph, cost: Float, even: NeighbourLimits, fines: tuple[float, float], settled: tuple[Float, Float]
 ) -> Int:
-    """The arcs of the plan that `cheapest_even` settled, from the top down and then turned around."""
+    """Return the arcs of the path found by `cheapest_within_limits`, from the bed up."""
     (fine, lesser), (reach, anyhow) = fines, settled
     low, chain, k, above = int(graph.height.min()), list[int](), graph.n, 0
     while k > 0:
@@ -237,7 +239,7 @@ def _even_chain(
 
 
 class _Windows:
-    """Least values over a window of columns for each column, by runs of 1, 2, 4, ... columns.
+    """Minimum over a window of columns for each column, from runs of 1, 2, 4, ... columns.
 
     Args:
         first, last: (R,) of each window; what lies outside of the columns is left out.
@@ -250,7 +252,7 @@ class _Windows:
         self._steps = [1 << k for k in range(int(level.max(initial=0)))]
         self._left = level * columns + first
         self._right = level * columns + last + 1 - (1 << level.astype(np.int64))
-        self._runs: Float = np.zeros((0, 0))  # used again; what reaches beyond the columns stays infinite
+        self._runs: Float = np.zeros((0, 0))  # reused; entries beyond the columns stay infinite
 
     def least_of(self, values: Float) -> Float:
         """(m, R) for values (m, R)."""

@@ -1,8 +1,8 @@
-"""How long a layer takes, before anything is sliced: a model for planners that weigh minutes.
+"""Model the printing time of layers before slicing, for planners that weigh time.
 
 A layer is made of perimeters, solid and sparse infill (solid where the surface lies within the shell thickness above or
-below), top skins, bridges, travels, and the step up to it. How long its lines take is not guessed: the contours of the
-part, and rows of lines as long as the section has them, go through the slicer's own motion model (`strokes`), at the
+below), top skins, bridges, travels, and the step up to it. The
+slicer's own motion model (`line_timing`) times the contours of the part and rows of lines of typical lengths, at the
 speeds, accelerations and limits of the profile and the flow that hotend and material allow at that layer height. A
 layer takes at least the minimum layer time as far as the minimum speed allows. The first layer has its own speeds.
 
@@ -19,31 +19,38 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.model import Float, Int
 from printer_slicer.motion.machine import limits_of
+from printer_slicer.planning.line_timing import (
+    LineMotion,
+    LineTimes,
+    RowTimes,
+    time_contours,
+    time_moves,
+    time_rows,
+)
 from printer_slicer.planning.sections import measure_sections
-from printer_slicer.planning.strokes import Paced, Role, Rows, time_contours, time_moves, time_rows
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 
 __all__ = ["LayerTimes"]
 
-_TRAVELS: Final = (3.5, 0.03, 0.25)  # for each contour of a layer, solid line, sparse line
-_TRAVEL: Final = 0.15  # of the section's extent, in the mean
+_TRAVELS: Final = (3.5, 0.03, 0.25)  # per contour of a layer, solid line, sparse line
+_TRAVEL: Final = 0.15  # of the section's extent, on average
 _RETRACTIONS: Final = 0.75  # for each contour but the first
 _ON_BED: Final = 1e-6  # mm
 
 
 class _Paces(NamedTuple):
-    """How long lines take, on the bed or above it.
+    """Times of lines, on the first layer or above it.
 
     Attributes:
         outer, inner: (P,) s, a perimeter along every contour.
         rows: lines of solid infill, sparse infill, top skin, bridges, bridges over sparse infill.
-        flow: mm³/s that may be melted.
+        flow: flow limit, mm³/s.
     """
 
-    outer: Paced
-    inner: Paced
-    rows: list[Rows]
+    outer: LineTimes
+    inner: LineTimes
+    rows: list[RowTimes]
     flow: float
 
 
@@ -77,13 +84,13 @@ class LayerTimes:
         return found
 
     def per_mm3(self, height: float) -> float:
-        """Seconds that a mm³ of plastic takes in this part, in layers of `height` mm above the first."""
+        """Return the time per mm³ of plastic in this part, s, in layers of `height` mm above the first."""
         laid, _ = self._lines(height, self._above)
         gap = float(bead.spacing(self._profile.extrusion_width, height))
         return float(self._layer(height, self._above).sum() / max(laid.sum() * gap * height, 1e-9))
 
     def _interpolated(self, values: Float, which: Int) -> Float:
-        """(m,) what the values (L,) of levels come to at the heights `z[which]`."""
+        """(m,) values (L,) of the levels, interpolated at the heights `z[which]`."""
         below, share = self._below.take(which), self._share.take(which)
         low = values.take(below)
         return np.asarray(low + share * (values.take(np.minimum(below + 1, len(values) - 1)) - low))
@@ -104,7 +111,7 @@ class LayerTimes:
         return np.asarray(np.clip(material.min_layer_time, quick, np.maximum(slowest, quick)))
 
     def _lines(self, height: float, paces: _Paces) -> tuple[Float, Float]:
-        """(L,) mm of all beads of a layer at each level, and (L,) s of laying them."""
+        """(L,) mm of all extrusions of a layer at each level, and (L,) s to print them."""
         quality, at, chord = self._profile.quality, self._at, self._chord
         gap = float(bead.spacing(self._profile.extrusion_width, height))
         fastest = paces.flow / (gap * height * self._profile.material.flow_ratio)
@@ -125,34 +132,34 @@ class LayerTimes:
         solid = at.solid(height)
         top, hung, bared = at.skins(height, solid)
         left = solid - top - hung - bared
-        # Bridges are threads as wide as the nozzle.
+        # Bridge lines are as wide as the nozzle.
         return left / gap, (at.inside - solid) * density, top / gap, hung / nozzle, bared / nozzle
 
     def _paces(self, *, first: bool) -> _Paces:
-        """How long lines take in the first layer, or in those above it."""
+        """Time lines in the first layer, or in those above it."""
         profile, at = self._profile, self._at
         speeds, hard, limits = profile.speeds, profile.accelerations, limits_of(profile.printer)
         thickest, width = profile.printer.max_layer, profile.extrusion_width
         flow = profile.max_flow * (profile.material.first_layer_max_flow_ratio if first else 1.0)
         slowest = flow / (float(bead.spacing(width, thickest)) * thickest * profile.material.flow_ratio)
 
-        def role(name: str, like: str = "") -> Role:
+        def motion(name: str, like: str = "") -> LineMotion:
             speed, acceleration = getattr(speeds, name), getattr(hard, like or name)
             if not first:
-                return Role(speed, acceleration)
+                return LineMotion(speed, acceleration)
             most = speeds.first_layer if name.endswith("perimeter") else speeds.first_layer_infill
-            return Role(min(speed, most), hard.first_layer or acceleration)
+            return LineMotion(min(speed, most), hard.first_layer or acceleration)
 
         outer, inner = (
-            time_contours(at.contours, role(name), slowest, limits)
+            time_contours(at.contours, motion(name), slowest, limits)
             for name in ("outer_perimeter", "inner_perimeter")
         )
         rows = (
-            (width, role("solid")),
-            (self._sparse_spacing, role("sparse")),
-            (width, role("top_skin")),
-            (width, role("bridge")),
-            (width, role("internal_bridge", "bridge")),
+            (width, motion("solid")),
+            (self._sparse_spacing, motion("sparse")),
+            (width, motion("top_skin")),
+            (width, motion("bridge")),
+            (width, motion("internal_bridge", "bridge")),
         )
         return _Paces(outer, inner, [time_rows(link, one, slowest, limits) for link, one in rows], flow)
 

@@ -1,4 +1,4 @@
-"""What the sections of a part come to at some heights: contours as they are printed, lengths, areas."""
+"""Measure the sections of a part at several heights: printed contours, lengths, areas."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from printer_slicer.surface import Surface
 
 __all__ = ["SectionSums", "Shadows", "measure_sections"]
 
-_PLANES: Final = 60  # at most, over the height of the part, on which contours are cut
-_LEVELS: Final = 240  # at most, at which all the rest is told
-_CLOSEST: Final = 0.1  # mm between them at least
-_STEEP: Final = 1.0  # mm of width for each mm of height: what lies under steeper slopes, perimeters cover
+_PLANES: Final = 60  # maximum number of heights at which contours are cut
+_LEVELS: Final = 240  # maximum number of heights for all other values
+_CLOSEST: Final = 0.1  # mm, minimum distance between them
+_STEEP: Final = 1.0  # mm of width per mm of height: perimeters cover the area under steeper slopes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shadows:
-    """How much of the part looks up or down below any height, to the nearest level.
+    """Upward and downward facing area of a part below a height.
 
     Attributes:
         z: (n,) mm, ascending.
-        up, down: (n,) mm², seen from above and from below; what lies on the bed is in none.
+        up, down: (n,) mm², projected area of upward and downward facets, without those on the bed.
     """
 
     z: Float
@@ -38,35 +38,35 @@ class Shadows:
 
     @classmethod
     def of(cls, surface: Surface, n: int) -> Shadows:
-        """Those of a part at the borders of `n` levels."""
+        """Measure a part at the borders of `n` levels."""
         z = np.linspace(0.0, surface.height, n + 1)
         up, down = (shadow.under(z, including=True) for shadow in (surface.up, surface.down))
         return cls(z, up, down - down[0])
 
     def up_between(self, low: Float, high: Float) -> Float:
-        """(m,) mm² that look up between two heights."""
+        """(m,) mm² facing up between two heights."""
         return np.asarray(np.interp(high, self.z, self.up) - np.interp(low, self.z, self.up))
 
     def down_between(self, low: Float, high: Float) -> Float:
-        """(m,) mm² that look down between two heights."""
+        """(m,) mm² facing down between two heights."""
         return np.asarray(np.interp(high, self.z, self.down) - np.interp(low, self.z, self.down))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionSums:
-    """Sums over the sections at L heights, and the contours at some of them.
+    """Sums over the sections at L heights, and contours at P heights.
 
     Attributes:
         z: (L,) mm, ascending.
-        planes: (P,) mm, ascending, where there are contours.
-        contours: a layer for every plane, simplified as the slicer does.
+        planes: (P,) mm, ascending, heights of the contours.
+        contours: one layer per plane, simplified as in the slicer.
         length: (L,) mm, of all contours.
         loops: (L,) number of contours.
-        extent: (L,) mm, side of a square whose outline is as far from its middle as the contours are from theirs.
+        extent: (L,) mm, side of the square whose outline has the same mean distance from its centre as the contours.
         area: (L,) mm², of the section.
-        inside: (L,) mm² of it, within the perimeters.
-        shadows: of the part.
-        shell: mm under tops and mm over bottoms that are solid.
+        inside: (L,) mm², area inside the perimeters.
+        shadows: upward and downward facing areas.
+        shell: thickness of solid top and bottom, mm.
     """
 
     z: Float
@@ -81,20 +81,20 @@ class SectionSums:
     shell: tuple[float, float]
 
     def at_levels(self, values: Float) -> Float:
-        """(L,) what (P,) values of the planes come to between them."""
+        """(L,) values (P,) of the planes, interpolated."""
         return np.interp(self.z, self.planes, values)
 
     def solid(self, height: float) -> Float:
-        """(L,) mm² of layers of `height` mm that are solid: their upper or lower side is near enough to a surface."""
+        """(L,) mm² of solid infill in layers of `height` mm: the area near enough to a top or bottom surface."""
         z, (top, bottom) = self.z, self.shell
         near = self.shadows.up_between(z, z + height / 2 + top)
         near += self.shadows.down_between(z - height / 2 - bottom, z)
         near += (z - height / 2 < bottom) * self.area
-        # Of what is near a surface, a part lies within the perimeters.
+        # Only part of this area lies inside the perimeters.
         return np.asarray(np.minimum(near * np.sqrt(self.inside / np.maximum(self.area, 1e-9)), self.inside))
 
     def skins(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
-        """(L,) mm² of solid in layers of `height` mm: under air, over air, and the first over sparse infill."""
+        """(L,) mm² of top, bridge and internal bridge infill in layers of `height` mm."""
         begins = self.z + self.shell[0]
         sparse_below = np.interp(self.z - height, self.z, self.inside - solid)
         left, areas = solid, []
@@ -103,17 +103,17 @@ class SectionSums:
             self.shadows.down_between(self.z - height, self.z),
             np.minimum(self.shadows.up_between(begins - height / 2, begins + height / 2), sparse_below),
         ):
-            # What lies under steep slopes is covered by perimeters.
+            # Perimeters cover the area under steep slopes.
             areas.append(np.clip(found - _STEEP * height * self.length, 0.0, left))
             left = left - areas[-1]
         return areas[0], areas[1], areas[2]
 
 
 def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
-    """Sections at heights evenly over the part.
+    """Measure sections at evenly spaced heights.
 
     Args:
-        surface: of the part.
+        surface: surface of the part.
         profile: perimeters and their width, thickness of the solid shell, resolution.
     """
     quality = profile.quality
@@ -133,7 +133,7 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
 
 
 def _levels(surface: Surface, profile: Profile, most: int) -> Float:
-    """(n,) mm, up to `most` heights evenly over the part, and one in the first layer."""
+    """(n,) mm, up to `most` evenly spaced heights, and one in the first layer."""
     n = int(np.clip(surface.height / _CLOSEST, 1, most))
     z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (surface.height / n)
     on_bed = (profile.quality.first_layer_height or profile.thinnest) / 2
@@ -156,7 +156,7 @@ def _extents(contours: Areas) -> Float:
 
 
 def _rings(part: Crossings, n_planes: int) -> Areas:
-    """The segments of some planes joined tail to head; where contours are open, from any end to any beginning."""
+    """Join the segments of several planes to rings; open contours are closed from any end to any start."""
     following = np.arange(len(part.xy))
     following[part.tail] = part.head
     if part.unpaired:

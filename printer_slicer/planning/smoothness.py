@@ -1,4 +1,4 @@
-"""Which layer heights may lie next to each other: jumps show as bands on walls."""
+"""Decide which layer heights may be neighbours, because large steps show as bands on walls."""
 
 from __future__ import annotations
 
@@ -8,46 +8,46 @@ import numpy as np
 
 from printer_slicer.model import Bool, Int, Mesh
 from printer_slicer.planning.lattice import Lattice, borders_of
-from printer_slicer.planning.path import Evenness
+from printer_slicer.planning.path import NeighbourLimits
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
 from printer_slicer.surface import find_flats
 
-__all__ = ["STEP", "STEP_RATIO", "evenness_of"]
+__all__ = ["STEP", "STEP_RATIO", "neighbour_limits"]
 
 STEP: Final = 0.06
-"""mm by which smooth neighbours may always differ."""
+"""Step between smooth neighbours that is always allowed, mm."""
 
 STEP_RATIO: Final = 0.25
-"""Of the thicker of two neighbours, by which they may differ too."""
+"""Step that is also allowed, as a share of the thicker neighbour."""
 
 _DUST: Final = 1e-6  # units
 
 
-def evenness_of(mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile) -> Evenness | None:
-    """What the profile asks of neighbours; None where it asks for nothing.
+def neighbour_limits(mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile) -> NeighbourLimits | None:
+    """Return the profile's constraint on neighbouring layers; None if there is none.
 
-    `max_step` holds everywhere, as far as graver rules allow. Without it layers are smooth, where time and volume error
-    are weighed and no number of layers is asked for. Beside a flat, the top, the end of a range and a first layer that
-    is set, where layers are thinner or thicker than the shape wants, a jump is as bad as half a layer more.
+    `max_step` applies everywhere, as far as more important rules allow. Without it layers are smooth if the objective
+    is `balanced`, or with a time budget, and without `max_layers`. Next to a flat, the top, the end of a range and a
+    fixed first layer, a large step costs as much as half a layer more.
     """
     dials = profile.dials
     highest = max(lattice.highest, int(steps.allowed[-1]) // lattice.steps)
-    spare = abs(lattice.rest) / lattice.steps  # the last layer is higher or lower by this
+    spare = abs(lattice.rest) / lattice.steps  # the last layer may be thicker or thinner by this
     if dials.max_step:
         change = int(dials.max_step / lattice.unit - spare + _DUST)
-        return Evenness.by_step(change, highest, lattice.n)
+        return NeighbourLimits.by_step(change, highest, lattice.n)
     if not dials.smooth or dials.max_layers or (dials.objective != "balanced" and not dials.time_budget):
         return None
     least = _least_neighbours(np.arange(highest + 1), lattice, steps, spare)
     most = np.searchsorted(least, np.arange(highest + 1), side="right") - 1
-    return Evenness(least, most, _spared_nodes(mesh, lattice, steps, profile))
+    return NeighbourLimits(least, most, _spared_nodes(mesh, lattice, steps, profile))
 
 
 def _least_neighbours(height: Int, lattice: Lattice, steps: Steps, spare: float) -> Int:
-    """(H,) the thinnest smooth neighbour that is no thicker, of each height from 0 up, in units; ascending."""
+    """(H,) the thinnest allowed neighbour of each height from 0 up, in units; ascending."""
     change = np.floor(np.maximum(STEP / lattice.unit, STEP_RATIO * height) - spare + _DUST)
-    # Heights that follow each other in the list may always meet.
+    # Consecutive heights of the list may always be neighbours.
     allowed = steps.allowed // lattice.steps
     place = np.searchsorted(allowed, height) - 1
     below = np.where(place >= 0, allowed[np.maximum(place, 0)], height)
@@ -55,7 +55,7 @@ def _least_neighbours(height: Int, lattice: Lattice, steps: Steps, spare: float)
 
 
 def _spared_nodes(mesh: Mesh, lattice: Lattice, steps: Steps, profile: Profile) -> Bool:
-    """(n + 1,) the nodes beside which jumps are fined less."""
+    """(n + 1,) the nodes next to which large steps cost less."""
     free = np.zeros(lattice.n + 1, np.bool_)
     free[0], free[-1] = bool(steps.first), True
     planes = np.concatenate([find_flats(mesh)[0], borders_of(profile, mesh.height)]) / lattice.unit

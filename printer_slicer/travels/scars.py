@@ -13,13 +13,13 @@ from printer_slicer.travels.routes import Routes
 
 __all__ = ["over_top_skin"]
 
-_STEP = 0.5  # of the width of a bead: how far apart ways are looked at
-_OWN = 1.0  # of that width: so near to its ends a way may lie on the beads that it joins
+_STEP = 0.5  # of the extrusion width: sampling distance along travels
+_OWN = 1.0  # of that width: so near to its ends a travel may lie on the lines that it joins
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shown:
-    """The beads of top skin and ironing.
+    """The lines of top skin and ironing.
 
     Attributes:
         lines: their centre lines.
@@ -33,7 +33,7 @@ class _Shown:
 
 
 def over_top_skin(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
-    """(W,) whether ways pass over beads of top skin that are printed before, unless they are to be ironed yet.
+    """(W,) whether travels cross printed top skin that will not be ironed later.
 
     Args:
         paths: in printing order.
@@ -51,14 +51,14 @@ def over_top_skin(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
     route, point = route[some], point[some]
     leg, line, _ = shown.lines.crossed(ways.xy[point], ways.xy[point + 1], ways.layer[route])
     result |= _scarred(paths, leads_to, route[leg], shown.owner[line])
-    # What runs along the lines crosses none of them, and lies on them all the same.
+    # Travels along a line do not cross it, but lie on it.
     left = np.flatnonzero(shows[ways.layer] & ~result)
     way, line = _on(shown, ways.take(left))
     return result | _scarred(paths, leads_to, left[way], shown.owner[line])
 
 
 def _scarred(paths: Toolpaths, leads_to: Int, way: Int, over: Int) -> Bool:
-    """(W,) the ways that pass over a path that is printed before and stays as it is, of pairs `way`, `over` (X,)."""
+    """(W,) the travels that pass over a finished path, from pairs `way`, `over` (X,)."""
     result = np.zeros(len(leads_to), np.bool_)
     ironed_yet = (paths.role[leads_to[way]] == Role.IRONING) & (paths.role[over] == Role.TOP_SKIN)
     result[way[(over < leads_to[way]) & ~ironed_yet]] = True
@@ -66,7 +66,7 @@ def _scarred(paths: Toolpaths, leads_to: Int, way: Int, over: Int) -> Bool:
 
 
 def _on(shown: _Shown, ways: Routes) -> tuple[Int, Int]:
-    """Which ways lie on which lines somewhere between their ends: (X,) the way and (X,) the line."""
+    """Find the travels that lie on a line between their ends: (X,) travel and (X,) line."""
     widest, narrowest = float(shown.width.max()), float(shown.width.min())
     way, xy, left = _sampled(ways, _STEP * narrowest)
     inner = left > _OWN * widest
@@ -77,7 +77,7 @@ def _on(shown: _Shown, ways: Routes) -> tuple[Int, Int]:
 
 
 def _sampled(ways: Routes, step: float) -> tuple[Int, Float, Float]:
-    """Points along ways at most `step` mm apart: the way (P,), where (P, 2), and (P,) mm to the nearer of its ends."""
+    """Sample travels every `step` mm: (P,) travel, (P, 2) position, (P,) mm to the nearer end."""
     route, point = ways.legs
     begin, along = ways.xy[point], ways.xy[point + 1] - ways.xy[point]
     length = np.hypot(*along.T)
@@ -91,7 +91,7 @@ def _sampled(ways: Routes, step: float) -> tuple[Int, Float, Float]:
 
 
 def _shown(paths: Toolpaths, layers: Int) -> _Shown:
-    """The beads of top skin and ironing on `layers` (n,)."""
+    """Return the lines of top skin and ironing on `layers` (n,)."""
     used = np.zeros(paths.plan.n_layers, np.bool_)
     used[layers] = True
     seen = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)

@@ -16,12 +16,12 @@ from printer_slicer.planning import plan_layers
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.path import (
-    Evenness,
     Graph,
+    NeighbourLimits,
     cheapest,
-    cheapest_even,
     cheapest_few,
     cheapest_within,
+    cheapest_within_limits,
 )
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import OptimalPlanner, Profile
@@ -61,7 +61,7 @@ class Table(NamedTuple):
 def by_step(graph: Graph, cost: Float, change: int, fine: float) -> Int | None:
     """The cheapest plan where neighbours that differ by more than `change` cost a fine."""
     highest = int(graph.height.max(initial=0))
-    return cheapest_even(graph, cost, Evenness.by_step(change, highest, graph.n), fine)
+    return cheapest_within_limits(graph, cost, NeighbourLimits.by_step(change, highest, graph.n), fine)
 
 
 def all_plans(n: int, heights: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -148,7 +148,7 @@ def test_beside_some_nodes_uneven_neighbours_cost_less(
     graph, cost = table.arcs()
     spared, fine = np.random.default_rng(seed).random(graph.n + 1) < 0.2, 50.0
     height = np.arange(int(graph.height.max(initial=0)) + 1)
-    even = Evenness(height - change, height + change, spared)
+    even = NeighbourLimits(height - change, height + change, spared)
 
     def paid(plan: tuple[int, ...]) -> float:
         ends = np.cumsum([0, *plan])
@@ -156,7 +156,7 @@ def test_beside_some_nodes_uneven_neighbours_cost_less(
         uneven = np.abs(np.diff(plan)) > change
         return price(np.array(plan), table) + float(np.where(beside, lesser, fine)[uneven].sum())
 
-    layers = cheapest_even(graph, cost, even, fine, lesser)
+    layers = cheapest_within_limits(graph, cost, even, fine, lesser)
     best = min(map(paid, all_plans(table.n, tuple(table.heights.tolist()))), default=np.inf)
 
     assert (layers is None) == np.isinf(best)

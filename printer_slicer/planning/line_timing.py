@@ -1,8 +1,8 @@
-"""How long contours and rows of lines take on a machine, for any speed: the motion model over samples of them.
+"""Printing time of contours and rows of lines on a machine, as a function of speed.
 
-Speeds of a layer depend on its height, by what can be melted. So the motion model (`motion.whole`) is asked at two
-paces, the slowest and the fastest that any layer has, and the time of a pace between them is taken from these two: at
-corners it hardly changes, along straight lines it goes with 1 / speed.
+The speed of a layer depends on its height through the flow limit. The motion model (`motion.whole`) computes the times
+at the slowest and the fastest speed of any layer, and other speeds are interpolated: at corners the time hardly
+changes, along straight lines it is proportional to 1 / speed.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from printer_slicer.model import Float
 from printer_slicer.motion.rules import Limits
 from printer_slicer.motion.whole import durations
 
-__all__ = ["Paced", "Role", "Rows", "time_contours", "time_moves", "time_rows"]
+__all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
 
 _LENGTHS: Final = 40
-_SHORTEST: Final = 0.2  # mm, of lines in rows
+_SHORTEST: Final = 0.2  # mm, shortest line in a row
 _LONGEST: Final = 1000.0
-_FILAMENT: Final = 0.03  # mm for each mm: about what a bead takes
-_PERIODS: Final = 5  # lines of a row; the middle one is looked at
+_FILAMENT: Final = 0.03  # mm of filament per mm of line, roughly
+_PERIODS: Final = 5  # lines per row; the middle one is timed
 
 
-class Role(NamedTuple):
-    """How fast and how hard some lines are laid.
+class LineMotion(NamedTuple):
+    """Speed and acceleration of lines.
 
     Attributes:
-        speed: mm/s at most.
+        speed: maximum speed, mm/s.
         acceleration: mm/s².
     """
 
@@ -41,12 +41,12 @@ class Role(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Paced:
-    """Seconds of some (n,) things at any speed between two.
+class LineTimes:
+    """Times of (n,) items as a function of speed between two limits.
 
     Attributes:
         slow, fast: mm/s; they may be equal.
-        at_slow, at_fast: (n,) s.
+        at_slow, at_fast: (n,) s at these speeds.
     """
 
     slow: float
@@ -55,7 +55,7 @@ class Paced:
     at_fast: Float
 
     def at(self, speed: float) -> Float:
-        """(n,) s at a speed, mm/s; at the nearest of the two where it is beyond them."""
+        """(n,) s at a speed, mm/s, clamped to the limits."""
         if self.fast <= self.slow:
             return self.at_fast
         speed = min(max(speed, self.slow), self.fast)
@@ -63,14 +63,14 @@ class Paced:
         return self.at_fast + share * (self.at_slow - self.at_fast)
 
 
-def time_contours(contours: Areas, role: Role, slowest: float, limits: Limits) -> Paced:
-    """Seconds (L,) of a line along all contours of each layer.
+def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Limits) -> LineTimes:
+    """Time (L,) of a line along all contours of each layer, s.
 
     Args:
-        contours: of L layers.
-        role: of the lines.
-        slowest: mm/s, the least that a layer's flow may leave of the role's speed.
-        limits: of the machine.
+        contours: contours of L layers.
+        line: speed and acceleration of the line.
+        slowest: mm/s, lowest speed that the flow limit allows for any layer.
+        limits: motion limits of the machine.
     """
     sizes = np.diff(contours.ring_start)
     steps = contours.xy.take(following_around(contours.ring_start), axis=0) - contours.xy
@@ -80,34 +80,34 @@ def time_contours(contours: Areas, role: Role, slowest: float, limits: Limits) -
     delta = np.column_stack([steps, np.zeros(len(steps)), _FILAMENT * np.hypot(*steps.T)])
 
     def seconds(speed: float) -> Float:
-        paces, hard = np.full(len(delta), speed), np.full(len(delta), role.acceleration)
+        paces, hard = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
         took = durations(delta, paces, limits, stop_after=ends, acceleration=hard)
         return np.asarray(np.bincount(layer, weights=took, minlength=contours.n_layers), np.float64)
 
-    return _paced(seconds, role.speed, slowest)
+    return _times_between(seconds, line.speed, slowest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Seconds of a line and its way to the next one, for lines of any length in rows.
+class RowTimes:
+    """Time of a line and its connection to the next one, by line length.
 
     Attributes:
         length: (m,) mm, ascending.
-        paced: (m,) s.
+        times: (m,) s.
     """
 
     length: Float
-    paced: Paced
+    times: LineTimes
 
     def per_mm(self, length: Float, speed: float) -> Float:
-        """(n,) s for each mm of lines of lengths (n,), mm."""
-        rate = self.paced.at(speed) / self.length
+        """(n,) s per mm of lines of lengths (n,), mm."""
+        rate = self.times.at(speed) / self.length
         share = np.interp(np.log(length), np.log(self.length), np.log(rate / rate[0]))
         return np.asarray(np.exp(share) * rate[0])
 
 
-def time_rows(link: float, role: Role, slowest: float, limits: Limits) -> Rows:
-    """Lines to and fro, joined at their ends by ways of `link` mm; other arguments as for `time_contours`."""
+def time_rows(link: float, line: LineMotion, slowest: float, limits: Limits) -> RowTimes:
+    """Time zigzag lines joined by connections of `link` mm; other arguments as for `time_contours`."""
     length = np.geomspace(_SHORTEST, _LONGEST, _LENGTHS)
     to_and_fro = np.where(np.arange(_PERIODS) % 2 == 0, 1.0, -1.0)
     moves = np.zeros((_LENGTHS, _PERIODS, 2, 4))
@@ -119,22 +119,22 @@ def time_rows(link: float, role: Role, slowest: float, limits: Limits) -> Rows:
     stops[:, -1] = True
 
     def seconds(speed: float) -> Float:
-        paces, hard = np.full(len(delta), speed), np.full(len(delta), role.acceleration)
+        paces, hard = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
         took = durations(delta, paces, limits, stop_after=stops.ravel(), acceleration=hard)
         middle = took.reshape(_LENGTHS, _PERIODS, 2)[:, _PERIODS // 2]
         return np.asarray(middle.sum(axis=1))
 
-    return Rows(length, _paced(seconds, role.speed, slowest))
+    return RowTimes(length, _times_between(seconds, line.speed, slowest))
 
 
 def time_moves(length: Float | float, speed: float, acceleration: float) -> Float:
-    """Seconds of moves that begin and end at rest, of the same shape as their lengths, mm."""
+    """Time moves that start and end at rest, s, in the shape of their lengths, mm."""
     reached = np.minimum(speed, np.sqrt(acceleration * length))
     return np.asarray(length / np.maximum(reached, 1e-9) + reached / acceleration)
 
 
-def _paced(seconds: Callable[[float], Float], speed: float, slowest: float) -> Paced:
-    """What takes (n,) seconds at each speed, from the slowest up to the fastest."""
+def _times_between(seconds: Callable[[float], Float], speed: float, slowest: float) -> LineTimes:
+    """Evaluate times (n,) at the slowest and the fastest speed."""
     slow = min(slowest, speed)
     fast = seconds(speed)
-    return Paced(slow, speed, fast if slow >= speed else seconds(slow), fast)
+    return LineTimes(slow, speed, fast if slow >= speed else seconds(slow), fast)

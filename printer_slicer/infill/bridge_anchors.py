@@ -1,4 +1,4 @@
-"""Threads of bridges whose ends are held by the walls, where these stand at their ends."""
+"""Extend bridge lines into the walls at their ends."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from printer_slicer.geometry import (
 from printer_slicer.geometry.areas import run_begins
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags
 
-__all__ = ["Grid", "held_threads", "way_to_walls"]
+__all__ = ["HatchGrids", "extensions_to_walls", "join_bridge_lines"]
 
-_SLIVER = 0.01  # mm: half the width of what rounding leaves between areas that touch
-_SLACK = 1.05  # of the longest way: outlines of curves have corners
+_SLIVER = 0.01  # mm: half the width of gaps that rounding leaves between touching areas
+_SLACK = 1.05  # of the longest extension, because curves are polygons
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grid:
-    """Where rows of P pieces lie: (P,) radians, mm from row to row, and the phase in rows; see `hatch`."""
+class HatchGrids:
+    """Hatch grids of P pieces: (P,) angle in radians, row spacing in mm, and phase in rows; see `hatch`."""
 
     angle: Float
     step: Float
     phase: Float
 
     def rows(self, areas: Areas) -> Lines:
-        """The parts of the rows that lie in areas (P entries)."""
+        """Return the parts of the rows inside areas (P entries)."""
         return hatch(areas, angle=self.angle, spacing=self.step, phase=self.phase)
 
 
-def held_threads(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigzags:
-    """Rows joined into threads that begin and end in the walls. Turns stay where they are: they lie along the walls.
+def join_bridge_lines(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigzags:
+    """Join rows into bridge lines that start and end in the walls. Turns stay beside the walls.
 
     Args:
         rows: of P pieces.
-        way: (S, 2) mm from the ends of each to the wall, as `way_to_walls` gives it.
+        way: (S, 2) mm from the ends of each to the wall, as `extensions_to_walls` gives it.
         gap: (P,) mm between rows.
         angle: (P,) radians.
     """
@@ -56,17 +56,17 @@ def held_threads(rows: Lines, way: Float, gap: Float, angle: Float) -> Zigzags:
     return Zigzags(xy, start, piece, np.zeros(len(xy), np.bool_))
 
 
-def way_to_walls(rows: Lines, grid: Grid, pieces: Pieces, inside: Areas, apart: Float) -> Float:
-    """(S, 2) mm along the rows from both ends of each to where the wall's share begins; 0 where they stay.
+def extensions_to_walls(rows: Lines, grid: HatchGrids, pieces: Pieces, inside: Areas, apart: Float) -> Float:
+    """(S, 2) mm by which both ends of each row extend into the wall; 0 where they do not.
 
-    They stay beside other regions, which have beads of their own at the border, and where a row meets the wall at so
-    small an angle that none turns there: a bead lies along it.
+    They do not extend into other regions, which have lines of their own at the border, nor where a row meets the wall
+    at a small angle: there, a line runs along the wall.
 
     Args:
-        rows: of the grid, in what of the pieces is `apart` from their borders.
-        grid: where rows lie.
+        rows: rows of the grid, inside the pieces and `apart` from their borders.
+        grid: hatch grids.
         pieces: areas.
-        inside: what the walls leave, by layer.
+        inside: area inside the walls, by layer.
         apart: (P,) mm.
     """
     apart = np.maximum(apart, 0.0)
@@ -74,7 +74,7 @@ def way_to_walls(rows: Lines, grid: Grid, pieces: Pieces, inside: Areas, apart: 
     longest = grid.rows(difference(pieces.areas, offset(others, apart)))
     if not rows.n_lines or not longest.n_lines:
         return np.zeros((rows.n_lines, 2))
-    # One key for piece, row and place: rows lie behind each other.
+    # One sort key for piece, row and position along the row.
     both = np.concatenate([rows.row, longest.row])
     low, span = float(longest.u.min()), float(np.ptp(longest.u)) + 1.0
     row = np.concatenate([rows.layer, longest.layer]) * (np.ptp(both) + 1) + both - both.min()
@@ -82,7 +82,7 @@ def way_to_walls(rows: Lines, grid: Grid, pieces: Pieces, inside: Areas, apart: 
     begin, finish = row[rows.n_lines :] * span + longest.u.T - low
     own = np.maximum(np.searchsorted(begin, middle, side="right") - 1, 0)
     within = (begin[own] <= middle) & (middle <= finish[own])
-    # Where a wall parts a row for a short way only, its ends beside that stay.
+    # Where a thin wall interrupts a row, the ends beside it do not extend.
     first = run_begins(own)
     outermost = np.stack([first, np.append(first[1:], True)], axis=1)
     way = longest.u[own] - rows.u

@@ -1,4 +1,4 @@
-"""Ends of sparse lines reach into the perimeters; what joins them runs beside the perimeters, not on top of them."""
+"""Extend the ends of sparse infill lines into the perimeters; connections run beside the perimeters."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from printer_slicer.geometry import Areas, Float, Int, Polylines
 from printer_slicer.infill.turns import room_beyond
 
-__all__ = ["reach_out"]
+__all__ = ["extend_ends"]
 
 
-def reach_out(joined: Polylines, lines: Polylines, area: Areas, overlap: float, back: float) -> Polylines:
-    """Joined lines whose ends, where they still are, lie `overlap` beyond the border of the area.
+def extend_ends(joined: Polylines, lines: Polylines, area: Areas, overlap: float, back: float) -> Polylines:
+    """Extend the remaining ends of joined lines by `overlap` beyond the border of the area.
 
-    What runs along the border from an end gets there within `back` mm.
+    A connection along the border reaches the border within `back` mm of such an end.
 
     Args:
-        joined: the lines, joined along the border; some ends may be cut off.
-        lines: as they were cut by the area, before they were joined.
-        area: where centre lines have half a bead of room to all sides.
-        overlap: mm.
-        back: mm along the border.
+        joined: lines joined along the border; some ends may be cut off.
+        lines: the lines before joining, clipped to the area.
+        area: the area for centre lines.
+        overlap: length, mm.
+        back: distance along the border, mm.
     """
     places, tips, out = _tips(lines, area, overlap)
     point, of = _found(joined, places)
@@ -34,7 +34,7 @@ def reach_out(joined: Polylines, lines: Polylines, area: Areas, overlap: float, 
     last = np.isin(point, joined.start[1:] - 1)
     before, after = joined.xy[point - 1], joined.xy[np.minimum(point + 1, len(xy) - 1)]
     here, out = joined.xy[point], out[of]
-    # The line comes from within, against `out`; the other neighbour lies along the border.
+    # The line comes from inside, against `out`; the other neighbour lies along the border.
     inward = [-((other - here) * out).sum(axis=1) / _length(other - here) for other in (before, after)]
     ahead = np.where(first | last, False, inward[0] > inward[1])
     way = np.where(ahead[:, None], after, before) - here
@@ -48,7 +48,7 @@ def reach_out(joined: Polylines, lines: Polylines, area: Areas, overlap: float, 
 
 
 def _tips(lines: Polylines, area: Areas, overlap: float) -> tuple[tuple[Float, Int], Float, Float]:
-    """The ends (E,) of open lines on the border: place and layer; (E, 2) where they shall be, and the way there."""
+    """Return position and layer of the line ends (E,) on the border, their (E, 2) targets, and (E, 2) displacements."""
     end = np.flatnonzero(lines.edge.ravel() >= 0)
     point = np.stack([lines.start[:-1], lines.start[1:] - 1], axis=1).ravel()[end]
     here = lines.xy[point]
@@ -59,7 +59,7 @@ def _tips(lines: Polylines, area: Areas, overlap: float) -> tuple[tuple[Float, I
 
 
 def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
-    """Which points of joined lines are ends that lay at certain places (E,) before, and which of those."""
+    """Find the points of joined lines that are at given end positions (E,): indices of points and of ends."""
     layer = np.repeat(joined.layer, joined.size)
     rows = [np.column_stack([of, xy]) for of, xy in ((places[1], places[0]), (layer, joined.xy))]
     known = [np.ascontiguousarray(one).view(np.dtype((np.void, 24))).ravel() for one in rows]
@@ -69,5 +69,5 @@ def _found(joined: Polylines, places: tuple[Float, Int]) -> tuple[Int, Int]:
 
 
 def _length(vectors: Float) -> Float:
-    """(n,) of (n, 2), never quite 0."""
+    """(n,) length of vectors (n, 2), at least a tiny positive number."""
     return np.asarray(np.maximum(np.hypot(*vectors.T), 1e-12))
