@@ -42,8 +42,8 @@ _BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there 
 _DIFFERENT: Final = 1.0  # mm² by which those two differ where there is a flat
 _NEAR: Final = 3.0  # mm around the part: beads farther away make no layers
 _ROUNDED: Final = 0.01  # mm of heights in files
-_SEEN: Final = 1.0  # mm² of room for beads in all layers that are missing; a smaller tip may be left out
-_NEEDLE: Final = 1.0  # mm²; slicers print what is as large, though it be narrower than a usual bead
+_SEEN: Final = 1.0  # mm² printable in all missing layers together; a smaller tip may be missing
+_NEEDLE: Final = 1.0  # mm²; slicers print tips of this area, even if narrower than a usual line
 _FITS: Final = 0.5  # of the length of the outer perimeters: with less the file is of another part
 
 
@@ -275,7 +275,7 @@ def _problems(ledger: Ledger, match: Match, part: Mesh) -> Iterator[str]:
 
 
 def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
-    """Whether the part has room for beads over the last layer, as the tips of needles have not."""
+    """Whether printable layers are missing above the last layer; the tips of needles are not printable."""
     stack = ledger.stack
     height = float(stack.height[-1])
     if over <= height / 2 + _ROUNDED:
@@ -284,7 +284,7 @@ def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
     top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
     try:
         above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
-    except PartError:  # the tip is so slender that nothing of it is left in the middle of a layer
+    except PartError:  # the tip is too slender to have a section
         return False
     width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
     room = offset_open(above, width / 2).area().sum() > _SEEN

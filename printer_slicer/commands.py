@@ -214,7 +214,7 @@ def read_text(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.EFBIG:
             raise UsageError(
-                f"{path}: longer than {_MOST_BYTES >> 20} MiB, the most that is read of G-code",
+                f"{path}: longer than {_MOST_BYTES >> 20} MiB, the limit for G-code",
                 remedy="print the part in pieces, or with thicker layers",
             ) from None
         reason = error.strerror if isinstance(error, OSError) else error

@@ -1,4 +1,4 @@
-"""Open files that a person names: a named pipe that nobody writes to does not block for ever, and size has a limit."""
+"""Open files that a user names, with a timeout for named pipes without a writer and a size limit."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from typing import Final
 __all__ = ["WRITER_SECONDS", "check_is_file", "open_input", "read_input"]
 
 WRITER_SECONDS: Final = 10.0
-"""How long a named pipe may wait for a program that opens it for writing."""
+"""Timeout, s, for a program to open a named pipe for writing."""
 
 
 def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedReader:
-    """Open a file for reading, in binary.
+    """Open a file for reading in binary mode.
 
-    A pipe that has a writer is read however slow the writer is.
+    A pipe with a writer has no timeout.
 
     Args:
         path: a file, a device or a pipe.
-        writer_seconds: after which a named pipe that no program writes to is given up.
+        writer_seconds: timeout for a named pipe without a writer.
 
     Raises:
-        OSError: it cannot be opened; TimeoutError for a pipe without a writer.
-        ValueError: the name holds a zero byte.
+        OSError: the file cannot be opened; TimeoutError for a pipe without a writer.
+        ValueError: the name contains a zero byte.
     """
     is_named_pipe = stat.S_ISFIFO(path.stat().st_mode) and path.resolve().exists()  # not so /dev/stdin
     if not is_named_pipe:
@@ -40,7 +40,7 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
         os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # a writer, so that the thread ends
         opening.join()
         opened[0].close()
-        raise TimeoutError(errno.ETIMEDOUT, "a pipe that no program writes to", str(path))
+        raise TimeoutError(errno.ETIMEDOUT, "named pipe without a writer", str(path))
     return opened[0]
 
 
@@ -49,12 +49,12 @@ def read_input(path: Path, most: int, writer_seconds: float = WRITER_SECONDS) ->
 
     Args:
         path: a file, a device or a pipe.
-        most: bytes.
+        most: size limit, bytes.
         writer_seconds: as for `open_input`.
 
     Raises:
         OSError: it cannot be read, or is longer (EFBIG).
-        ValueError: the name holds a zero byte.
+        ValueError: the name contains a zero byte.
     """
     with open_input(path, writer_seconds) as file:
         is_long = os.fstat(file.fileno()).st_size > most

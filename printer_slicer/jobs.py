@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from printer_slicer.commands import Told, lines_of, read_text, refuse_unsendable, told_by
-from printer_slicer.deposition import Tracker, marks_of
+from printer_slicer.deposition import UnsupportedTracker, marks_of
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of, spoken
 from printer_slicer.mesh_io import load_mesh
@@ -222,7 +222,7 @@ def _judged(
     pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
     tally = _Tally(limits_of(printer))
     marks = marks_of(told.commands, text, told.marks, told.roles)
-    tracker = Tracker(printer, profile.material.filament_diameter, marks)
+    tracker = UnsupportedTracker(printer, profile.material.filament_diameter, marks)
     moves = map(tally.add, pieces)
     findings = scan(told.commands, profile, moves=moves, marks=told.marks, whole=True, tracker=tracker)
     lines = lines_of(text, [one.index for one in findings])

@@ -1,4 +1,4 @@
-"""Parts on one plate that overlap, seen from above: printed together they would become one."""
+"""Find parts on one plate that overlap in the top view, which would be printed as one part."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from printer_slicer.model import Float, Int, Mesh
 
 __all__ = ["Overlap", "find_overlaps"]
 
-_LEAST: Final = 0.01  # mm: less is rounding
-_TILES: Final = 16  # of a window to a side: many small unions take less time than a large one
+_LEAST: Final = 0.01  # mm: smaller overlaps are rounding errors
+_TILES: Final = 16  # per side of a window: many small unions are faster than a large one
 
 
 class Overlap(NamedTuple):
     """Two parts that overlap.
 
     Attributes:
-        first, second: their numbers among those that were given.
-        width: mm in x that the overlap reaches over.
-        depth: mm in y.
+        first, second: indices of the parts.
+        width: mm, extent of the overlap in x.
+        depth: mm, extent in y.
     """
 
     first: int
@@ -33,7 +33,7 @@ class Overlap(NamedTuple):
 
 
 def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
-    """The pairs of parts whose projections onto the bed overlap by more than 0.01 mm, ordered by the second.
+    """Yield the pairs of parts whose projections onto the bed overlap by more than 0.01 mm, ordered by the second.
 
     A part in a hole of another does not overlap with it; one over or under another does.
     """
@@ -51,9 +51,9 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
 
 
 def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:
-    """What facets that look up cover of a window (2,) to (2,) mm, tile by tile: each tile is a layer.
+    """Project the upward facets within a window (2,) to (2,) mm; each tile of the window is a layer.
 
-    Areas reach out of their tile as far as the facets do that touch it; tiles of two meshes in one window are the same.
+    Facets that touch a tile are projected whole; two meshes in one window have the same tiles.
     """
     xy = mesh.triangles[:, :, :2]
     one, two = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
@@ -67,7 +67,7 @@ def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:
 
 
 def _tiled(first: Float, last: Float, low: Float, high: Float) -> tuple[Int, Int]:
-    """Which boxes (n, 2) to (n, 2) mm touch which tiles of a window: (m,) boxes, (m,) tiles."""
+    """Return which boxes (n, 2) to (n, 2) mm touch which tiles of a window: (m,) boxes, (m,) tiles."""
     size = (high - low) / _TILES
     begin, end = (
         np.clip(((corner - low) / size).astype(np.int64), 0, _TILES - 1) for corner in (first, last)

@@ -329,7 +329,7 @@ def gcode_of(  # noqa: PLR0913 - every choice has a usual value
         certificate: of the plan, to be told in comments.
         labels: which moves lay which of several things on the plate, to be marked.
         strategies: may hold a flavour, and functions that change the lines.
-        made: when, in UTC, for the first line; None: it has no date.
+        made: date in UTC for the first line; None: no date.
 
     Raises:
         ProfileError: a macro that cannot be filled in.

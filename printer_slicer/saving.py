@@ -26,17 +26,17 @@ def check_writable(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, and those above it, where they are missing.
+    """Create a folder and its parents if they are missing.
 
     Raises:
-        OutputError: it cannot be made, or something else has its name.
+        OutputError: it cannot be created, or a file has its name.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise OutputError(
-            f"{path}: the folder cannot be made: {reason}", remedy="check name and permissions"
+            f"{path}: the folder cannot be created: {reason}", remedy="check name and permissions"
         ) from None
 
 

@@ -90,17 +90,17 @@ def test_slice_warns_and_strict_refuses(folder: Path) -> None:
 
     assert told.code == 0
     assert "warning:" in told.err
-    assert f"{facts['unsupported'][0]['length_mm']:.0f} mm of extrusion with nothing under it" in told.err
+    assert f"{facts['unsupported'][0]['length_mm']:.0f} mm of unsupported extrusion" in told.err
     assert f"layer {facts['unsupported'][0]['layer']}, z " in told.err
-    assert any("nothing under it" in one for one in facts["warnings"])
+    assert any("unsupported extrusion" in one for one in facts["warnings"])
     assert refused.code == 3
-    assert "mm of extrusion with nothing under it" in refused.err
+    assert "mm of unsupported extrusion" in refused.err
     assert not (folder / "refused.gcode").exists()
 
 
 def ends(outcome: Outcome) -> tuple[int, bool]:
     """Exit code, and whether it speaks of what hangs."""
-    return outcome.code, "with nothing under it" in outcome.out + outcome.err
+    return outcome.code, "unsupported extrusion" in outcome.out + outcome.err
 
 
 @pytest.mark.parametrize("file", ["mushroom.stl", "mushroom.gcode"])

@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit code: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print failed, 6 cancelled,
-        7 verification failed. It does not depend on whether anybody reads stdout and stderr to their ends.
+        7 verification failed. It does not depend on whether anyone reads stdout and stderr to the end.
     """
     gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
     outlive_readers()
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser_of(words: Sequence[str]) -> argparse.ArgumentParser:
-    """What reads these words: `control` is in a hurry, so only its own parser is made."""
+    """Build the parser for these arguments; for `control` only its own, because it must start fast."""
     if words[:1] == ["control"] and "_ARGCOMPLETE" not in os.environ:
         from printer_slicer.cli.control import control_parser
 
@@ -92,7 +92,7 @@ def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
 
 
 def _output_failed(error: OSError) -> int:
-    """Stdout takes no more, for its disk is full."""
+    """Stdout cannot be written, because its disk is full."""
     # Point stdout at nothing, so that closing it at the end of the process cannot fail again.
     with contextlib.suppress(OSError):  # a stdout that is no file has nothing to close
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

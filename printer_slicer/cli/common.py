@@ -43,13 +43,13 @@ _STAGES = 11  # from loading to writing
 def profile_from(
     arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
 ) -> Profile:
-    """The profile that --printer, --material, --quality, --planner and --set describe; says which that is.
+    """Load the profile of --printer, --material, --quality, --planner and --set, and print its names and sources.
 
     Args:
-        arguments: the command line; `profile_facts` tells afterwards where the profile is from.
+        arguments: the command line; `profile_facts` returns the sources of the profile afterwards.
         slices: whether a part is sliced with it; what is only printed need not suit the quality.
-        gcode: a file whose own machine, material and quality are taken where none is named.
-        tell: whether people are told; `sim` says itself what it is, and a console's lines are the printer's.
+        gcode: a file whose own machine, material and quality are used unless the command line names others.
+        tell: whether to print them; `sim` prints its own line, and the console prints only lines of the printer.
 
     Raises:
         UsageError: a name or setting that does not exist or is out of bounds.
@@ -79,9 +79,9 @@ def profile_from(
 def _tell_profile(
     arguments: argparse.Namespace, told: dict[str, dict[str, str]], refused: Sequence[str]
 ) -> None:
-    """Say which machine, material and quality these are and where they come from, before anything else.
+    """Print machine, material and quality with their sources as the first line.
 
-    It goes to stderr where stdout is for data; --json has it in `profile`.
+    The line goes to stderr if stdout carries data; --json has it in `profile`.
     """
     if arguments.quiet:
         return
@@ -95,7 +95,7 @@ def _tell_profile(
 
 
 def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The machine, material and quality of a command and where they come from, for JSON."""
+    """Return machine, material and quality of a command with their sources, for JSON."""
     facts: dict[str, Any] = getattr(arguments, "profile_facts", {})
     return facts
 
@@ -144,17 +144,17 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _flavour_of(firmware: str) -> str:
-    """The G-code that a simulated firmware understands: what is sliced for it, and how files are read for it."""
+    """Return the G-code flavour of a simulated firmware, for slicing and reading."""
     from printer_slicer.sim.front_end import FRONT_ENDS
 
     return FRONT_ENDS[firmware].flavour
 
 
 def _choose_uniform(changes: dict[str, object]) -> None:
-    """Who names a layer height means it: layers are uniform, unless a planner is named, too.
+    """Choose uniform layers if a layer height is given and no planner is named.
 
     Raises:
-        UsageError: a planner that chooses heights itself.
+        UsageError: the named planner chooses layer heights itself.
     """
     named = {key.removeprefix("quality."): value for key, value in changes.items()}
     if "layer_height" not in named:
@@ -163,13 +163,12 @@ def _choose_uniform(changes: dict[str, object]) -> None:
     if planner != "uniform":
         height = named["layer_height"]
         raise UsageError(
-            f"layer height {height}: layers of one height are those of --planner uniform, and {planner} was named, "
-            "which chooses heights itself",
-            remedy="leave out one of the two, or bound the heights: --heights LOW:HIGH",
+            f"layer height {height}: the {planner} planner chooses heights itself; only --planner uniform takes one",
+            remedy=f"leave out one of the two, or limit the heights: --heights 0.1:{height}",
         )
     if listed := named.get("layer_heights"):
         raise UsageError(
-            f"layer height {named['layer_height']}: all layers are to be so, and --heights {listed} lists others",
+            f"layer height {named['layer_height']}: uniform layers have one height, but --heights {listed} names others",
             remedy="leave out one of the two",
         )
 

@@ -1,6 +1,6 @@
-"""`control`: wishes for a print that another process runs.
+"""`control`: control a running print of another process.
 
-An emergency stop comes this way, so nothing is imported here that it does without.
+An emergency stop takes this path, so this module imports only what it needs.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from printer_slicer.errors import UsageError
 
 __all__ = ["add_control", "control_command", "control_parser"]
 
-_SOON = 2.0  # s within which one learns how a print stands
+_SOON = 2.0  # s, timeout of `control status`
 
 
 def control_parser() -> argparse.ArgumentParser:
-    """The command line as far as `control` goes, which is built sooner than that of all commands."""
+    """Build a parser for `control` only, which is faster than building that of all commands."""
     parser = Parser(prog="printer-slicer", allow_abbrev=False)
     usual: type[argparse.ArgumentParser] = Command
     add_control(parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual))
@@ -27,29 +27,29 @@ def control_parser() -> argparse.ArgumentParser:
 
 
 def add_control(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """`control`."""
+    """Add the parser of `control`."""
     parser = command(
         commands,
         "control",
-        "have a wish for a print that another process runs",
+        "control a running print (pause, cancel, speed, temperature)",
         "  printer-slicer control status\n"
-        "  printer-slicer control pause              behind the planned moves; pause now, pause cold, pause here\n"
+        "  printer-slicer control pause              after the queued moves; also: pause now, pause cold, pause here\n"
         "  printer-slicer control resume\n"
         "  printer-slicer control cancel\n"
-        "  printer-slicer control object gear_2      print no more of this one\n"
+        "  printer-slicer control object gear_2      cancel this object\n"
         "  printer-slicer control speed 80           also: flow PERCENT, fan PERCENT, nozzle C, bed C, babystep MM\n"
         "  printer-slicer control say M117 hello\n"
-        "  printer-slicer control answer 0           press a button of the printer's question\n"
-        "  printer-slicer control stop               emergency: the printer halts",
+        "  printer-slicer control answer 0           press a button of the printer's prompt\n"
+        "  printer-slicer control stop               emergency stop: halt the printer (M112)",
     )
     parser.add_argument("wish", nargs="+", metavar="WORD", help="see the examples")
-    parser.add_argument("--job", metavar="NAME", default="", help="which print, if more than one runs")
+    parser.add_argument("--job", metavar="NAME", default="", help="name of the print, if several are running")
     output(parser)
     parser.set_defaults(run=control_command)
 
 
 def control_command(arguments: argparse.Namespace) -> int:
-    """Send a wish to the process that prints."""
+    """Send a command to the process of a print."""
     from printer_slicer.printing.door import ask_door
     from printer_slicer.printing.shelf import default_shelf, find
     from printer_slicer.printing.wishes import Status, read_wish
@@ -73,8 +73,8 @@ def control_command(arguments: argparse.Namespace) -> int:
 
 
 def _status(status: dict[str, Any]) -> str:
-    """The status in words."""
-    waits = f"{status['job']}: waits for {status.get('waits_for')}"
+    """Format the status for people."""
+    waits = f"{status['job']}: waiting for {status.get('waits_for')}"
     if "done" not in status:  # it has not begun
         return waits
     heat = ", ".join(
@@ -86,9 +86,9 @@ def _status(status: dict[str, Any]) -> str:
     lines += [f"{heat} °C"] if heat else []
     lines.append(f"speed {status['speed_percent']:g} %, flow {status['flow_percent']:g} %")
     if status["objects"]:
-        given_up = set(status["cancelled"])
+        cancelled = set(status["cancelled"])
         lines.append(
-            "objects: " + ", ".join(n + (" (given up)" if n in given_up else "") for n in status["objects"])
+            "objects: " + ", ".join(n + (" (cancelled)" if n in cancelled else "") for n in status["objects"])
         )
     if status["prompt"]:
         buttons = ", ".join(f"{number} {text}" for number, text in enumerate(status["prompt"]["buttons"]))

@@ -29,7 +29,7 @@ class Dial(NamedTuple):
 
 
 DIALS: Final[Mapping[str, Dial]] = {
-    "--layer-height": Dial("quality.layer_height", "MM", ", all equally high unless --planner is named"),
+    "--layer-height": Dial("quality.layer_height", "MM", ", uniform unless --planner is given"),
     "--planner": Dial("quality.planner.kind", "NAME"),
     "--tolerance": Dial("quality.tolerance", "MM"),
     "--first-layer": Dial("quality.first_layer_height", "MM"),

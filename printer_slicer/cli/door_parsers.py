@@ -149,8 +149,8 @@ def add_firmware(parser: argparse.ArgumentParser) -> None:
         "--firmware",
         metavar="NAME",
         type=_firmware,
-        help=f"how it answers: {', '.join(FIRMWARES)}; parts are sliced for it; default: marlin 2.1 with the "
-        "meanings of the printer's flavour",
+        help=f"simulated firmware: {', '.join(FIRMWARES)}; parts are sliced for it; default: marlin 2.1 with the "
+        "commands of the printer's flavour",
     )
     group.add_argument(
         "--extruders",

@@ -119,7 +119,7 @@ def _insist_on_output(arguments: argparse.Namespace, models: Sequence[Path]) -> 
 
 
 def _unnamed(arguments: argparse.Namespace, models: Sequence[Path]) -> bool:
-    """Whether the G-code of stdin has no name."""
+    """Whether no output name follows from the arguments for a model on stdin."""
     into = getattr(arguments, "output_dir", None) is not None
     return into or (models[0] == _STDIN and arguments.output is None)
 

@@ -162,7 +162,7 @@ else:
             tty.setcbreak(terminal)
             yield
         finally:
-            with suppress(termios.error):  # it was closed meanwhile
+            with suppress(termios.error):  # the terminal was closed meanwhile
                 termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
     def _listen(keyboard: Keyboard, stop: Flag) -> None:

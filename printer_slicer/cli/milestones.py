@@ -1,4 +1,4 @@
-"""How far long work has come, for those who see no progress bar: a line per 5 %, and one after each minute without."""
+"""Report progress without a progress bar: a line per 5 %, and at least one a minute."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _A_MINUTE: Final = 60.0
 
 
 class Milestones:
-    """Writes a line on stderr whenever one is due.
+    """Writes a line of progress to stderr whenever one is due.
 
     Args:
-        what: is going on, the first word of each line.
-        wanted: whether anybody wants lines.
-        every_share: whether each 5 % is worth one; where whole jobs take seconds, only minutes are.
-        clock: s.
+        what: the activity, at the start of each line.
+        wanted: whether to write lines at all.
+        every_share: whether to write one per 5 %; if not, only one a minute.
+        clock: returns seconds.
     """
 
     def __init__(
@@ -34,12 +34,12 @@ class Milestones:
         self._shares = 0
 
     def reached(self, done: int, total: int, more: Callable[[], str]) -> None:
-        """So much is done.
+        """Report progress if a line is due.
 
         Args:
-            done: of `total`.
+            done: finished steps of `total`.
             total: at least 1.
-            more: what else to say, asked only when a line is due.
+            more: returns further text for the line; called only when a line is due.
         """
         if not self._wanted:
             return

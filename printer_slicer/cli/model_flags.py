@@ -85,7 +85,9 @@ def _add_group(parser: argparse.ArgumentParser) -> None:
         help="put the plate down on the bed (default), or keep z of the files",
     )
     group.add_argument(
-        "--fuse", action="store_true", help="print parts of several files that overlap as one; else refused"
+        "--fuse",
+        action="store_true",
+        help="print overlapping parts of several files as one part; default: an error",
     )
 
 

@@ -66,7 +66,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
 
     Raises:
         UsageError, MeshError: a file cannot be read, or is no part.
-        PartError: parts overlap, and --fuse is not given.
+        PartError: parts overlap and --fuse is not given.
     """
     keep_memory()
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
@@ -162,10 +162,10 @@ def _in_the_air(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placem
 
 
 def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
-    """Parts of different files that overlap would become one; objects of one file are left as they were modelled.
+    """Reject parts of different files that overlap; objects of one file may overlap.
 
     Raises:
-        PartError: some do; names the files, and mm.
+        PartError: some do; names the files and the size of the overlap.
     """
     if len(meshes) < 2:
         return
@@ -180,10 +180,10 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
         f"{called[one.second]} overlaps {called[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
         for one in found[:_MOST_TOLD]
     ]
-    told += ["and there are more"] if len(found) > _MOST_TOLD else []
+    told += ["and more"] if len(found) > _MOST_TOLD else []
     raise PartError(
         f"{'; '.join(told)}, as their files place them",
-        remedy="slice them one by one (-o FOLDER/ does), move one in its file, or print them as one with --fuse",
+        remedy="slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
     )
 
 

@@ -1,8 +1,8 @@
-"""Stdout and stderr that outlive their reader: what a command finds out must not depend on who still listens.
+"""Make stdout and stderr survive a closed pipe or terminal, so that exit codes do not depend on the reader.
 
-`dry-run part.gcode | head -1` closes the pipe while the command works, and a terminal may be closed while it prints.
-What is written from then on is dropped, so the command goes on to its end, and its exit code is its own. A full disk
-does not end a print either, but what could not be written is missed: `unwritten` tells, and it is an error at the end.
+`dry-run part.gcode | head -1` closes the pipe while the command runs, and a terminal may be closed during a print.
+Later output is discarded, the command runs to its end, and its exit code is unchanged. A full disk does not end a print
+either, but `unwritten` reports it, and it is an error at the end.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ _GONE_TERMINAL = {errno.EIO, errno.ENXIO}
 
 
 class _Output(io.RawIOBase):
-    """A file descriptor that is written to for as long as it takes what is written.
+    """A raw stream that discards output once its reader is gone or the disk is full.
 
     Attributes:
-        failure: why something that somebody may miss was not written.
+        failure: why output that somebody may miss was not written.
     """
 
     failure: OSError | None = None
@@ -38,19 +38,19 @@ class _Output(io.RawIOBase):
         self._gone = False
 
     def fileno(self) -> int:
-        """The descriptor."""
+        """Return the file descriptor."""
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Whether a person reads it."""
+        """Whether it is a terminal that is still open."""
         return self._terminal and not self._gone
 
     def writable(self) -> bool:
-        """Always."""
+        """Return True."""
         return True
 
     def write(self, data: Buffer, /) -> int | None:
-        """How many bytes were taken; all of them once no more can be written. None: just now, none can be."""
+        """Write data and return the number of bytes, all of them once no more can be written; None if it would block."""
         size = memoryview(data).nbytes
         if self._gone:
             return size
@@ -73,9 +73,9 @@ def unwritten() -> OSError | None:
 
 
 def outlive_readers() -> None:
-    """Put streams that outlive their reader in the place of the process's own stdout and stderr.
+    """Replace sys.stdout and sys.stderr by streams that survive a closed pipe or terminal.
 
-    Streams that somebody else has put there stay; those that were closed by the caller (`>&-`) become /dev/null.
+    Streams that were replaced before stay; those that the caller closed (`>&-`) become /dev/null.
     """
     for name, errors in (("stdout", "replace"), ("stderr", "backslashreplace")):
         stream = getattr(sys, name)
@@ -83,14 +83,14 @@ def outlive_readers() -> None:
             stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for the rest of the process
         elif stream is getattr(sys, f"__{name}__"):
             stream = _outliving(stream)
-        # A terminal may know fewer letters than our texts and file names have.
+        # A terminal may not support all characters of our texts and file names.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=errors)
         setattr(sys, name, stream)
 
 
 def _outliving(stream: io.TextIOWrapper) -> io.TextIOWrapper:
-    """The same stream, over a descriptor that somebody need not read; a Windows console stays as it is."""
+    """Wrap a stream so that it survives its reader; a Windows console stays as it is."""
     inner = getattr(stream, "buffer", None)
     if not isinstance(getattr(inner, "raw", inner), io.FileIO):
         return stream

@@ -1,4 +1,4 @@
-"""The machine and the material that a G-code file was made for, as it says itself."""
+"""Read the machine and material that a G-code file was sliced for from its comments."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 
 
 class OwnSettings(NamedTuple):
-    """What a file says about itself.
+    """Settings found in a G-code file.
 
     Attributes:
-        values: kind -> settings; those of which it says nothing are not in it.
-        refused: why something that it says is not used, one sentence each.
+        values: kind -> settings; kinds without settings in the file are missing.
+        refused: reasons why settings in the file are not used, one sentence each.
     """
 
     values: Mapping[str, Mapping[str, Any]]
@@ -27,13 +27,13 @@ class OwnSettings(NamedTuple):
 
 
 def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
-    """The settings in G-code of this program, of PrusaSlicer and its kin, or the machine that Cura names.
+    """Read the settings that this program, PrusaSlicer or its forks wrote, or the machine that Cura names.
 
-    Settings that an import would refuse, as temperatures that no usual hotend stands, are not used.
+    Settings that an import would reject, such as impossible temperatures, are not used.
 
     Args:
-        path: of the G-code.
-        folders: of profiles, besides the usual ones.
+        path: the G-code file.
+        folders: further folders of profiles.
 
     Raises:
         UsageError: it is a pipe.
@@ -50,24 +50,24 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
         found = import_profiles(path)
     except NoSettingsError:
         return OwnSettings(_named_by_cura(path, folders), ())
-    except (OSError, ValueError):  # a name that no file can have
+    except (OSError, ValueError):  # an invalid file name
         return OwnSettings({}, ())
     except ProfileError as error:
-        # Who reads all of a file that cannot be read says so.
+        # A file that cannot be read is reported when all of it is read.
         return OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
     refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, Refused)]
     return OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
 
 
 def _named_by_cura(path: Path, folders: Sequence[Path]) -> Mapping[str, Mapping[str, Any]]:
-    """The machine of this name among the profiles: Cura's G-code holds no other settings of it."""
+    """Return the profile of the machine that Cura names; its G-code has no other machine settings."""
     from printer_slicer.profile import load_profile, settings_of
 
     try:
         with path.open("rb") as file:
             named = _MACHINE.search(file.read(_HEAD))
     except (OSError, ValueError):
-        return {}  # who reads all of it says so
+        return {}  # reported when all of the file is read
     name = named[1].decode("utf-8", "replace").strip() if named else ""
     profile = _called("printer", name, folders) if name else ""
     return {"printer": settings_of(load_profile(profile, slices=False))["printer"]} if profile else {}
@@ -76,12 +76,12 @@ def _named_by_cura(path: Path, folders: Sequence[Path]) -> Mapping[str, Mapping[
 def provenance(
     names: Mapping[str, str | None], own: OwnSettings, folders: Sequence[Path]
 ) -> dict[str, dict[str, str]]:
-    """Kind -> the `name` of its profile, and where that is `from`.
+    """Map each kind to the `name` of its profile and where it comes `from`.
 
     Args:
-        names: kind -> what was typed; None where nothing was.
-        own: what the file says.
-        folders: of profiles, besides the usual ones.
+        names: kind -> name on the command line; None if there is none.
+        own: settings of the file.
+        folders: further folders of profiles.
     """
     from printer_slicer.profile import DEFAULT_NAMES
 
@@ -98,7 +98,7 @@ def provenance(
 
 
 def _called(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
-    """What to type for the profile whose `name` setting this is; empty if there is none."""
+    """Return the name that selects the profile with this `name` setting; empty if there is none."""
     from printer_slicer.profile import profile_paths
 
     for typed, path in profile_paths(kind, folders).items():

@@ -89,7 +89,7 @@ class _Parser(Parser):
 
 
 class _Output(argparse.Action):
-    """The file of -o; a folder, also one that is not there yet but whose name ends with /, is that of --output-dir."""
+    """Action of -o: an existing folder, or a name ending with /, sets --output-dir instead."""
 
     def __call__(
         self, _parser: object, namespace: argparse.Namespace, value: object, _flag: object = None
@@ -111,7 +111,7 @@ def _common(parser: argparse.ArgumentParser) -> None:
     """Flags that decide how a part becomes G-code, and how results are said."""
     group = add_settings(parser)
     group.add_argument(
-        "--strict", action="store_true", help="refuse a part whose mesh needs repair, or that needs supports"
+        "--strict", action="store_true", help="fail if the mesh needs repair or extrusion is unsupported"
     )
     add_dials(parser)
     _output(parser)
@@ -126,8 +126,8 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "  printer-slicer slice part.stl --set infill_density=0.3 --set speeds.travel=200\n"
         "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12\n"
         "  printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%\n"
-        "  printer-slicer slice lid.stl box.3mf -o plate.gcode     one plate, as the files place them\n"
-        "  printer-slicer slice *.stl -o gcode/                    one file of G-code for each",
+        "  printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files\n"
+        "  printer-slicer slice *.stl -o gcode/                    one G-code file per model",
     )
     add_models(parser)
     where = parser.add_mutually_exclusive_group()
@@ -136,10 +136,13 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--output",
         metavar="OUT.gcode",
         action=_Output,
-        help="default: beside the first model; - for stdout; a folder, or a name with / at its end: as --output-dir",
+        help="default: beside the first model; - for stdout; a folder, or a name ending with /: as --output-dir",
     )
     where.add_argument(
-        "--output-dir", metavar="DIR", type=Path, help="one G-code file for each model in it; made if missing"
+        "--output-dir",
+        metavar="DIR",
+        type=Path,
+        help="write one G-code file per model into this folder; created if missing",
     )
     parser.add_argument(
         "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
@@ -150,7 +153,7 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     parser.add_argument(
         "--timestamp",
         action="store_true",
-        help="the first line says when; default: it does not, or tells SOURCE_DATE_EPOCH, for the same bytes",
+        help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
     )
     _common(parser)
     parser.set_defaults(run=_later("slicing", "slice_command"))

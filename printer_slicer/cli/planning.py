@@ -139,18 +139,18 @@ def _table_1(mesh: Mesh) -> dict[str, object]:
 
 
 _Planning = Callable[[int, int, str], None]
-"""Is told before each plan how many are done, how many there are, and the name of the next."""
+"""Called before each plan with the number of finished plans, the number of plans, and the name of the next."""
 
 
 def _told(arguments: argparse.Namespace, report: Stages) -> _Planning:
-    """Tells which plan is made next: the bar, and where there is none a line for each of many."""
+    """Return a function that reports the next plan: on the progress bar, or without one as a line per plan."""
     quiet = arguments.quiet or arguments.json or arguments.verbose or not arguments.compare
     lines = Milestones("comparing plans", wanted=not (quiet or sys.stderr.isatty()))
 
     def tell(done: int, total: int, name: str) -> None:
-        """The next plan."""
+        """Report the next plan."""
         report(f"planning {name}")
-        lines.reached(done, total, lambda: f"{done} of {total} plans are made, next {name}")
+        lines.reached(done, total, lambda: f"{done} of {total} plans done, next: {name}")
 
     return tell
 

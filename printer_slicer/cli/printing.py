@@ -116,7 +116,7 @@ def _has_gcode(arguments: argparse.Namespace) -> bool:
 
 
 def _judged_by(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What `profile_from` is to know: G-code is judged by its own machine and material, a part must suit all three."""
+    """Return arguments for `profile_from`: G-code is judged by its own machine and material, a part by all three."""
     return {
         "slices": bool(arguments.models) and not _has_gcode(arguments),
         "gcode": arguments.models[0] if _has_gcode(arguments) else None,

@@ -1,4 +1,4 @@
-"""How far a print is: a bar on a terminal, JSON lines, or a line now and then; and what the printer says meanwhile."""
+"""Report the progress of a print: a bar on a terminal, JSON lines, or plain lines; and messages of the printer."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ __all__ = ["progress"]
 
 
 class progress:  # noqa: N801 - used like a function
-    """Turns events into a progress bar, into JSON lines, or where there is no terminal into a line now and then.
+    """Turns events into a progress bar, JSON lines, or plain lines without a terminal.
 
     Args:
-        arguments: of the command.
-        job: that is printed.
-        events: whether --json tells all of them.
-        shares: whether each 5 % is worth a line; else only minutes are.
+        arguments: the command line.
+        job: the print.
+        events: whether --json prints all of them.
+        shares: whether to write a line per 5 %; if not, only one a minute.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class progress:  # noqa: N801 - used like a function
         last = self._last_layer()
 
         def update(done: int) -> None:
-            """So many commands are done."""
+            """Update the bar."""
             layer = self._job.layer_of(done)
             name = f"layer {layer} of {last}" if layer else "starting"
             bar.update(task, completed=done, description=name)
@@ -94,7 +94,7 @@ class progress:  # noqa: N801 - used like a function
         if isinstance(event, Accepted):
             self._done = event.acknowledged
             self._advance(event.acknowledged)
-        # While it heats, temperatures are all that is told.
+        # During heating, temperatures are the only events.
         self._lines.reached(self._done, max(len(self._job.commands), 1), self._where)
         if isinstance(event, Accepted):
             return
@@ -108,18 +108,18 @@ class progress:  # noqa: N801 - used like a function
             print(visible(text), file=sys.stderr)
 
     def _where(self) -> str:
-        """How far the job has come, in words."""
+        """Describe the progress of the job."""
         layer, last = self._job.layer_of(self._done), self._last_layer()
         return f"{self._done} of {len(self._job.commands)} commands" + (
             f", layer {layer} of {last}" if layer else ""
         )
 
     def _last_layer(self) -> int:
-        """The number of the last layer, 0 if the job does not tell."""
+        """Return the number of the last layer; 0 if unknown."""
         return self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
 
     def _advance(self, done: int) -> None:
-        """A hundred steps are enough for people and for programs."""
+        """Report progress in steps of 1 %."""
         if self._wanted and self._bar is None and monotonic() - self._begun > PATIENCE:
             self._open_bar()
         percent = done * 100 // len(self._job.commands)
@@ -135,13 +135,13 @@ class progress:  # noqa: N801 - used like a function
 
 
 def _for_people(event: Event) -> str:
-    """What a person must know of an event; empty for the rest."""
+    """Format an event that every user must see; empty for others."""
     if isinstance(event, Stopping):
         return "stopping; Ctrl-C again halts the printer at once"
     if isinstance(event, Paused):
         return f"paused: {event.reason}"
     if isinstance(event, Resumed):
-        return "going on"
+        return "resumed"
     if isinstance(event, Note):
         return event.text
     if isinstance(event, PoorLink):
@@ -152,16 +152,16 @@ def _for_people(event: Event) -> str:
         buttons = ", ".join(f"{number} {button}" for number, button in enumerate(event.buttons))
         return f"the printer asks: {event.text} [{buttons}]"
     if isinstance(event, Action) and not event.name.startswith("prompt_"):
-        return f"the printer asks: {event.name}"
+        return f"the printer requests: {event.name}"
     return ""
 
 
 def _as_line(event: Event) -> str:
-    """What a person wants to read of an event when every word of the printer counts; empty for the rest."""
+    """Format an event for --verbose; empty for others."""
     if isinstance(event, Message):
         return event.text
     if isinstance(event, ResendAsked):
-        return f"the printer asks for everything from line {event.number} again"
+        return f"the printer requests a resend from line {event.number}"
     if isinstance(event, Temperature):
         wanted = {True: " (waiting)", False: ""}[event.waiting]
         heaters = (

@@ -1,4 +1,4 @@
-"""What 3MF projects on the command line say of how their objects shall be printed, laid over the profile."""
+"""Apply the object settings of 3MF projects on the command line to the profile."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ _ARCHIVE = b"PK"
 def with_projects(
     arguments: argparse.Namespace, profile: Profile, mesh: Mesh, plate: Plate
 ) -> tuple[Profile, Plate]:
-    """The profile with what objects of 3MF projects have of their own, and what of the projects is not used.
+    """Return the profile with the object settings of 3MF projects, and the plate with warnings about unused settings.
 
-    What is used is told on stderr, what is not is a warning there. What was typed, or is in the profile, comes over it.
+    Used settings are listed on stderr, unused ones as warnings. The command line and the profile take precedence.
 
     Args:
-        arguments: of the command line.
-        profile: that it describes.
-        mesh: all models; its items are the objects that are printed.
-        plate: what is known of them; what is not used comes to its warnings.
+        arguments: the command line.
+        profile: the profile from the command line.
+        mesh: all models; its items are the objects to print.
+        plate: facts about the models.
 
     Raises:
-        UsageError: a project's archive is damaged, or its settings contradict the profile.
+        UsageError: a project is damaged, or its settings contradict the profile.
     """
     projects = _projects(arguments, profile, mesh)
     if not projects:
@@ -53,7 +53,7 @@ def with_projects(
 
 
 def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> dict[Path, Project]:
-    """What each 3MF file says; those that no slicer made say nothing, and are left out."""
+    """Read the projects of all 3MF files that hold settings of a slicer."""
     found: dict[Path, Project] = {}
     for path in arguments.models:
         if not _is_archive(path):
@@ -67,7 +67,7 @@ def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> di
 
 
 def _is_archive(path: Path) -> bool:
-    """Whether it is a file, not a pipe that could be read only once, and begins as 3MF files do."""
+    """Whether it is a regular file, not a pipe, and starts as 3MF files do."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
@@ -77,7 +77,7 @@ def _is_archive(path: Path) -> bool:
 def _changes(
     arguments: argparse.Namespace, profile: Profile, projects: Mapping[Path, Project]
 ) -> tuple[dict[str, object], list[str]]:
-    """The settings to change, and what is not used."""
+    """Return the settings to change, and messages about unused settings."""
     typed = changes_from(arguments)
     changes: dict[str, object] = {}
     unused: list[str] = []
@@ -87,8 +87,8 @@ def _changes(
         unused += [f"{path.name}: {text}" for text in project.unused]
         if project.has_settings and arguments.quality is None:
             unused.append(
-                f"{path.name}: its settings of print, filament and printer are not used; "
-                f"`printer-slicer profiles import {path}` makes profiles of them"
+                f"{path.name}: its print, filament and printer settings are not used; "
+                f"import them with `printer-slicer profiles import {path}`"
             )
         for name, height in project.layer_heights:
             if len(arguments.models) > 1 or any(

@@ -1,4 +1,4 @@
-"""`resume`."""
+"""`resume`: resume an interrupted print."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["resume_command"]
 
-_ROW = "{job}: begun {begun} on {port}, {accepted} commands, {reason} ({id})"
+_ROW = "{job}: started {begun} on {port}, {accepted} commands done, {reason} ({id})"
 
 
 def resume_command(arguments: argparse.Namespace) -> int:
@@ -27,10 +27,10 @@ def resume_command(arguments: argparse.Namespace) -> int:
     shelf = shelves.default_shelf()
     if arguments.list:
         return _list(arguments, shelf)
-    for damage in shelves.damaged_on(shelf):
+    for damage in shelves.damaged_prints(shelf):
         if arguments.discard and arguments.name == damage.folder.name:
             damage.forget()
-            say(arguments, f"{damage.folder.name} is forgotten")
+            say(arguments, f"{damage.folder.name}: deleted")
             return 0
         print(visible(f"printer-slicer: warning: {damage}\n  {damage.remedy}"), file=sys.stderr)
     found = shelves.find(shelf, arguments.name, running=False)
@@ -80,9 +80,9 @@ def _judged(setup: Setup) -> dict[str, Any]:
 
 def _list(arguments: argparse.Namespace, shelf: Path) -> int:
     from printer_slicer.printing.journal import read_story
-    from printer_slicer.printing.shelf import damaged_on, on_shelf
+    from printer_slicer.printing.shelf import damaged_prints, on_shelf
 
-    damaged = {damage.folder: damage for damage in damaged_on(shelf)}
+    damaged = {damage.folder: damage for damage in damaged_prints(shelf)}
     left = [one for one in on_shelf(shelf) if one.folder not in damaged and not one.running]
     rows = []
     for one in left:

@@ -50,7 +50,7 @@ def send_command(arguments: argparse.Namespace) -> int:
 def _look(arguments: argparse.Namespace) -> None:
     """Look at what is to be printed before a byte of it is sent, as `print` does.
 
-    What is only uploaded is refused for what is unsupported alone: who starts it may never see the file.
+    An upload without --print is refused only for unsupported extrusion: whoever starts it may never see the file.
 
     Raises:
         PolicyError: it holds what was not allowed.

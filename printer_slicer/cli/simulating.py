@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["faults_of", "firmware_of", "planted_facts", "planted_lines", "serve_printer", "violation_lines"]
 
-_VIOLATIONS = 20  # that are listed for people
+_VIOLATIONS = 20  # listed in the text output
 _MOST = 64 * 1024 * 1024  # bytes of a file on the card
 
 
@@ -81,7 +81,7 @@ def planted_facts(faults: Faults | None) -> dict[str, Any]:
 
 
 def violation_lines(report: Report) -> list[str]:
-    """What a real machine would have refused, clipped or suffered, each with its command; the first ones of many."""
+    """List what a real machine would have rejected, clipped or suffered, with the command; at most 20 lines."""
     shown = [f"  command {one.line}: {one.text}" for one in report.violations[:_VIOLATIONS]]
     more = report.n_violations - len(shown)
     return [*shown, f"  and {more} more: --report and --json list up to 1000"] if more else shown

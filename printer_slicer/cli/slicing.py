@@ -37,7 +37,7 @@ __all__ = ["slice_command"]
 
 
 def slice_command(arguments: Namespace) -> int:
-    """Slice models and write the G-code: of all together, or into a folder of each by itself."""
+    """Slice models and write the G-code: one file for all, or one per model into a folder."""
     profile = profile_from(arguments)
     refuse_mixing(arguments)
     if arguments.layer is not None and not arguments.picture:
@@ -54,7 +54,7 @@ def slice_command(arguments: Namespace) -> int:
 
 
 def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
-    """Slice all models together, and say what came of it; without `output` the G-code goes beside the first."""
+    """Slice all models together and print a summary; without `output` the G-code goes beside the first model."""
     with stages(arguments) as report:
         report("loading")
         mesh, plate = plate_from(arguments, profile.printer, report)
@@ -102,11 +102,11 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
 
 
 def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
-    """Each model with the file in the folder of --output-dir that its G-code goes to; the folder is made.
+    """Pair each model with its output file in the folder of --output-dir, and create the folder.
 
     Raises:
-        UsageError: two models would go to one file, or to one picture.
-        OutputError: the folder cannot be made.
+        UsageError: two models have the same output file or picture.
+        OutputError: the folder cannot be created.
     """
     folder: Path = arguments.output_dir
     outputs: dict[Path, Path] = {}
@@ -114,23 +114,24 @@ def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
         output = folder / f"{model.stem}.gcode"
         if output in outputs:
             raise UsageError(
-                f"{model}: its G-code would go to {output}, as that of {outputs[output]} does",
-                remedy="rename one of them, or slice them into different folders",
+                f"{model}: has the same output file as {outputs[output]}: {output}",
+                remedy="rename one of them, or use different output folders",
             )
         outputs[output] = model
     if arguments.picture and len(outputs) > 1:
         raise UsageError(
-            f"--picture {arguments.picture}: there are {len(outputs)} models", remedy="draw them one by one"
+            f"--picture {arguments.picture}: one picture for {len(outputs)} models",
+            remedy="slice them one by one",
         )
     make_folder(folder)
     return [(model, output) for output, model in outputs.items()]
 
 
 def _made(arguments: Namespace) -> datetime | None:
-    """What the first line gives as its date: that of SOURCE_DATE_EPOCH, or with --timestamp now; else none.
+    """Return the date for the first line: SOURCE_DATE_EPOCH, or now with --timestamp; otherwise None.
 
     Raises:
-        UsageError: SOURCE_DATE_EPOCH is no number of seconds.
+        UsageError: SOURCE_DATE_EPOCH is not a number of seconds.
     """
     told = os.environ.get("SOURCE_DATE_EPOCH", "")
     if told:
@@ -138,7 +139,7 @@ def _made(arguments: Namespace) -> datetime | None:
             return datetime.fromtimestamp(int(told), UTC)
         except (ValueError, OverflowError, OSError):
             raise UsageError(
-                f"SOURCE_DATE_EPOCH={told}: no date", remedy="set it to seconds since 1970, or unset it"
+                f"SOURCE_DATE_EPOCH={told}: not a date", remedy="set it to seconds since 1970, or unset it"
             ) from None
     return datetime.now(UTC) if arguments.timestamp else None
 

@@ -1,4 +1,4 @@
-"""What `slice` says about extrusion that nothing holds."""
+"""Warnings, facts and errors of `slice` about unsupported extrusion."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from printer_slicer.errors import PartError
 
 __all__ = ["refuse_unsupported", "unsupported_facts", "unsupported_warnings"]
 
-_REMEDY = "turn the part, or add supports; `print` refuses it without --allow unsupported"
+_REMEDY = "turn the part or add supports; `print` needs --allow unsupported"
 
 
 def unsupported_warnings(found: Sequence[Unsupported]) -> list[str]:
-    """For people: nothing where nothing was found."""
-    return [f"{describe(found)}: it falls; {_REMEDY}"] if found else []
+    """Return a warning if anything was found."""
+    return [f"{describe(found)}; {_REMEDY}"] if found else []
 
 
 def unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
-    """For JSON: one entry for each height, lengths in mm."""
+    """Return facts for JSON: one entry per height, lengths in mm."""
     return [
         {
             "layer": one.layer,
@@ -33,13 +33,13 @@ def unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
 
 
 def refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
-    """For --strict.
+    """Fail if anything was found, for --strict.
 
     Raises:
-        PartError: something was found.
+        PartError: there is unsupported extrusion.
     """
     if found:
         raise PartError(
             f"{name}: {describe(found)}",
-            remedy="turn the part, or add supports; without --strict it is only a warning",
+            remedy="turn the part or add supports; without --strict this is only a warning",
         )

@@ -28,15 +28,15 @@ _LEVEL: Final = 0.02  # mm: what lies so near in z is looked at together
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Laid:
-    """Moves of one height, and which of them lay plastic.
+    """Moves of one height, and which of them extrude.
 
     Attributes:
-        command: (n,) that makes each, as the printer counts them from 1.
+        command: (n,) command of each move, counted from 1.
         start, end: (n, 3) mm.
-        volume: (n,) mm³ that leave the nozzle.
-        flat: (n,) mm in the plane.
-        lays: (n,) whether plastic is laid along the move.
-        role: (n,) what for, see `Marks.role`.
+        volume: (n,) mm³ extruded.
+        flat: (n,) mm, length in x and y.
+        lays: (n,) whether the move extrudes.
+        role: (n,) role, see `Marks.role`.
     """
 
     command: Int
@@ -49,12 +49,12 @@ class Laid:
 
     @property
     def thread(self) -> Float:
-        """(n,) mm, how thick what leaves the nozzle is before it is pressed flat."""
+        """(n,) mm, diameter of the extruded strand before it is pressed flat."""
         return np.asarray(2.0 * np.sqrt(self.volume / np.maximum(self.flat, NOTHING) / pi))
 
     @property
     def sideways(self) -> Float:
-        """(n, 2) across each move, of length 1."""
+        """(n, 2) unit vector perpendicular to each move."""
         way = (self.end - self.start)[:, :2] / np.maximum(self.flat, NOTHING)[:, None]
         return np.stack([-way[:, 1], way[:, 0]], axis=1)
 
@@ -70,21 +70,21 @@ class Laid:
         return np.asarray(thread**2 * (pi / 4) / np.clip(height, thread / _FLATTEST, thread))
 
     def between(self, first: int, last: int) -> Laid:
-        """The moves from one up to another."""
+        """Return the moves from `first` up to `last`, exclusive."""
         return Laid(*(getattr(self, name)[first:last] for name in _COLUMNS))
 
     @classmethod
     def joined(cls, parts: Sequence[Laid]) -> Laid:
-        """Moves that follow each other as one value."""
+        """Concatenate consecutive moves."""
         return Laid(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Batch(Laid):
-    """The same as a printer executed them.
+    """Moves of one height as a printer executed them.
 
     Attributes:
-        fed: (n,) mm of filament that are pushed.
+        fed: (n,) mm of filament fed.
         seconds: (n,) that each takes.
         flow: (n,) mm³/s.
     """
@@ -95,7 +95,7 @@ class Batch(Laid):
 
     @classmethod
     def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> Batch:
-        """The batch that some rows are."""
+        """Make a batch from rows of executed moves."""
         command = rows[:, COMMAND].astype(np.int64)
         start, end = rows[:, START], rows[:, END]
         flat = np.hypot(*(end - start)[:, :2].T)
@@ -106,7 +106,7 @@ class Batch(Laid):
 
     @property
     def empty(self) -> Bool:
-        """(n,) whether filament is pushed and nothing comes out."""
+        """(n,) whether filament is fed but nothing is extruded."""
         return (self.fed > NOTHING) & ~self.lays
 
     def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Mishap:

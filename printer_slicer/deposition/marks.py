@@ -1,4 +1,4 @@
-"""What comments tell about the commands of a job, and what goes wrong with the extrusion of one."""
+"""Layers, roles and tools of the commands of a job, from its comments; defects of its extrusion."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ _SPOKEN: Final = {
     Purpose.BESIDE: "skirt, brim, priming",
     Purpose.SUPPORT: "support and raft",
 }
-"""Purposes of beads in words that say enough by themselves."""
+"""Names of purposes for messages, where the enum's own name is not clear enough."""
 
 
 class Mishap(NamedTuple):
-    """Something that went wrong with the material.
+    """A defect of the extrusion.
 
     Attributes:
         kind: "air", "crash", "bed" or "flow".
-        command: that did it, as the printer counts them from 1.
+        command: the command that caused it, counted from 1.
         layer: see `Marks.layer`.
         z, x, y: mm, where.
-        amount: mm in the air, mm gone through, mm over the bed, mm³/s.
+        amount: mm in the air, mm of collision, mm above the bed, or mm³/s.
         depth: mm, of a crash.
     """
 
@@ -51,14 +51,14 @@ class Mishap(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Marks:
-    """What comments tell about commands, as the printer counts them.
+    """Layers, roles and tools by command, counted from 1, from the comments of a job.
 
     Attributes:
-        layers: (M,) commands at which a layer begins, ascending; empty where nothing tells: then heights are counted.
-        roles: (R,) commands from which on beads have another name.
-        names: (R,) index into `spoken` of each.
-        spoken: names; the first is that of beads without one.
-        loose: names of what is taken off the part again.
+        layers: (M,) commands at which a layer begins, ascending; empty if no comment names layers.
+        roles: (R,) commands at which the role changes.
+        names: (R,) index into `spoken` of each change.
+        spoken: role names; the first is that of extrusion without a role.
+        loose: indices of roles that are removed after the print, such as supports.
         changes: (T,) commands that choose a tool.
         tools: (T,) the tool of each; before the first it is 0.
     """
@@ -73,11 +73,11 @@ class Marks:
 
     @property
     def told(self) -> bool:
-        """Whether comments name beads at all."""
+        """Whether comments name roles at all."""
         return len(self.roles) > 0
 
     def role(self, command: Int) -> Int:
-        """(n,) the name of what each command lays."""
+        """(n,) index of the role of each command."""
         at = np.searchsorted(self.roles, command, side="right")
         return np.append(0, self.names)[at]
 
@@ -93,19 +93,19 @@ class Marks:
 def marks_of(
     commands: Sequence[bytes], text: bytes, layers_at: Mapping[int, int], roles_at: Mapping[int, str]
 ) -> Marks:
-    """What the comments of a job tell, by commands counted from 1.
+    """Collect the layers, roles and tools of a job from its comments.
 
     Args:
         commands: of the job.
-        text: that they come from.
+        text: the source of the commands.
         layers_at: command index -> layer.
-        roles_at: command index -> what extrusion is called from there on.
+        roles_at: command index -> name of the role from there on.
     """
     layers = np.array(list(layers_at), np.int64) + 1
     roles = {command: purpose_of(name) for command, name in roles_at.items()}
     first = int(layers[0]) - 1 if len(layers) else 0
     if roles and first:
-        # What is laid before the first layer primes the nozzle.
+        # Extrusion before the first layer is priming.
         roles = {0: Purpose.BESIDE} | {command: kind for command, kind in roles.items() if command >= first}
     changes, tools = _tools_of(commands, text)
     return Marks(
@@ -120,7 +120,7 @@ def marks_of(
 
 
 def _tools_of(commands: Sequence[bytes], text: bytes) -> tuple[Int, Int]:
-    """Commands, counted from 1, that choose a tool, and which; none where there is no other than the first."""
+    """Return the commands, counted from 1, that select a tool, and the tools; empty if only tool 0 is used."""
     if not _OTHER_TOOL.search(text):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     found = [

@@ -1,4 +1,4 @@
-"""What extrusion is for, by the names that slicers give it in comments."""
+"""Purposes of extrusion, and the names that slicers give them in comments."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Purpose", "purpose_of", "purposes_of_roles"]
 
 
 class Purpose(IntEnum):
-    """Why a bead is laid, as far as comments tell."""
+    """Purpose of an extrusion, as far as comments name it."""
 
     UNKNOWN = 0
     OUTER_PERIMETER = 1
@@ -31,11 +31,11 @@ class Purpose(IntEnum):
 
     @property
     def spoken(self) -> str:
-        """In words."""
+        """Name for messages."""
         return self.name.lower().replace("_", " ")
 
 
-# What slicers call their beads, in small letters with blanks; the first that the name begins with counts.
+# Role names of slicers, in lower case with spaces; the first entry that a name starts with applies.
 # PrusaSlicer and SuperSlicer; OrcaSlicer and Bambu Studio; CuraEngine.
 _NAMES: Final = (
     ("external perimeter", Purpose.OUTER_PERIMETER),
@@ -84,7 +84,7 @@ _OF_ROLE: Final = {
 
 
 def purpose_of(name: str) -> Purpose:
-    """What a slicer's name for a bead means."""
+    """Return the purpose for a slicer's role name."""
     plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
     return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
 

@@ -1,7 +1,7 @@
-"""Extrusion that nothing holds, found height by height against everything laid before.
+"""Find unsupported extrusion, height by height, against everything printed before.
 
-Beads are unsupported where they lie farther than 5 mm from any bead of their height that rests on something, or that
-bridges: runs straight over air and rests at both ends. Plastic may stand out that far, bead beside bead.
+Extrusion is unsupported if it lies more than 5 mm from every extrusion of its height that rests on something or that
+bridges: it runs straight over a gap and rests at both ends. Extrusions side by side may overhang that far.
 """
 
 from __future__ import annotations
@@ -22,53 +22,53 @@ from printer_slicer.model import Program, Role
 from printer_slicer.profile import Printer, Profile
 
 __all__ = [
-    "WORTH",
-    "Tracker",
+    "MIN_REPORTED_LENGTH",
     "Unsupported",
+    "UnsupportedTracker",
+    "deposit",
     "describe",
-    "lay",
     "unsupported_of_program",
     "unsupported_pieces",
 ]
 
-WORTH: Final = 3.0
-"""mm in the air or through the print, of one height, that are worth telling."""
+MIN_REPORTED_LENGTH: Final = 3.0
+"""Length, mm, of unsupported or colliding extrusion at one height from which it is reported."""
 
-_THREAD: Final = 1.15  # of its thickness a thread may sink
-_CONTACT: Final = 0.32  # mm that slicers leave between what is taken off again and the part
-_LIP: Final = 5.0  # mm that plastic may stand out over air, bead beside bead
-_STRAIGHT: Final = 0.95  # chord by length, from which what rests at both ends is a bridge
+_THREAD: Final = 1.15  # of its diameter that a strand may sag
+_CONTACT: Final = 0.32  # mm that slicers leave between supports and the part
+_LIP: Final = 5.0  # mm that extrusions side by side may overhang
+_STRAIGHT: Final = 0.95  # chord divided by length, from which a stretch that rests at both ends is a bridge
 
 
 def unsupported_pieces(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> Int:
-    """The pieces of beads of one height that nothing holds.
+    """Return the unsupported pieces of the extrusions of one height.
 
     Args:
-        relief: what was laid before.
-        laid: the moves.
-        cut: (P,) pieces of those that lay something.
-        cell: (P,) of the relief, of each.
-        marks: what comments tell.
+        relief: height map of everything printed before.
+        laid: the moves of this height.
+        cut: (P,) pieces of the extruding moves.
+        cell: (P,) cell of the relief of each piece.
+        marks: layers and roles from the comments.
     """
     none = np.zeros(0, np.int64)
     if len(marks.layers) and not marks.layer(laid.command).any():
-        return none  # what primes the nozzle may do so in the air
+        return none  # priming may extrude into the air
     lowest = cut.z - laid.thread[cut.move] * _THREAD
     if not marks.told:
-        lowest = lowest - _CONTACT  # what lies below may be there to be taken off
+        lowest = lowest - _CONTACT  # the layer below may be a support
     rests = relief.rests(cell, lowest, _CONTACT) | (lowest <= 0)
     if rests.all():
         return none
     held = rests | _bridges(laid, cut, rests)
     if held.all():
         return none
-    # Supports are there to be taken off: how they stand is the slicer's business.
+    # Supports are removed later: whether they hold is the slicer's responsibility.
     loose = np.isin(laid.role, [*marks.loose])[cut.move]
     return np.flatnonzero(~relief.connected(cell, held, _LIP) & ~loose)
 
 
-def lay(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> None:
-    """Put beads into the relief, as wide as they are; arguments as above."""
+def deposit(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> None:
+    """Add extrusions to the relief at their full width; arguments as above."""
     width = laid.width(-relief.depth(cell, cut.z))
     loose = np.isin(laid.role, [*marks.loose])[cut.move]
     for kind in (True, False):
@@ -78,7 +78,7 @@ def lay(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> None:
 
 
 def _bridges(laid: Laid, cut: Cut, rests: Bool) -> Bool:
-    """(P,) which pieces are of a straight stretch over air that rests at both ends."""
+    """(P,) which pieces belong to a straight stretch over a gap that rests at both ends."""
     broken = (np.diff(cut.move) > 0) & (
         np.hypot(*(laid.start[cut.move[1:]] - laid.end[cut.move[:-1]])[:, :2].T) > NOTHING
     )
@@ -100,13 +100,13 @@ def _bridges(laid: Laid, cut: Cut, rests: Bool) -> Bool:
 
 
 class Unsupported(NamedTuple):
-    """Extrusion of one height that nothing holds.
+    """Unsupported extrusion of one height.
 
     Attributes:
-        command: that lays the first of it, counted from 1.
-        layer: counted from 1; 0 where nothing tells layers.
-        z, x, y: mm, of its first piece.
-        length: mm, all of it.
+        command: the first command that extrudes it, counted from 1.
+        layer: counted from 1; 0 if the file has no layer comments.
+        z, x, y: mm, start of it.
+        length: mm, in total.
     """
 
     command: int
@@ -117,13 +117,13 @@ class Unsupported(NamedTuple):
     length: float
 
 
-class Tracker:
-    """Follows the moves of a print, which come piece by piece, and keeps what is unsupported.
+class UnsupportedTracker:
+    """Collects the unsupported extrusion of a print from batches of its moves.
 
     Args:
-        printer: the machine: what lies beyond its reach is not looked at.
+        printer: the machine; extrusion outside its reach is ignored.
         filament_diameter: mm.
-        marks: what comments tell.
+        marks: layers and roles from the comments.
     """
 
     def __init__(self, printer: Printer, filament_diameter: float, marks: Marks) -> None:
@@ -134,13 +134,13 @@ class Tracker:
         self._found: list[Unsupported] = []
 
     def feed(self, command: Int, start: Float, end: Float, fresh: Float) -> None:
-        """Some more moves.
+        """Add moves.
 
         Args:
-            command: (n,) that makes each, counted from 1, ascending.
+            command: (n,) command of each move, counted from 1, ascending.
             start: (n, 3) mm.
             end: (n, 3) mm.
-            fresh: (n,) mm of filament that leave the nozzle.
+            fresh: (n,) mm of filament that leaves the nozzle.
         """
         flat = np.hypot(*(end - start)[:, :2].T)
         volume = fresh * self._area
@@ -156,12 +156,12 @@ class Tracker:
         self._waiting.append(some.between(begin, len(at)))
 
     def close(self) -> tuple[Unsupported, ...]:
-        """All that was found, in the order of the commands."""
+        """Return everything found, in the order of the commands."""
         self._look()
         return tuple(self._found)
 
     def _look(self) -> None:
-        """Look at all moves of one height."""
+        """Check all collected moves of one height."""
         waiting, self._waiting = self._waiting, []
         if not any(len(one.command) for one in waiting):
             return
@@ -171,17 +171,17 @@ class Tracker:
         cell = relief.cells(cut)
         lost = unsupported_pieces(relief, laid, cut, cell, self._marks)
         length = float(cut.length[lost].sum())
-        if length > WORTH:
+        if length > MIN_REPORTED_LENGTH:
             at = int(lost[0])
             command = int(laid.command[cut.move[at]])
             layer = int(self._marks.layer(np.array([command]))[0])
             z, x, y = (float(column[at]) for column in (cut.z, cut.x, cut.y))
             self._found.append(Unsupported(command, layer, z, x, y, length))
-        lay(relief, laid, cut, cell, self._marks)
+        deposit(relief, laid, cut, cell, self._marks)
 
 
 def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsupported, ...]:
-    """What nothing holds of a print that was sliced here; commands are its moves."""
+    """Return the unsupported extrusion of a sliced program; commands are its moves."""
     role = np.where(program.role == Role.TRAVEL, 0, purposes_of_roles(program.role))
     first = np.flatnonzero(np.diff(role, prepend=-1) != 0)
     marks = Marks(
@@ -190,16 +190,16 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         names=role[first],
         loose=frozenset({int(Purpose.SUPPORT)}),
     )
-    tracker = Tracker(profile.printer, profile.material.filament_diameter, marks)
+    tracker = UnsupportedTracker(profile.printer, profile.material.filament_diameter, marks)
     fresh = np.where(program.role == Role.TRAVEL, 0.0, program.filament)
     tracker.feed(np.arange(program.n_moves) + 1, program.start, program.xyz, fresh)
     return tracker.close()
 
 
 def describe(found: Sequence[Unsupported]) -> str:
-    """What was found in one sentence: how much, and where the first of it is."""
+    """Describe the findings in one sentence: total length, and position of the first."""
     first, length = found[0], sum(one.length for one in found)
     where = [f"layer {first.layer}"] if first.layer else []
     where += [f"z {first.z:.6g} mm, x {first.x:.1f} y {first.y:.1f}"]
-    several = f" at {len(found)} heights, the first" if len(found) > 1 else ""
-    return f"{length:.0f} mm of extrusion with nothing under it{several} in {', '.join(where)}"
+    several = f" at {len(found)} heights, first" if len(found) > 1 else ""
+    return f"{length:.0f} mm of unsupported extrusion{several} at {', '.join(where)}"

@@ -45,7 +45,7 @@ _HOMES: Final = {
 
 
 def __getattr__(name: str) -> object:
-    """A public name, from the module that has it."""
+    """Import a public name on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found: object = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

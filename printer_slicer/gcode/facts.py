@@ -66,7 +66,7 @@ def _list(values: Float) -> tuple[float, ...]:
 
 
 def _settings(profile: Profile) -> dict[str, Value]:
-    """All settings but the macros themselves, as they are used; speeds without a section are the quality's."""
+    """Return all settings in use except macros; speeds without a section are the quality's."""
     known: dict[str, Value] = {}
     for key, value in settings_text(profile.resolved):
         owner, _, name = key.partition(".")

@@ -1,4 +1,4 @@
-"""The list of firmwares, and a program as the text of one of them."""
+"""The list of G-code flavours, and writing a program in one of them."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
     flavour: Dialect | None = None,
     made: datetime | None = None,
 ) -> bytes:
-    """The text of a program in the printer's dialect, settings included as comments.
+    """Write a program in the printer's dialect, with the settings as comments.
 
     Args:
         program: the moves.
-        profile: what they were made with; its macros are filled in.
+        profile: the profile it was sliced with, including the macros.
         seconds: (K,) modelled time of each move; what needs it is left out if it is not known.
-        facts: more to tell at the top.
-        comments: lines that stand behind the first one as they are.
-        labels: which moves lay which of several things.
-        flavour: takes the place of the profile's.
-        made: when, in UTC, for the first line; None: it has no date.
+        facts: further facts for the header.
+        comments: lines to insert after the first one.
+        labels: which moves belong to which object.
+        flavour: overrides that of the profile.
+        made: date in UTC for the first line; None: no date.
 
     Raises:
-        ProfileError: a macro that cannot be filled in.
+        ProfileError: a macro cannot be evaluated.
     """
     dialect = flavour or FLAVOURS[profile.printer.flavour]
     return write_program(program, profile, dialect, Told(seconds, facts, comments, labels, made))

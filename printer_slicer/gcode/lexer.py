@@ -1,4 +1,4 @@
-"""A G-code line taken apart: its code and the numbers of its words. Letters of either case are read alike.
+"""Split a G-code line into its code and the numbers of its words, ignoring case.
 
 Plain Python and nothing else, so that the host can use it without loading numpy.
 """
@@ -14,11 +14,11 @@ _CODE: Final = re.compile(rb"([GMT])\s*(\d+)")
 _VALUE: Final = re.compile(rb"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
 _LETTER: Final = re.compile(rb"([A-Z])\s*(?:[-+]?(?:\d+\.?\d*|\.\d+))?")
 _NONSENSE: Final = 1e9
-"""No machine goes there; such a number counts as missing, as for the reader."""
+"""Larger numbers count as missing, as in the reader."""
 
 
 def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
-    """The code of a command (`G1`, `M104`, `T0`; empty if there is none) and the numbers of its words.
+    """Return the code of a command (`G1`, `M104`, `T0`; empty if there is none) and the numbers of its words.
 
     Args:
         command: without line number, checksum and comment.
@@ -35,7 +35,7 @@ def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
 
 
 def letters(command: bytes) -> frozenset[bytes]:
-    """The letters behind the code of a command, with or without numbers, as `G28 X Y` names axes."""
+    """Return the letters after the code of a command, with or without numbers, such as the axes of `G28 X Y`."""
     command = command.upper()
     found = _CODE.match(command)
     return frozenset(_LETTER.findall(command, found.end())) if found else frozenset()

@@ -67,8 +67,8 @@ class State:
     """Where the machine is and how it reads numbers.
 
     Attributes:
-        offset: mm that the program counts x, y and z higher than the machine.
-        home_offset: the part of it that M206 has set, and homing keeps.
+        offset: program coordinates minus machine coordinates of x, y and z, mm.
+        home_offset: the part of it set by M206, which homing keeps.
         retraction: of G10 and G11: mm back, mm/s back, mm/s forward, mm more forward.
         retracted: whether G10 was the last of them.
         changes: of limits, as `Moves` has them.
@@ -180,14 +180,14 @@ def _set_position(state: State, words: Mapping[str, float], _index: int) -> None
 
 
 def _home(state: State, words: Mapping[str, float], _index: int) -> None:
-    """G28: the axes that are named, or all but the filament, stand at their endstops, without what G92 has moved."""
+    """G28: the named axes, or all but the extruder, are at their endstops, without the offset of G92."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
         state.position[axis], state.offset[axis] = state.home[axis], state.home_offset[axis]
 
 
 def _offset_home(state: State, words: Mapping[str, float], _index: int) -> None:
-    """M206: the origin moves by what the endstops are farther on than the program thought."""
+    """M206: move the origin by the change of the home offset."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
             offset = words[letter] * state.unit
@@ -196,14 +196,14 @@ def _offset_home(state: State, words: Mapping[str, float], _index: int) -> None:
 
 
 def offset_next_homing(state: State, words: Mapping[str, float], _index: int) -> None:
-    """M206 of firmware that looks at it when it homes."""
+    """M206 of firmware that applies it at the next homing."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
             state.home_offset[axis] = words[letter] * state.unit
 
 
 def move_in_machine_coordinates(state: State, words: Mapping[str, float], index: int) -> None:
-    """G53 in front of a move: it goes by the coordinates of the machine."""
+    """G53 before a move: use machine coordinates."""
     if (move := _MOVES.get(words.get("G", -1.0))) is not None:
         offset, state.offset = state.offset, [0.0, 0.0, 0.0, 0.0]
         move(state, words, index)

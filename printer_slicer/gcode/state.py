@@ -1,4 +1,4 @@
-"""What a machine knows after a command: units, modes, place, origin, tool, temperatures; in plain Python.
+"""Track the state of a machine command by command: units, modes, position, origin, tool, temperatures.
 
 Followed command by command in the order in which the printer gets them. All lengths are mm, whatever unit the program
 counts in. What a command makes unknown (homing, another coordinate system) stays unknown until a command says it
@@ -29,16 +29,16 @@ from printer_slicer.motion.counting import COUNTING, Counting
 __all__ = ["MachineState", "ModalState", "Move", "Place"]
 
 Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
-"""x, y, z, e in mm; None where it is not known."""
+"""x, y, z, e in mm; None where unknown."""
 
 _AXES: Final = (b"X", b"Y", b"Z", b"E")
 _INCH: Final = 25.4
 
 
 class Move(NamedTuple):
-    """One motion command: travel of x, y, z, e and wanted speed (0 if none was named yet), mm and mm/s.
+    """One motion command: distance in x, y, z, e, mm, and feed rate, mm/s (0 if none was set yet).
 
-    An arc counts as if it were unrolled along x, at the length of its full circle: an upper bound.
+    An arc counts as a line along x with the length of its full circle: an upper bound.
     """
 
     delta: tuple[float, float, float, float]
@@ -47,17 +47,17 @@ class Move(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ModalState:
-    """Where and how the machine stands between two commands. Lengths mm, speeds mm/s.
+    """Position and modes between two commands. Lengths mm, speeds mm/s.
 
     Attributes:
-        x, y, z: logical place; None where it is not known.
-        e: filament as the program counts it.
-        relative, relative_e: whether x, y, z, and e, count from where they are.
-        extruder: what M82 or M83 must say so that it is as it was.
-        speed: asked for last, 0 for never.
-        retracted: whether the firmware has pulled back (G10).
-        pulled: mm of filament that are pulled back by E.
-        inches: the program counts in inches (G20).
+        x, y, z: logical position; None where unknown.
+        e: logical extruder position.
+        relative, relative_e: whether x, y, z, and e, are relative.
+        extruder: whether M83, rather than M82, restores the mode.
+        speed: last feed rate, 0 if none.
+        retracted: whether firmware retraction (G10) is active.
+        pulled: filament retracted by E moves, mm.
+        inches: whether the program uses inches (G20).
     """
 
     x: float | None = None
@@ -74,39 +74,39 @@ class ModalState:
 
     @property
     def known(self) -> bool:
-        """Whether the place is known."""
+        """Whether the position is known."""
         return self.x is not None and self.y is not None and self.z is not None
 
     @property
     def place(self) -> tuple[float, float, float]:
-        """x, y, z; what is not known counts as 0."""
+        """x, y, z; unknown coordinates are 0."""
         return self.x or 0.0, self.y or 0.0, self.z or 0.0
 
     @property
     def unit(self) -> float:
-        """Mm in a unit of the program."""
+        """Length of a unit of the program, mm."""
         return _INCH if self.inches else 1.0
 
 
 class MachineState:
-    """Follows commands.
+    """Tracks the state of a machine command by command, in plain Python.
 
     Args:
-        flavour: of the firmware, which decides how it reads some of them.
+        flavour: determines how the firmware reads some commands.
 
     Attributes:
-        unit: mm in a unit of the program.
-        counting: whether its numbers count from where the machine is.
-        speed: mm/s asked for last, 0 for never.
-        retracted: whether G10 was the last of G10 and G11.
-        pulled: mm of filament that are pulled back by E.
-        tool: number of the tool in use.
-        tool_command: what selected it, empty for nothing.
-        hotends: tool -> wanted °C.
-        bed, chamber: wanted °C.
-        shift: mm by which logical x, y and z are higher than in the present frame; see `frames`.
-        frames: of x, y, z: goes up when an axis begins to count from an origin whose place is not known against the
-            one before. Places of two commands can be compared where their frame is the same.
+        unit: length of a unit of the program, mm.
+        counting: absolute or relative mode of the axes and the extruder.
+        speed: last feed rate, mm/s; 0 if none.
+        retracted: whether firmware retraction (G10) is active.
+        pulled: filament retracted by E moves, mm.
+        tool: active tool.
+        tool_command: the command that selected it; empty if none.
+        hotends: tool -> target, °C.
+        bed, chamber: targets, °C.
+        shift: logical x, y and z minus those in the current frame, mm; see `frames`.
+        frames: number of the frame of x, y, z; it increases when the origin of an axis moves by an unknown amount.
+            Positions of two commands are comparable only within the same frame.
     """
 
     __slots__ = (
@@ -125,13 +125,13 @@ class MachineState:
         self.hotends: dict[int, float] = {}
         self.shift, self.frames = (0.0, 0.0, 0.0), (0, 0, 0)
         self._position: list[float | None] = [None, None, None, 0.0]
-        self._e_told = False  # 0 is a guess that is good enough for lengths, but no place
+        self._e_told = False  # 0 is good enough for lengths, but not a known position
         self._home_offset = (0.0, 0.0, 0.0)
         self._anchored = (True, True, True)
         self._next_unseen = False
 
     def fork(self) -> MachineState:
-        """Another one that goes on from here by itself."""
+        """Return an independent copy."""
         other = copy(self)
         other._position = list(self._position)  # noqa: SLF001 - of its own kind
         other.hotends = dict(self.hotends)
@@ -139,19 +139,19 @@ class MachineState:
 
     @property
     def place(self) -> Place:
-        """Where the motion so far ends: x, y, z and e as the program counts it, mm; None where it is not known."""
+        """Logical position after all motion so far: x, y, z, e, mm; None where unknown."""
         x, y, z, e = self._position
         return (x, y, z, e if self._e_told else None)
 
     @property
     def position(self) -> tuple[float | None, float | None, float | None]:
-        """The same without e."""
+        """Logical x, y, z, mm; None where unknown."""
         x, y, z, _ = self._position
         return (x, y, z)
 
     @property
     def offset(self) -> tuple[float | None, float | None, float | None]:
-        """Mm by which logical x, y and z are higher than the machine's; None where that is not known."""
+        """Logical minus machine coordinates of x, y and z, mm; None where unknown."""
         x, y, z = (
             shift if anchored else None for shift, anchored in zip(self.shift, self._anchored, strict=True)
         )
@@ -159,22 +159,22 @@ class MachineState:
 
     @property
     def home_offset(self) -> tuple[float, float, float]:
-        """What M206 has set, mm."""
+        """Home offset set by M206, mm."""
         return self._home_offset
 
     @property
     def hotend(self) -> float:
-        """Wanted °C of the tool in use."""
+        """Target of the active tool, °C."""
         return self.hotends.get(self.tool, 0.0)
 
     @property
     def inches(self) -> bool:
-        """Whether the program counts in inches."""
+        """Whether the program uses inches."""
         return self.unit != 1.0
 
     @property
     def modal(self) -> ModalState:
-        """How the machine stands now."""
+        """Return the current position and modes."""
         x, y, z, e = self._position
         counting = self.counting
         return ModalState(
@@ -183,29 +183,29 @@ class MachineState:
         )
 
     def relative(self, values: Mapping[bytes, float]) -> bool:
-        """Whether one of the axes in `values` is counted from where it is, so that a move twice is not a move once."""
+        """Whether one of the axes in `values` is relative, so that repeating the move would move it again."""
         return any(self._from_here(axis) for axis, letter in enumerate(_AXES) if letter in values)
 
     def speak(self, flavour: str) -> None:
-        """The firmware is known now, and with it how it reads what firmwares read differently."""
+        """Set the flavour once the firmware is known."""
         self.flavour = flavour
         self.counting = self.counting._replace(rule=COUNTING[flavour])
 
     def move_to(self, x: float | None, y: float | None, z: float | None) -> None:
-        """The machine stopped at a logical place, mm, that no command names."""
+        """Set the logical position, mm, at which the machine stopped."""
         self._position[:3] = [x, y, z]
 
     def lose_place(self) -> None:
-        """Something moved the machine, and did not say where to."""
+        """Mark the position as unknown."""
         self._position[:3] = [None, None, None]
 
     def follow(self, command: bytes) -> Move | None:
-        """The move that a command makes, None for any other command."""
+        """Process a command; return its move, or None if it is not a move."""
         word, values = parse(command)
         return self.apply(word, values, command)
 
     def apply(self, word: bytes, values: Mapping[bytes, float], command: bytes = b"") -> Move | None:
-        """The same for a command that was parsed already."""
+        """Process a parsed command; return its move, or None if it is not a move."""
         if word in MOVES:
             return self._move(word, values)
         if word == b"G53":
@@ -242,7 +242,7 @@ class MachineState:
                 delta[axis] = value
                 position[axis] = None if here is None else here + value
             else:
-                # From an unknown place: the distance from zero is as good a guess of the length as any.
+                # From an unknown position, the distance from zero is only a guess of the length.
                 delta[axis] = value - (here or 0.0)
                 position[axis] = value
                 self._e_told = self._e_told or axis == 3
@@ -258,13 +258,13 @@ class MachineState:
         return Move((x, y, z, e), self.speed)
 
     def _forget(self, named: Iterable[bytes]) -> None:
-        """A move went to a place that nobody here can tell, along the axes with these letters."""
+        """Mark the position along these axes as unknown."""
         for letter in named:
             if letter in _AXES[:3]:
                 self._position[_AXES.index(letter)] = None
 
     def _move_in_machine_coordinates(self, values: Mapping[bytes, float]) -> Move | None:
-        """G53 in front of a move; alone it means the next one, or selects these coordinates for good."""
+        """G53 before a move; alone it applies to the next move, or selects machine coordinates permanently."""
         if b"G" not in values:
             self._lose_origin()
             self._next_unseen = True
@@ -274,7 +274,7 @@ class MachineState:
             return None
         move = self._move(word, values)
         if self.flavour not in MACHINE_COORDINATES:
-            self._forget(values)  # most builds do not know the command, and do nothing
+            self._forget(values)  # most builds do not support the command and ignore it
         elif not self.counting.axes:
             self._forget(
                 letter
@@ -288,13 +288,13 @@ class MachineState:
         return move
 
     def _lose_origin(self) -> None:
-        """The origin is somewhere else now, nobody knows where."""
+        """Mark the origin as unknown."""
         self.lose_place()
         for axis in range(3):
             self._set_origin(axis, 0.0, anchored=False)
 
     def _set_origin(self, axis: int, shift: float, *, anchored: bool) -> None:
-        """Another origin for one axis; its frame ends unless both are known against the machine."""
+        """Set the origin of one axis; start a new frame unless old and new origin are known in machine coordinates."""
         frames, anchors = list(self.frames), list(self._anchored)
         frames[axis] += not (anchored and anchors[axis])
         anchors[axis] = anchored
@@ -303,12 +303,12 @@ class MachineState:
         self._shift_origin(axis, shift - self.shift[axis])
 
     def _shift_origin(self, axis: int, by: float) -> None:
-        """The same origin, moved by so much."""
+        """Move the origin of one axis."""
         x, y, z = (shift + by * (axis == at) for at, shift in enumerate(self.shift))
         self.shift = (x, y, z)
 
     def _set_position(self, _word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
-        """G92: the same place under other numbers."""
+        """G92: rename the current position."""
         if b"E" in values:
             self._position[3] = values[b"E"] * self.unit
             self._e_told = True
@@ -323,7 +323,7 @@ class MachineState:
                 self._shift_origin(axis, new - here)
 
     def _home(self, _word: bytes, _values: Mapping[bytes, float], command: bytes) -> None:
-        """G28: the axes that are named, or all, stand at their endstops, without G92; where these are, nobody says."""
+        """G28: the named axes, or all, are at their endstops, whose position is unknown, and lose the offset of G92."""
         named = letters(command)
         axes = [axis for axis, letter in enumerate(_AXES[:3]) if letter in named] or [0, 1, 2]
         for axis in axes:
@@ -331,7 +331,7 @@ class MachineState:
             self._set_origin(axis, self._home_offset[axis], anchored=True)
 
     def _offset_home(self, _word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
-        """M206: the endstops are so much farther on than the program thinks."""
+        """M206: set the home offset."""
         when = HOME_OFFSET[self.flavour]
         if when == "never":
             return
@@ -350,7 +350,7 @@ class MachineState:
         self._home_offset = (new[0], new[1], new[2])
 
     def _retract(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
-        """G10 and G11, and what RepRapFirmware makes of G10 with letters: temperatures of a tool, origins."""
+        """G10 and G11; in RepRapFirmware, G10 with letters sets tool temperatures and origins."""
         if not values:
             self.retracted = word == b"G10"
         elif word == b"G10" and b"L" in values:

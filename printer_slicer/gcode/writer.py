@@ -41,7 +41,7 @@ class Told:
         facts: more to tell at the top.
         comments: lines that stand behind the first one as they are.
         labels: which moves lay which of several things.
-        made: when, in UTC; None: the file does not say.
+        made: date in UTC; None: no date.
     """
 
     seconds: Float | None = None

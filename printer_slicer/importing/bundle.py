@@ -122,9 +122,9 @@ class Bundle:
         return ""
 
     def printer_called(self, name: str) -> str:
-        """The printer of this name, also where it is that of a model or an older one; empty: there is none.
+        """Return the printer with this name, model name or older name; empty if there is none.
 
-        Of a model it is the printer with the nozzle that comes first.
+        For a model it is the printer with the first nozzle.
         """
         printers = self.sections["printer"]
         if name in printers:
@@ -142,7 +142,7 @@ class Bundle:
         return renamed[0].name if renamed else ""
 
     def _stands(self, name: str) -> bool:
-        """Whether all that a printer inherits is there."""
+        """Whether the bundle has everything that a printer inherits from."""
         try:
             self.preset("printer", name)
         except ProfileError:

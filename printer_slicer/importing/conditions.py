@@ -30,9 +30,9 @@ Plain = float | int | str | bool
 _LONGEST_PATTERN: Final = 10_000
 """characters"""
 _MOST_STEPS: Final = 10_000_000
-"""Characters of a text times those of its pattern: seconds, at the worst."""
+"""Limit of text length times pattern length; it corresponds to seconds in the worst case."""
 _PATTERN_BYTES: Final = 1 << 23
-"""Memory that a pattern may take; one that repeats repetitions takes more."""
+"""Memory limit for a pattern; nested repetitions exceed it."""
 
 
 def holds(condition: str, known: Mapping[str, str]) -> bool | None:
@@ -177,10 +177,10 @@ def _called(name: str, values: list[float | int]) -> Plain:
 
 
 def matches(text: str, pattern: str) -> bool:
-    """Whether a whole text is as a pattern says, in time that grows with their lengths only.
+    """Whether a pattern matches a whole text, in linear time.
 
-    The patterns are foreign, and Python's own engine tries some of them for ever. RE2's syntax is Perl's without
-    looking around and back, which no vendor's bundle uses.
+    The patterns are untrusted, and Python's own engine can take exponential time. RE2 has Perl's syntax without
+    lookaround and backreferences, which no vendor's bundle uses.
 
     Raises:
         Unreadable: the pattern cannot be read, or is too long, by itself or for the text.
@@ -188,7 +188,7 @@ def matches(text: str, pattern: str) -> bool:
     import re2  # noqa: PLC0415 - few imports have a pattern
 
     if len(pattern) > _LONGEST_PATTERN:
-        raise Unreadable(f"a pattern of {len(pattern)} characters; at most {_LONGEST_PATTERN} are read")
+        raise Unreadable(f"a pattern of {len(pattern)} characters; at most {_LONGEST_PATTERN} are allowed")
     if len(text) * len(pattern) > _MOST_STEPS:
         raise Unreadable(f"a pattern of {len(pattern)} characters on a text of {len(text)}")
     options = re2.Options()
@@ -196,4 +196,4 @@ def matches(text: str, pattern: str) -> bool:
     try:
         return re2.compile(pattern, options).fullmatch(text) is not None  # type: ignore[no-untyped-call]
     except (re2.error, UnicodeEncodeError):
-        raise Unreadable(f"the pattern /{pattern[:80]}/ cannot be read") from None
+        raise Unreadable(f"the pattern /{pattern[:80]}/ is invalid") from None

@@ -220,7 +220,7 @@ def _material(value: _Value, put: _Put) -> None:
 
 
 def _overlap(value: _Value, put: _Put) -> None:
-    """How far infill reaches into the walls: a percentage of the mean width of their lines, in mm."""
+    """Convert the overlap of infill with walls, a percentage of the mean of their line widths, to mm."""
     percent = _or(value, "infill_overlap", None)
     if percent is None:
         return

@@ -19,7 +19,7 @@ CONFIGS_IN_3MF: Final = (
     "Metadata/project_settings.config",
 )
 OBJECTS_IN_3MF: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
-"""What objects have of their own: as PrusaSlicer keeps it, and as OrcaSlicer and BambuStudio do."""
+"""Object settings files: those of PrusaSlicer, and those of OrcaSlicer and BambuStudio."""
 _TAIL: Final = 4_000_000  # bytes at the end of G-code that may hold settings
 _HEAD: Final = 1_000_000
 _BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
@@ -29,14 +29,14 @@ _FEWEST: Final = 20  # settings in a row that are taken for a block without mark
 
 
 class NoSettingsError(ProfileError):
-    """G-code in which no slicer's settings stand."""
+    """A G-code file has no settings of a slicer."""
 
 
 def config_in_gcode(path: Path) -> list[tuple[int, str]]:
     """Lines of settings in G-code, each with its number.
 
     Raises:
-        NoSettingsError: there are none.
+        NoSettingsError: the file has none.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -101,9 +101,9 @@ def config_in_3mf(path: Path) -> tuple[str, str]:
             return name, texts[name]
     if unpacked(path, set(OBJECTS_IN_3MF)):
         raise ProfileError(
-            f"{path}: no settings of a print in it, only of its objects",
-            remedy=f"`printer-slicer slice {path}` takes what objects have of their own; "
-            "for profiles, save it as a project instead of exporting it",
+            f"{path}: has only object settings, no print settings",
+            remedy=f"`printer-slicer slice {path}` applies object settings; "
+            "to import profiles, save a project instead of exporting a 3MF",
         )
     raise ProfileError(
         f"{path}: no settings in it",

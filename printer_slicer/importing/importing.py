@@ -105,7 +105,7 @@ def _of_few(presets: Sequence[Preset], wanted: Wanted) -> Iterator[Imported | Re
 
 
 def _heights(quality: Preset) -> tuple[float, float]:
-    """First layer and others, mm; 0 for what is no number, which is told where the quality is imported."""
+    """Return the heights of the first layer and the others, mm; 0 if invalid, which the quality import reports."""
     with suppress(ProfileError):
         height = quality.number("layer_height")
         return quality.quantity("first_layer_height").of(height) or height, height

@@ -65,7 +65,7 @@ def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[Sect
     for number, line in enumerate(lines, first):
         text = line.strip().lstrip("\ufeff")
         if number - first > _MOST:
-            raise ProfileError(f"{place}: over {_MOST} lines, more than any file of settings", remedy=GIVE)
+            raise ProfileError(f"{place}: over {_MOST} lines, too large for a settings file", remedy=GIVE)
         if not text or text[0] in ";#":
             continue
         heading = _HEADING.fullmatch(text)

@@ -15,7 +15,7 @@ from printer_slicer.importing.report import Imported
 
 __all__ = ["material_from"]
 
-_LAYER: Final = 0.2  # mm: counts of layers become heights where nobody knows how high they are
+_LAYER: Final = 0.2  # mm: assumed where layer counts become heights and the layer height is unknown
 _MOST_FLOW_HERE: Final = 200.0  # mm³/s
 _WATER: Final = 1.24  # g/cm³, of PLA
 _LEAST_FLOW: Final = 0.1
@@ -71,7 +71,7 @@ def _flow(made: Conversion) -> None:
     if flow:
         made.held("max_flow", flow, 0.1, _MOST_FLOW_HERE, "filament_max_volumetric_speed")
     else:
-        how = "0 means no limit; here as much as printer.hotend_max_flow, else 12 mm³/s: set what your nozzle melts"
+        how = "0 means no limit; here printer.hotend_max_flow, or 12 mm³/s if that is not set: set your hotend's limit"
         made.put("max_flow", 0, "filament_max_volumetric_speed", how)
 
 
@@ -116,17 +116,17 @@ def _fan(made: Conversion) -> None:
 
 
 def _top_of(preset: Preset, count: float) -> float:
-    """Height over the bed of so many layers, mm."""
+    """Return the height of this number of layers, mm."""
     first, height = preset.heights if all(preset.heights) else (_LAYER, _LAYER)
     return first + (count - 1) * height if count >= 1 else 0.0
 
 
 def _counted(preset: Preset) -> str:
-    """How layers became a height."""
+    """Describe how layers became a height."""
     first, height = preset.heights
     if not all(preset.heights):
         return f"layers of {_LAYER:g} mm each"
-    return f"layers of {height:g} mm" + (f" on a first one of {first:g} mm" if first != height else "")
+    return f"layers of {height:g} mm" + (f", the first of {first:g} mm" if first != height else "")
 
 
 def _overhangs(made: Conversion) -> None:

@@ -71,10 +71,10 @@ def with_own(whole: Imported, preset: Preset, convert: Callable[[Preset], Import
 
 
 def may_differ(*, heights: bool) -> frozenset[str]:
-    """The settings of a quality that an object may have of its own.
+    """Return the quality settings that may differ per object.
 
     Args:
-        heights: whether they are for some heights of it only.
+        heights: only those that may also differ per height range.
     """
     what = {OBJECT, HEIGHT} if heights else {OBJECT}
     return frozenset(row.key.partition(".")[2] for row in settings_table() if what <= set(row.own))

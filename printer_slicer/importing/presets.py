@@ -66,7 +66,7 @@ class Preset:
         defaults: of settings that are not there.
         mixed: whether its entries hold settings of other kinds, too.
         together: settings of the printer (for the others) or of the quality (for the printer), where they are known.
-        heights: of a material, the first layer and the others of the quality that it comes with, mm; 0: not known.
+        heights: for a material, first and other layer heights of the quality that it comes with, mm; 0: unknown.
         own: of a quality, what objects have of their own.
         notes: what a person should look at.
     """

@@ -98,9 +98,9 @@ def _flavour(made: Conversion) -> None:
     notes = preset.text("printer_notes")
     macro = _macro_of_klipper(preset)
     if macro and word in ("marlin", "marlin2", *_NEAR_FLAVOURS):
-        how = f"{word} in the source, but {macro} is a macro of Klipper's"
+        how = f"{word} in the source, but {macro} is a Klipper macro"
         made.put("flavour", "klipper", "gcode_flavor", how)
-        made.warn("gcode_flavor", f"{how}: taken as Klipper; set flavour if the firmware is another")
+        made.warn("gcode_flavor", f"{how}: imported as Klipper; set flavour if the firmware is another")
     elif word == "marlin" and "PRINTER_VENDOR_PRUSA3D" in notes:
         made.put("flavour", "prusa", ("gcode_flavor", "printer_notes"), "a machine of Prusa, by its notes")
     elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
@@ -122,7 +122,7 @@ def _flavour(made: Conversion) -> None:
 
 
 def _macro_of_klipper(preset: Preset) -> str:
-    """The first command of the machine's own G-code that is a word: only Klipper has such; empty where none is."""
+    """Return the first Klipper macro in the start and end G-code; empty if there is none."""
     for name in ("start_gcode", "end_gcode"):
         found = _MACRO.search(preset.text(name))
         if found:

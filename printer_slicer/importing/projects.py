@@ -1,4 +1,4 @@
-"""What the objects of a 3MF project have of their own, for slicing it with a profile that is not the project's."""
+"""Read the object settings of a 3MF project, for slicing it with another profile."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ __all__ = ["Project", "read_project"]
 
 @dataclass(frozen=True, slots=True)
 class Project:
-    """What a 3MF file says of how its objects shall be printed.
+    """Object settings of a 3MF file.
 
     Attributes:
-        overrides: a table for each object, or heights of one, as `quality.overrides` has them.
-        layer_heights: object -> mm, where all its layers shall have one height.
-        used: what of that is taken, a line an object.
-        unused: what is not, and why.
-        has_settings: whether print, filament or printer settings are in it.
+        overrides: a table for each object or height range, as in `quality.overrides`.
+        layer_heights: object -> uniform layer height, mm.
+        used: the settings that are used, one line per object.
+        unused: the settings that are not used, and why.
+        has_settings: whether the file has print, filament or printer settings.
     """
 
     overrides: tuple[Mapping[str, Any], ...] = ()
@@ -44,13 +44,13 @@ class Project:
 
 
 def read_project(path: Path, profile: Profile, names: Collection[str]) -> Project:
-    """What a 3MF file says of how its objects shall be printed.
+    """Read the object settings of a 3MF file.
 
     Args:
-        path: of the file; one that no slicer made says nothing.
-        profile: what it is sliced with. Nozzle and layer height give percentages and numbers of layers a meaning where
-            the project does not.
-        names: of the objects that are printed; others have no say.
+        path: the file; one that no slicer wrote has no settings.
+        profile: the profile for slicing. Its nozzle and layer height convert percentages and layer counts where
+            the project has none.
+        names: objects to print; settings of others are ignored.
 
     Raises:
         ProfileError: the archive is damaged.
@@ -60,7 +60,7 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
         owns, notes = own_in_3mf(path)
     except ProfileError as error:
         return Project(
-            unused=(f"what its objects have of their own is not used: {error.args[0]}",),
+            unused=(f"its object settings are not used: {error.args[0]}",),
             has_settings=has_settings,
         )
     base = _base(path, profile) if owns else None
@@ -75,7 +75,7 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
 
 
 def _base(path: Path, profile: Profile) -> Preset:
-    """What holds for the objects besides what they have of their own, as far as the project says it."""
+    """Return the settings of the project that apply to all objects."""
     together = {"nozzle_diameter": f"{profile.printer.nozzle_diameter:g}"}
     height = Entry("layer_height", f"{profile.quality.layer_height:g}", str(path))
     try:
@@ -94,13 +94,13 @@ def _base(path: Path, profile: Profile) -> Preset:
 
 
 def _of_object(own: Own, base: Preset) -> Project:
-    """What one object, or heights of it, has of its own."""
+    """Convert the settings of one object or height range."""
     plain = {name: entry for name, entry in own.entries.items() if name != "layer_height"}
     try:
         before = quality_from(base)
         made = quality_from(replace(base, entries={**base.entries, **plain}))
     except ProfileError as error:
-        return Project(unused=(f"{own.where}: what it has of its own is not used: {error.args[0]}",))
+        return Project(unused=(f"{own.where}: its settings are not used: {error.args[0]}",))
     asked = {entry.name for entry in plain.values()}
     known, values = dict(flat(before.values)), dict(flat(made.values))
     wanted = {key for key, value in values.items() if known.get(key) != value}
@@ -118,31 +118,31 @@ def _of_object(own: Own, base: Preset) -> Project:
     return Project(
         (table,) if kept else (),
         heights,
-        (f"{own.where}: {told}, as the project has it",) if told else (),
+        (f"{own.where}: {told} (from the project)",) if told else (),
         tuple(f"{own.where}: {text}" for text in lost),
     )
 
 
 def _layer_heights(own: Own) -> tuple[tuple[tuple[str, float], ...], list[str]]:
-    """The height of all layers of an object, if it has one of its own, and why it is not used, if it is not."""
+    """Return the uniform layer height of an object, if it has one, and why it is not used, if so."""
     entry = own.entries.get("layer_height")
     if entry is None:
         return (), []
     found = number_in(entry.text)
     if own.alone and not own.high and found and found.value > 0:
         return ((own.object, found.value),), []
-    why = "all of a plate has the same layers"
+    why = "all objects of a plate have the same layers"
     if own.alone:
-        why = "`printer-slicer profiles import` makes ranges of the planner of it"
+        why = "`printer-slicer profiles import` converts it to height ranges of the planner"
     return (), [f"{entry.name} = {entry.text} is not used: {why}"]
 
 
 def _lost(made: Imported, asked: set[str], kept: Collection[str]) -> list[str]:
-    """The settings that an object asks for and does not get, with the reason."""
+    """List the settings of an object that are not used, with the reason."""
     lost = [f"{one.theirs} = {one.text} is not used: {one.why}" for one in made.left if one.theirs in asked]
     used = {one.theirs for one in made.taken if one.ours in kept}
     return lost + [
-        f"{one.theirs} = {one.text} is not used: {one.ours} is the same for all of a plate here"
+        f"{one.theirs} = {one.text} is not used: {one.ours} is the same for the whole plate here"
         for one in made.taken
         if one.theirs in asked - used and one.ours not in kept
     ]

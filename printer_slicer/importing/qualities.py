@@ -317,7 +317,7 @@ def _infill(made: Conversion, height: float, width: float) -> None:
 
 
 def _overlap(made: Conversion, height: float, width: float) -> None:
-    """How far infill reaches into the perimeter: there mm or a percentage of the spacing, half of it each bead's."""
+    """Convert the overlap of infill with perimeters: mm, or a percentage of the mean spacing of the two."""
     found = made.quantity("infill_overlap")
     spacing = float(bead.spacing(width, height))
     how = "" if found.percent else "mm as a share of the spacing"

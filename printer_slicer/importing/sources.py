@@ -66,7 +66,7 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
         ProfileError: it cannot be read, or holds no settings; with place and remedy.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
-        raise ProfileError(f"{path}: no file, but a pipe or a device", remedy="save the settings to a file")
+        raise ProfileError(f"{path}: is a pipe or a device, not a file", remedy="save the settings to a file")
     try:
         changes = {key: Entry(key, text, f"--cura {key}={text}") for key, text in cura.items()}
         if path.name.endswith((".inst.cfg", ".curaprofile")):

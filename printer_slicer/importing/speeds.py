@@ -133,7 +133,7 @@ def _positive(made: Conversion, name: str, value: float) -> None:
 
 
 def _gap(made: Conversion) -> None:
-    """Gap fill; 0 fills no gaps there, here the beads between perimeters are as fast as those."""
+    """Convert the gap fill speed; 0 disables gap fill there, and means the speed of perimeters here."""
     name = "gap_fill_speed"
     value, how = _speed(made, name) if made.quantity(name).value else (0.0, "")
     made.held("speeds.gap", value, 0, 1000, name, how)
@@ -142,14 +142,14 @@ def _gap(made: Conversion) -> None:
 
 
 def _first_layer(made: Conversion) -> None:
-    """Perimeters and infill of the first layer; a percentage is of each role's."""
+    """Convert the speeds of perimeters and infill on the first layer; a percentage refers to each role's speed."""
     speeds = made.values["speeds"]
     inner, sparse, solid = (float(speeds[name]) for name in ("inner_perimeter", "sparse", "solid"))
     name, infill = "first_layer_speed", "first_layer_infill_speed"
     found = made.quantity(name)
     _positive(made, name, found.value)
     if found.percent:
-        value, how = found.of(inner), "percentage of that of perimeters"
+        value, how = found.of(inner), "percentage of the perimeter speed"
     else:
         value, how = found.value, ""
     if not value:
@@ -158,12 +158,12 @@ def _first_layer(made: Conversion) -> None:
     asked = made.quantity(infill) if made.quantity(infill).value else found
     theirs = infill if asked is not found else name
     _positive(made, theirs, asked.value)
-    how = "percentage of that of solid infill" if asked.percent else ""
+    how = "percentage of the solid infill speed" if asked.percent else ""
     made.held("speeds.first_layer_infill", asked.of(solid) or value, 0.1, 1000, (theirs, infill), how)
 
 
 def _first_layer_travel(made: Conversion, travel: float) -> None:
-    """Travels on the first layer, where the source has a speed of its own for them; 0: as the others."""
+    """Convert the travel speed on the first layer, if the source has one; 0: as the others."""
     name = "first_layer_travel_speed"
     found = made.quantity(name)
     _positive(made, name, found.value)

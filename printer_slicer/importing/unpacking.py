@@ -1,4 +1,4 @@
-"""Texts in files of other slicers, packed or not: presets, 3MF projects, profiles of Cura."""
+"""Read texts from files of other slicers, zipped or not: presets, 3MF projects, Cura profiles."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _MOST: Final = 50  # of them
 
 
 def text_of(path: Path) -> str:
-    """The text of a file.
+    """Read the text of a file.
 
     Raises:
-        ProfileError: it cannot be read, is no text, or is far too large.
+        ProfileError: it cannot be read, is not text, or is too large.
     """
     try:
         data = read_input(path, _LARGEST_FILE)
     except OSError as error:
         if error.errno == errno.EFBIG:
             raise ProfileError(
-                f"{path}: over {_LARGEST_FILE // 1_000_000} MB, more than any file of settings",
+                f"{path}: over {_LARGEST_FILE // 1_000_000} MB, too large for a settings file",
                 remedy=GIVE,
             ) from None
         raise ProfileError(
@@ -64,7 +64,7 @@ def _text(path: Path, archive: zipfile.ZipFile, name: str) -> str:
         data = member.read(_LARGEST + 1)  # whatever its directory says
     if len(data) > _LARGEST:
         raise ProfileError(
-            f"{path}: {name}: over {_LARGEST // 1_000_000} MB, more than any file of settings",
+            f"{path}: {name}: over {_LARGEST // 1_000_000} MB, too large for a settings file",
             remedy="save the file again",
         )
     return data.decode("utf-8", "replace")

@@ -33,11 +33,11 @@ from printer_slicer.ledger.zones import (
 
 __all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
 
-_DOTS: Final = 3.0  # squares of a bead's width: islands that are smaller may be left out
+_DOTS: Final = 3.0  # squares of the extrusion width: smaller islands may be missing
 
 
 _FAR: Final = 50.0  # mm
-_INNER: Final = 1.25  # beads: walls thicker than twice this have inner perimeters
+_INNER: Final = 1.25  # extrusion widths: walls thicker than twice this have inner perimeters
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     slabs, source = through_layers(stack)
     covered = footprint(slabs, of_part[source])
     body = body_of(covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4)
-    # The round sides of beads hold less than their outline says: inside the shell too, it is full from there on.
+    # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
     inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
     wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
     inner = inner.of_layers(~stack.rising)
@@ -168,15 +168,15 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
 
 
 def _outline(sections: Areas, body: Areas, stack: Stack, rules: Rules) -> OutlineError:
-    """How far the outlines of the part and of the printed body are from each other."""
+    """Measure the distance between the outlines of the part and of the print."""
     part, printed = (without_slits(one, rules.slit) for one in (sections, body))
     return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
 
 
 def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
-    """What beads fill of each section: all of it, where inner perimeters hold what round outer sides leave empty.
+    """Return the part of each section that should be filled: all of it where inner perimeters fill the rounded sides.
 
-    Walls of one or two beads have no inner ones: there the sides stay empty.
+    Walls of one or two perimeters have no inner ones: there the gaps beside the rounded sides remain.
     """
     inside_sides = offset(sections, -bead.side_loss(stack.height))
     width = stack.beads.usual_width

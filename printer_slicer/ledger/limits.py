@@ -16,7 +16,7 @@ __all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]
 
 _LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
 _DOTS: Final = (
-    2.0  # squares of a bead's width: a bead that is left out or laid too much at a tip is no finding
+    2.0  # squares of the extrusion width: one short line missing or added at a tip is not a finding
 )
 _FAR: Final = np.inf
 
@@ -172,7 +172,7 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
 
 
 def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
-    """Too little and too much material in the shell, where it is more than the shortest beads hold."""
+    """Missing and surplus material in the shell, if more than that of the shortest lines."""
     fill, height, shell = ledger.fill.shell, ledger.stack.height, ledger.shell.area()
     width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
     surplus, missing = (fill - min(limits.over, 1)) * shell, (max(limits.under, 1) - fill) * shell
@@ -198,7 +198,7 @@ def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
 
 
 def _beside_fins(ledger: Ledger, layers: Bool, width: float) -> Float:
-    """(L,) mm² of some layers (L,) that beads cover beside fins narrower than themselves, which get whole beads."""
+    """(L,) mm² that lines cover beside fins narrower than themselves, by layer (L,)."""
     sections = ledger.sections.of_layers(layers)
     fins = difference(sections, offset_open(sections, width / 2))
     beside = difference(ledger.covered.of_layers(layers), sections)

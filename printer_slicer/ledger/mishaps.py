@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.deposition.batches import NOTHING, Batch
 from printer_slicer.deposition.marks import Marks, Mishap
 from printer_slicer.deposition.relief import Cut, Relief, cut_up
-from printer_slicer.deposition.unsupported import WORTH, lay, unsupported_pieces
+from printer_slicer.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
 from printer_slicer.geometry import Int
 
 __all__ = ["DEEP", "Watch"]
@@ -60,7 +60,7 @@ class Watch:
         if len(laid):
             some = cut.take(laid)
             self._air(batch, some, cell[laid], numbers)
-            lay(self._relief, batch, some, cell[laid], self._marks)
+            deposit(self._relief, batch, some, cell[laid], self._marks)
 
     def _flow(self, batch: Batch, numbers: Int) -> None:
         """Plastic per second."""
@@ -90,7 +90,7 @@ class Watch:
         if not len(hit):
             return
         through = float(cut.length[hit].sum())
-        if through < WORTH and not upright[hit].any():
+        if through < MIN_REPORTED_LENGTH and not upright[hit].any():
             return
         worst = float(depth[hit].max())
         self._tell(batch.mishap("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
@@ -98,12 +98,12 @@ class Watch:
     def _air(self, batch: Batch, cut: Cut, cell: Int, numbers: Int) -> None:
         """Beads with nothing under them that nothing holds."""
         low = batch.end[cut.move, 2] < _SCRAPES
-        if float(cut.length[low].sum()) > WORTH:
+        if float(cut.length[low].sum()) > MIN_REPORTED_LENGTH:
             first = int(cut.move[np.flatnonzero(low)[0]])
             self._tell(batch.mishap("bed", first, numbers, float(batch.end[first, 2])))
         lost = unsupported_pieces(self._relief, batch, cut, cell, self._marks)
         length = float(cut.length[lost].sum())
-        if length > WORTH:
+        if length > MIN_REPORTED_LENGTH:
             at = lost[0]
             mishap = batch.mishap("air", int(cut.move[at]), numbers, length)
             self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))

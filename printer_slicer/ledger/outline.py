@@ -16,9 +16,7 @@ __all__ = ["OutlineError", "outline_error", "sampled"]
 _APART: Final = 0.5  # mm between samples along an outline, at most
 _ROUGH: Final = 0.005  # mm by which the distances of neighbouring samples may differ without a closer look
 _FINER: Final = 8  # as many samples there
-_SHORT: Final = (
-    3.0  # mm of both outlines that are let pass: the tips of fins narrower than any bead end in them
-)
+_SHORT: Final = 3.0  # mm of both outlines that are ignored: tips of fins narrower than any line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,9 +43,9 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
     """The distances of samples on either outline from the other, layer by layer.
 
     Args:
-        sections: of the part.
-        printed: what the beads cover.
-        speck: mm²; islands of the sections that are smaller may be left out, as no bead fits on them.
+        sections: sections of the part.
+        printed: area covered by extrusions.
+        speck: mm²; smaller islands of the sections may be missing, because no line fits.
 
     Samples are 0.5 mm apart at most, and at every corner. Where the distances of two neighbours differ, as they do at
     corners, which no bead fills, seven more lie between them: corners are short, and it is a share of the length that

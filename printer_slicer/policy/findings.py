@@ -17,10 +17,10 @@ NAMES: Final[Mapping[str, str]] = {
     "box": "moves out of the machine",
     "feed": "speeds far over the profile's",
     "flow": "more plastic per second than the material's max_flow",
-    "ratio": "flow or speed far from 100 % (M221, M220)",
-    "unsupported": "extrusion with nothing under it, which falls",
-    "cold": "extrusion below the firmware's least temperature (M302, or no heating before it)",
-    "homing": "moves before homing, extrusion after the motors were off",
+    "ratio": "flow or speed override far from 100 % (M221, M220)",
+    "unsupported": "unsupported extrusion: nothing is under it",
+    "cold": "extrusion below the firmware's minimum temperature (M302, or no heating before it)",
+    "homing": "moves before homing, extrusion after the motors were switched off",
     "eeprom": "storing, loading or resetting the firmware's settings (M500, M501, M502, M504, SAVE_CONFIG)",
     "limits": "limits of speed, acceleration and jerk far over the profile's (M201 to M205)",
     "calibration": "steps, currents, geometry and control loops (M92, M301, M304, M350, M665, M906 and others)",
@@ -37,7 +37,7 @@ NAMES: Final[Mapping[str, str]] = {
     "link": "the serial port, line numbers, answers, the printer's network (M575, M110, M118 ok, M552, M586 to M589)",
     "debug": "commands for developers (D0 and others, M111)",
     "shell": "programs of the printer's computer (RUN_SHELL_COMMAND)",
-    "unreadable": "what is not followed: expressions, several commands in a line, letters without a number, G5, G18",
+    "unreadable": "unparsed commands: expressions, several commands in a line, letters without a number, G5, G18",
 }
 """Name -> what it allows."""
 

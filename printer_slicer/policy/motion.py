@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.deposition import Tracker, describe
+from printer_slicer.deposition import UnsupportedTracker, describe
 from printer_slicer.gcode import Moves
 from printer_slicer.geometry import Bool, Float
 from printer_slicer.motion.flow import ENOUGH, flow_of
@@ -41,11 +41,14 @@ class MoveJudge:
     Args:
         profile: of the machine and its material.
         factors: of flow (M221): from which command on, ratio; ascending.
-        tracker: looks for what nothing holds; None where the moves are no whole print.
+        tracker: finds unsupported extrusion; None if the moves are not a complete print.
     """
 
     def __init__(
-        self, profile: Profile, factors: Sequence[tuple[int, float]] = (), tracker: Tracker | None = None
+        self,
+        profile: Profile,
+        factors: Sequence[tuple[int, float]] = (),
+        tracker: UnsupportedTracker | None = None,
     ) -> None:
         self._profile, self._tracker = profile, tracker
         self._factor_from = np.array([index for index, _ in factors], np.int64)
@@ -79,7 +82,7 @@ class MoveJudge:
             yield Finding(name, refused, one.index, command, what.format(one.worst), one.why, one.times)
         if self._tracker is not None and (found := self._tracker.close()):
             index = found[0].command - 1
-            command, why = commands[index].decode("latin-1"), "it falls: turn the part, or add supports"
+            command, why = commands[index].decode("latin-1"), "it will fall: turn the part, or add supports"
             yield Finding("unsupported", True, index, command, describe(found), why)
 
     def _keep(self, moves: Moves, case: _Case) -> None:

@@ -1,4 +1,4 @@
-"""Words whose number is missing or is no number, and what each firmware makes of them.
+"""Find words without a valid number, and describe how each firmware reads them.
 
 Sources: Marlin's `GCodeParser::parse` and `valid_float` (2.1 and 1.1.9); Klipper's `gcode.py` and `gcode_move.py`;
 RepRapFirmware's `StringParser.cpp` (`CheckNumberFound`); Smoothieware's `Gcode::get_value`; Prusa-Firmware's
@@ -25,10 +25,10 @@ _LETTERS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("M106", "M200", "M204", "M220", "M221"), "DEPRST"),
     **dict.fromkeys(("M201", "M202", "M203", "M205", "M207", "M208", "M566", "M572", "M900"), _ALL),
 }
-"""Letters that are nothing without a number, by command."""
+"""Letters that require a number, by command."""
 
 _FLAGS: Final = frozenset({("M220", "B"), ("M220", "R"), ("M109", "F"), ("M104", "F")})
-"""Letters that stand alone on purpose: Prusa's M220 B and R keep and restore the ratio."""
+"""Letters that need no number: Prusa's M220 B and R save and restore the ratio."""
 
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:NAN|INF(?:INITY)?)(?![A-Z])|[-+.0-9]*)")
 _GOOD: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
@@ -36,18 +36,18 @@ _EXPRESSION: Final = re.compile(r"\{[^}]*\}")
 
 
 class _Reading(NamedTuple):
-    """What a firmware makes of `X`, of `Xnan`, and of `X1.2.3`."""
+    """How a firmware reads `X`, `Xnan` and `X1.2.3`."""
 
     bare: str
     not_a_number: str
     malformed: str
 
 
-_PASSED_OVER: Final = "passes over the word"
-_REFUSED: Final = "refuses the whole line"
-_UP_TO: Final = "reads it up to where it stops being a number"
-_MARLIN: Final = _Reading(_PASSED_OVER, _PASSED_OVER, _UP_TO)
-_STRTOD: Final = _Reading("reads it as 0", "takes it as it stands, and then knows no position", _UP_TO)
+_IGNORED: Final = "ignores the word"
+_REJECTED: Final = "rejects the whole line"
+_UP_TO: Final = "reads only the valid part at its start"
+_MARLIN: Final = _Reading(_IGNORED, _IGNORED, _UP_TO)
+_STRTOD: Final = _Reading("reads it as 0", "reads it as NaN or infinity and loses its position", _UP_TO)
 
 _READINGS: Final[Mapping[str, tuple[str, _Reading]]] = {
     "marlin": ("Marlin", _MARLIN),
@@ -55,18 +55,18 @@ _READINGS: Final[Mapping[str, tuple[str, _Reading]]] = {
     "prusa": ("Prusa's firmware", _STRTOD),
     "repetier": ("Repetier", _STRTOD),
     "smoothie": ("Smoothieware", _STRTOD),
-    "klipper": ("Klipper", _Reading(_REFUSED, _PASSED_OVER, _REFUSED)),
-    "reprapfirmware": ("RepRapFirmware", _Reading(_REFUSED, _REFUSED, _UP_TO)),
+    "klipper": ("Klipper", _Reading(_REJECTED, _IGNORED, _REJECTED)),
+    "reprapfirmware": ("RepRapFirmware", _Reading(_REJECTED, _REJECTED, _UP_TO)),
 }
-"""Flavour -> name of the firmware, and how it reads."""
+"""Flavour -> name of the firmware, and how it reads such words."""
 
 
 def number_faults(command: Command, flavour: str) -> Iterator[str]:
-    """What is wrong with the numbers of a command, and what the firmware makes of it.
+    """Yield a description of each word of a command without a valid number, and how the firmware reads it.
 
     Args:
-        command: taken apart.
-        flavour: of the firmware, a key of `FLAVOURS`.
+        command: the parsed command.
+        flavour: a key of `FLAVOURS`.
     """
     letters = _LETTERS.get(command.code)
     if letters is None:
@@ -80,4 +80,4 @@ def number_faults(command: Command, flavour: str) -> Iterator[str]:
         elif number.lstrip("+-").isalpha():
             yield f"{letter} is {number.lower()}: {firmware} {reads.not_a_number}"
         else:
-            yield f"{letter}{number} is no number: {firmware} {reads.malformed}"
+            yield f"{letter}{number} is not a valid number: {firmware} {reads.malformed}"

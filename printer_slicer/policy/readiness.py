@@ -1,8 +1,8 @@
-"""Whether the machine is ready when a job needs it: homed before it moves, hot before it extrudes.
+"""Check that a job homes before it moves and heats before it extrudes.
 
-The simulated printer tells the same by its own state; here whole arrays of moves are held against the commands that
-home, heat and switch motors off, so that `check` refuses what a dry run refuses. Macros whose name says that they
-start prints are taken for homing and heating, for what they hold is in the printer.
+The simulated printer finds the same by its own state. Here whole arrays of moves are compared with the commands that
+home, heat and switch motors off, so that `check` refuses what a dry run refuses. Macros whose names say that they
+start prints are assumed to home and heat, because only the printer knows their contents.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ __all__ = ["Readiness"]
 _AXES: Final = "XYZ"
 _COLDEST: Final = 170.0  # °C; Marlin's EXTRUDE_MINTEMP
 _COOLS: Final = (
-    10.0  # s after which plastic flows no more as it should; a hotend falls by one to three °C each second
+    10.0  # s after which filament no longer flows properly; a hotend cools by one to three °C per second
 )
 _UNKNOWN, _HOMED, _LOOSE = range(3)
 _COLD, _HEATING, _HOT, _COOLING, _COOLED = range(5)
 _WAITS: Final = frozenset({"M109", "M116", "M190", "M191", "G29", "TEMPERATURE_WAIT"})
 _MACROS: Final = frozenset({"M98", "G32"})
-"""RepRapFirmware's: what they hold is in the printer."""
+"""Macros of RepRapFirmware, whose contents only the printer knows."""
 
 
 @dataclass(slots=True)
 class _Track:
-    """A state that changes with the commands: from which command on, and what it is."""
+    """A state that changes with the commands: the indices of the changes, and the states."""
 
     since: list[int] = field(default_factory=list)
     states: list[int] = field(default_factory=lambda: [0])
@@ -47,7 +47,7 @@ class _Track:
         return self.states[-1]
 
     def set(self, index: int, state: int) -> None:
-        """From this command on it is another."""
+        """Change the state after this command."""
         if state != self.now:
             self.since.append(index)
             self.states.append(state)
@@ -61,17 +61,17 @@ class _Track:
 
 @dataclass(slots=True)
 class _Found:
-    """What is wrong: the first command that does it, and how many moves do."""
+    """One kind of problem: its first command, and the number of commands with it."""
 
     index: int
     times: int
 
 
 class Readiness:
-    """Follows the commands of a whole job, then sees its moves piece by piece.
+    """Whether homing and heating precede the moves: takes all commands of a job first, then its moves in batches.
 
     Args:
-        flavour: of the firmware; Klipper moves nothing before homing, others may be raised a little.
+        flavour: of the firmware; Klipper does not move before homing, others may lift the nozzle slightly.
     """
 
     def __init__(self, flavour: str = "marlin") -> None:
@@ -82,7 +82,7 @@ class Readiness:
         self._found: dict[tuple[str, str, str], _Found] = {}
 
     def follow(self, index: int, command: Command) -> None:
-        """One more command, in the order of the job."""
+        """Process the next command of the job."""
         code = command.code
         if code in _MACROS or starts_prints(code):
             self._home(index, _AXES)
@@ -95,18 +95,20 @@ class Readiness:
             self._follow_heat(index, command)
 
     def watch(self, moves: Moves) -> None:
-        """Some more moves."""
+        """Check the next batch of moves."""
         if not len(moves.line):
             return
         axes, heat = self._axes.at(moves.line), self._heat.at(moves.line)
         goes = (moves.delta[:, :3] != 0).any(axis=1)
         turns = moves.delta[:, 3] != 0
         lays = (moves.delta[:, 3] > 0) & (moves.delta[:, :2] != 0).any(axis=1)
-        why = "where the nozzle is, is not known: begin with G28"
+        why = "the position of the nozzle is unknown: home first (G28)"
         lifts = self._lifts(moves)
         self._keep("homing", "moves before homing", why, moves, goes & (axes == _UNKNOWN) & ~lifts)
-        self._keep("homing", "extrudes after the motors were off", why, moves, lays & (axes == _LOOSE))
-        why = "the firmware does not turn a cold extruder: heat it and wait first, M109 S and a temperature"
+        self._keep(
+            "homing", "extrudes after the motors were switched off", why, moves, lays & (axes == _LOOSE)
+        )
+        why = "the firmware blocks cold extrusion: heat the nozzle and wait first (M109 S215, for example)"
         self._keep("cold", "extrudes before the nozzle is hot", why, moves, turns & (heat <= _HEATING))
         off = (heat == _COOLED) | self._cooled(moves, heat == _COOLING)
         self._keep(
@@ -118,7 +120,7 @@ class Readiness:
         )
 
     def findings(self, commands: Sequence[bytes]) -> Iterator[Finding]:
-        """What was wrong, each thing once; `commands` of the job are shown in it."""
+        """Yield one finding for each kind of problem; `commands` are those of the job, for the text."""
         for (name, what, why), one in self._found.items():
             yield Finding(name, True, one.index, commands[one.index].decode("latin-1"), what, why, one.times)
 
@@ -128,7 +130,7 @@ class Readiness:
             self._axes.set(index, _HOMED)
 
     def _follow_heat(self, index: int, command: Command) -> None:
-        """Targets of nozzles, and what waits for them; with several tools the last target counts for all."""
+        """Process nozzle targets and commands that wait for them; with several tools the last target applies to all."""
         target = _target(command)
         state = self._heat.now
         if target is not None and target >= _COLDEST:
@@ -142,16 +144,16 @@ class Readiness:
 
     @staticmethod
     def _standby(command: Command) -> bool:
-        """Whether a tool is named, which may be another than the one that prints."""
+        """Whether the command names a tool, which may not be the active one."""
         return "T" in command.words or "P" in command.words
 
     def _lifts(self, moves: Moves) -> Bool:
-        """(K,) which moves only raise the nozzle a little, as many start G-codes do on their way to homing."""
+        """(K,) which moves only lift the nozzle slightly, as many start G-codes do before homing."""
         x, y, z = moves.delta[:, :3].T
         return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= HARMLESS_LIFT))
 
     def _cooled(self, moves: Moves, cooling: Bool) -> Bool:
-        """(K,) which moves come so long after the nozzle was switched off that it is too cold."""
+        """(K,) which moves happen after the nozzle has been off long enough to be too cold."""
         seconds = np.where(cooling, _seconds(moves), 0.0)
         total = self._cooling + np.cumsum(seconds)
         begins = cooling & ~np.append(True, cooling[:-1])
@@ -169,7 +171,7 @@ class Readiness:
 
 
 def _target(command: Command) -> float | None:
-    """°C that a command asks of a nozzle; None if it asks for none."""
+    """Return the nozzle target that a command sets, °C; None if it sets none."""
     if command.code in {"M104", "M109", "M568"} or (command.code == "G10" and "P" in command.words):
         return command.most("SR")
     if (
@@ -182,7 +184,7 @@ def _target(command: Command) -> float | None:
 
 
 def _seconds(moves: Moves) -> Float:
-    """(K,) s that each move takes at the speed it asks for."""
+    """(K,) s that each move takes at its feed rate."""
     length = np.sqrt((moves.delta[:, :3] ** 2).sum(axis=1))
     length = np.where(length > 0, length, np.abs(moves.delta[:, 3]))
     return np.asarray(length / np.maximum(moves.speed, 1e-9))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from printer_slicer.deposition import Tracker
+from printer_slicer.deposition import UnsupportedTracker
 from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.heat import Heat
@@ -35,7 +35,7 @@ def scan(
     moves: Iterable[Moves] | None = None,
     marks: Mapping[int, int] | None = None,
     whole: bool = False,
-    tracker: Tracker | None = None,
+    tracker: UnsupportedTracker | None = None,
 ) -> tuple[Finding, ...]:
     """Everything in a job that a person should know, or must allow, before a printer gets it.
 
@@ -44,8 +44,8 @@ def scan(
         profile: the machine and its material, with their ceilings.
         moves: of the commands, piece by piece, if somebody else wants to see them too.
         marks: command index -> layer, ascending.
-        whole: the commands are a whole print, which has to home and to heat by itself.
-        tracker: looks for what nothing holds; None where the commands are no whole print.
+        whole: whether the commands are a complete print, which must home and heat by itself.
+        tracker: finds unsupported extrusion; None if the commands are not a complete print.
 
     Returns:
         What was found, in the order of the commands; the same thing done again is counted.
@@ -80,7 +80,7 @@ def scan(
 
 
 def _in_order(findings: Iterable[Finding], marks: Mapping[int, int]) -> tuple[Finding, ...]:
-    """Findings with their layers, in the order of the commands."""
+    """Return findings with their layers, in the order of the commands."""
     begins, layers = list(marks), list(marks.values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)
@@ -98,7 +98,7 @@ def _said(command: Command, profile: Profile, heat: Heat) -> Iterator[tuple[str,
         if said is not None:
             yield rule.name, *said, rule.why
     for what in number_faults(command, profile.printer.flavour):
-        yield "unreadable", True, what, "firmwares differ in what they make of it"
+        yield "unreadable", True, what, "firmwares read it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
         yield "debug", True, "is a command for developers", "it may read and write memory and pins"
     scripted = command.code in _SCRIPTS and "_" not in command.code

@@ -33,7 +33,7 @@ _ANSWER: Final = re.compile(
     r"OK\b|RESEND|RS |ERROR|START\b|WAIT\b|!!|FATAL|ECHO: *BUSY|BUSY|FIRMWARE_NAME|CAP:|T\d*:|B:|X:"
 )
 _FLOW: Final = (75.0, 130.0)
-"""% of flow that machines and materials are known to ask for."""
+"""% of flow that start G-code of known machines and materials sets."""
 
 _SPEED: Final = (25.0, 200.0)
 _COLDEST: Final = 170.0  # °C; Marlin's own EXTRUDE_MINTEMP
@@ -71,11 +71,15 @@ def _if_any(letters: str, what: str, *, told: bool = False) -> _Judge:
 
 
 def _limits(command: Command, printer: Printer) -> Said | None:
-    """Limits over the profile's: told, or refused where they are far over it, or of speed far under it."""
+    """Limits above the profile's: a warning; refused if far above it, or for speeds far below it."""
     worst: tuple[float, str] = (1.0, "")
     for letter, asked, most in _asked_limits(command, printer):
         if command.code == "M203" and 0 < asked < most / _FAR:
-            unit = "it reads mm/min" if printer.flavour == "reprapfirmware" else "it reads mm/s"
+            unit = (
+                "the firmware expects mm/min"
+                if printer.flavour == "reprapfirmware"
+                else "the firmware expects mm/s"
+            )
             return True, f"{letter} {asked:.3g} mm/s, the profile has {most:g}; {unit}"
         if most > 0 and asked / most > worst[0] * 1.001:
             worst = (asked / most, f"{letter} {asked:g}, the profile has {most:g}")
@@ -130,12 +134,12 @@ def _cold(command: Command, _printer: Printer) -> Said | None:
 
 
 def _flow_ratio(command: Command, _printer: Printer) -> Said | None:
-    """M221: what start G-code of machines sets is told, what starves or floods the part is refused."""
+    """M221: values that start G-code commonly sets cause a warning; severe under- or overextrusion is refused."""
     return _ratio(command, "extrudes", _FLOW)
 
 
 def _speed_ratio(command: Command, _printer: Printer) -> Said | None:
-    """M220: firmware holds speeds back to its limits, so only the absurd is refused."""
+    """M220: the firmware limits speeds, so only extreme values are refused."""
     return _ratio(command, "moves at", _SPEED)
 
 
@@ -144,7 +148,7 @@ def _ratio(command: Command, what: str, usual: tuple[float, float]) -> Said | No
     if percent is None or percent == 100:
         return None
     low, high = usual
-    of = "the plastic" if what == "extrudes" else "the speed"
+    of = "the flow" if what == "extrudes" else "the speed"
     return not low <= percent <= high, f"{what} {percent:g} % of {of} from here on"
 
 

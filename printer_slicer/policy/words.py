@@ -33,7 +33,7 @@ _TEXTS: Final = frozenset(
 
 _PLAIN_WORD: Final = r" *[XYZEFIJR] *[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)"
 _ORDINARY: Final = re.compile(rf"(?m)^(?!G[0-3](?:{_PLAIN_WORD})++ *$).+$".encode())
-"""A line that is no plain move, or one with a word that is no letter and number."""
+"""Matches a line that is not a plain move, or has a word that is not a letter and a number."""
 
 _AT_ONCE: Final = 1 << 15
 
@@ -48,7 +48,7 @@ class Command:
         words: letter -> all its numbers, none for a letter alone.
         settings: NAME -> number, of NAME=number.
         further: whether it is not the first of its line.
-        rest: what stands behind the code, without texts in quotes and brackets, up to a further command.
+        rest: the text after the code up to the next command, without quoted and bracketed texts.
     """
 
     code: str

@@ -1,4 +1,4 @@
-"""Printing over a port: the job, the wishes of people meanwhile, and what is left to take it up again.
+"""Printing over a port: the job, its control by users, and its recovery after an interruption.
 
 Names are imported when they are first used: a process that only has a wish for another one's print needs none of them.
 """
@@ -25,7 +25,7 @@ __all__ = ["Controls", "Done", "Options", "print_job", "resume_print"]
 
 
 def __getattr__(name: str) -> object:
-    """A public name, imported now."""
+    """Import a public name on first use."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

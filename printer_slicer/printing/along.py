@@ -105,12 +105,10 @@ def stand_at(step: Step, share: float) -> ModalState:
 
 
 def rest_of(step: Step, share: float) -> bytes:
-    """The command that makes the rest of a move from there, in the unit of the program."""
+    """Return the command for the rest of a move from there, in the unit of the program."""
     here, after = stand_at(step, share), step.after
     word = parse(step.command)[0]
-    words = [
-        word if word in MOVES else b"G1"
-    ]  # G53 is for places of the machine, and these are the program's
+    words = [word if word in MOVES else b"G1"]  # G53 is for machine coordinates, and these are the program's
 
     def say(letter: bytes, mm: float) -> bytes:
         return letter + number(mm / here.unit)

@@ -18,9 +18,9 @@ __all__ = ["Controls"]
 
 _PATIENCE = 10.0
 _SOON = 1.5
-"""s within which a question how it stands is answered, by whoever can."""
-_CONNECTING = "the port to be opened, and the printer to answer"
-_BUSY = "the process of the print, which writes to its port or gets no time of this computer"
+"""Timeout for a status request, s; then the last known status is returned."""
+_CONNECTING = "the port to open and the printer to answer"
+_BUSY = "the print process, which is writing to its port or gets no CPU time"
 
 
 class Controls:
@@ -43,12 +43,12 @@ class Controls:
         *,
         waits_for: str = _CONNECTING,
     ) -> None:
-        """From now on wishes go to this conductor, those that came too early first.
+        """Send commands to this conductor from now on, starting with those that came early.
 
         Args:
-            conductor: None: there is none for now.
-            wake: ends the waiting of whoever runs it.
-            waits_for: what the print waits for while there is none.
+            conductor: None if there is none for now.
+            wake: wakes the thread that runs it.
+            waits_for: what the print is waiting for without a conductor.
         """
         with self._lock:
             if self._conductor is not None and conductor is None:
@@ -141,10 +141,10 @@ class Controls:
         return dict(json.loads(self.ask(wishes.Status())))
 
     def status_soon(self, timeout: float = _SOON) -> dict[str, Any]:
-        """How it stands, and where the print cannot say so now, what was known last and what it waits for.
+        """Return the status; if the print cannot answer, the last known status and what it is waiting for.
 
         Args:
-            timeout: s to wait for the print's own words.
+            timeout: s to wait for the print.
         """
         with self._lock:
             waits_for = "" if self._conductor is not None else self._waits_for

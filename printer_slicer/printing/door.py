@@ -124,10 +124,10 @@ def _answer(connection: socket.socket, controls: Controls, name: str, token: str
 
 
 def _granted(controls: Controls, wish: Wish) -> str:
-    """What became of a wish; who asks how it stands is not kept waiting.
+    """Execute a command and return its result; status requests do not wait.
 
     Raises:
-        UsageError: it cannot be granted.
+        UsageError: it cannot be executed.
     """
     return json.dumps(controls.status_soon()) if isinstance(wish, Status) else controls.ask(wish)
 
@@ -151,17 +151,17 @@ def ask_door(folder: Path, line: str, patience: float = _PATIENCE) -> dict[str, 
     """Ask a running print; its answer: ok, job, answer.
 
     Args:
-        folder: of the print.
-        line: the wish.
-        patience: s to wait for an answer.
+        folder: folder of the print.
+        line: the command.
+        patience: timeout, s.
 
     Raises:
         PortError: nobody answers.
     """
     if not (folder / _ADDRESS).exists():
         raise PortError(
-            "the print does not answer yet: it waits for its port, or for its printer to say where it stands",
-            remedy="ask again in some seconds; if its process is gone: printer-slicer resume",
+            "the print does not answer yet: it is waiting for its port or for the printer's state",
+            remedy="try again in a few seconds; if its process has ended: printer-slicer resume",
         )
     try:
         address = json.loads((folder / _ADDRESS).read_text(encoding="utf-8"))
@@ -177,8 +177,8 @@ def ask_door(folder: Path, line: str, patience: float = _PATIENCE) -> dict[str, 
             return dict(json.loads(_read_line(connection)))
     except TimeoutError:
         raise PortError(
-            f"the print does not answer within {patience:g} s: its process stands still, or the computer is busy",
-            remedy="ask again; if its process is gone: printer-slicer resume",
+            f"the print does not answer within {patience:g} s: its process is stopped, or the computer is busy",
+            remedy="try again; if its process has ended: printer-slicer resume",
         ) from None
     except (OSError, ValueError, KeyError) as error:
         raise PortError(

@@ -66,12 +66,12 @@ def main(folder: Path, seconds: float) -> int:
 
 
 def watch(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) -> int:
-    """Make the printer cold if nobody takes the print up within some seconds; 1 if that failed.
+    """Switch the heaters off unless the print is resumed in time; return 1 if that failed.
 
     Args:
-        folder: of the print, whose host is gone.
-        seconds: that a new host has.
-        clock: s, never backwards.
+        folder: folder of the print, whose host has ended.
+        seconds: time for a new host to resume it.
+        clock: monotonic time, s.
     """
     print_ = _left_alone(folder, seconds, clock)
     if print_ is None:

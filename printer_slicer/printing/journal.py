@@ -33,7 +33,7 @@ __all__ = ["HEATERS_OFF", "HOST", "LOST", "Journal", "Numbered", "Story", "read_
 
 _NAME: Final = "journal"
 _LONGEST: Final = 1 << 32  # bytes
-_DIGITS: Final = 12  # of a count
+_DIGITS: Final = 12  # maximum length of a count
 LOST: Final = "lost: "
 """A reason begins so if the time of the loss is known: the cable was gone at that moment."""
 
@@ -136,7 +136,7 @@ class Story:
         states: what else was noted, last one of each kind.
         stopped: when the host noticed that the print had ended, s; None if the host itself was ended.
         reason: why, empty while it has not.
-        damage: which record makes no sense although it is whole, and why; nothing behind it was read. Empty: none.
+        damage: the first invalid record and why; reading stops there. Empty if there is none.
     """
 
     base: int = 0
@@ -166,10 +166,10 @@ class Story:
         return self.commands + [(one.entries, one.command) for one in proven if one.command]
 
     def take(self, kind: str, rest: str) -> None:
-        """One more record.
+        """Add a record.
 
         Raises:
-            ValueError: it makes no sense.
+            ValueError: it is invalid.
         """
         if kind == "E":
             self._begin_anew(_count(rest))
@@ -182,14 +182,14 @@ class Story:
         elif kind == "S":
             states = json.loads(rest)
             if not isinstance(states, dict):
-                raise ValueError("no names with values")
+                raise ValueError("not a JSON object")
             self.states |= states
         elif kind == "X":
             now, reason = rest.split(" ", 1)
             if self.stopped is None:
                 self.stopped, self.reason = _moment(now), reason
         else:
-            raise ValueError("of a kind that this version does not know")
+            raise ValueError("unknown kind of record")
 
     def _begin_anew(self, entries: int) -> None:
         self.before = self.line if self.lines else self.before
@@ -214,33 +214,33 @@ class Story:
 
 
 def _count(text: str) -> int:
-    """How many.
+    """Parse a count.
 
     Raises:
-        ValueError: it is no such number.
+        ValueError: it is not a count.
     """
     number = int(text) if len(text) <= _DIGITS else -1
     if number < 0:
-        raise ValueError(f"{text[:_DIGITS]} is no number of lines or commands")
+        raise ValueError(f"{text[:_DIGITS]} is not a number of lines or commands")
     return number
 
 
 def _moment(text: str) -> float:
-    """A time, s.
+    """Parse a time, s.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not a time.
     """
     seconds = float(text)
     if not isfinite(seconds):
-        raise ValueError(f"{text} is no time")
+        raise ValueError(f"{text} is not a time")
     return seconds
 
 
 def read_story(folder: Path) -> Story:
     """What the journal in a folder tells, up to the first record that is damaged: a torn end is no error.
 
-    A record that makes no sense although its checksum is right is noted in `damage`.
+    An invalid record with a correct checksum is noted in `damage`.
 
     Raises:
         OSError: it cannot be read.
@@ -255,6 +255,6 @@ def read_story(folder: Path) -> Story:
             kind, _, rest = data.decode("utf-8").partition(" ")
             story.take(kind, rest)
         except (ValueError, RecursionError) as error:
-            story.damage = f"record {index} makes no sense: {error}"
+            story.damage = f"record {index} is invalid: {error}"
             break
     return story

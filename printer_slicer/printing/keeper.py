@@ -26,7 +26,7 @@ from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.options import Done, Options
 from printer_slicer.printing.phases import Ticket
 from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, nonsense_in, take_up
+from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, damage_in, take_up
 from printer_slicer.profile import Profile
 from printer_slicer.stream.events import Event, Finished, Halted, Note
 from printer_slicer.stream.link_meter import LinkMeter, Metered
@@ -36,7 +36,7 @@ from printer_slicer.stream.session import run
 
 __all__ = ["Keeper", "print_job", "resume_print"]
 
-# Ctrl-C, and a computer that shuts down.
+# Ctrl-C and system shutdown.
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 _OFF = "heaters and fan are off"
 _LOOK = "look at the printer, its cable and its power before you go on; the part is not finished"
@@ -139,16 +139,16 @@ def resume_print(
 
 
 def _take(print_: shelves.Print, job: Job) -> None:
-    """Make an unfinished print this process's.
+    """Take over an unfinished print.
 
     Raises:
-        UsageError: somebody prints it already, or its journal makes no sense.
+        UsageError: another process prints it, or its journal is invalid.
     """
     if not print_.hold():
-        raise UsageError(f"{print_.name}: is being printed", remedy="see `printer-slicer control status`")
-    if why := nonsense_in(read_story(print_.folder), len(job.commands)):
+        raise UsageError(f"{print_.name}: is running", remedy="see `printer-slicer control status`")
+    if why := damage_in(read_story(print_.folder), len(job.commands)):
         print_.release()
-        raise shelves.Damage(print_.folder, "journal", why).error()
+        raise shelves.DamagedPrint(print_.folder, "journal", why).error()
 
 
 def _insist_on_finished(shelf: Path, port: str, *, discard: bool) -> None:
@@ -242,7 +242,7 @@ class Keeper:
         return found
 
     def _listen(self, event: Event) -> None:
-        """Tell what happens; a listener whose terminal, pipe or disk takes no more is told nothing from then on."""
+        """Report an event; a listener that can no longer write is not called again."""
         try:
             self._on_event(event)
         except OSError:
@@ -384,7 +384,7 @@ class Keeper:
             yield
             return
         handlers: dict[int, Any] = dict.fromkeys(_ENDS, self._on_signal)
-        if hasattr(signal, "SIGHUP"):  # the terminal is closed: the print goes on, `control` reaches it
+        if hasattr(signal, "SIGHUP"):  # the terminal is closed: the print continues, and `control` reaches it
             handlers[signal.SIGHUP] = signal.SIG_IGN
         before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
         try:

@@ -1,4 +1,4 @@
-"""What of a print must be known so that it can be taken up again: the state of the machine, settings, what was laid.
+"""State of a print that a resume needs: machine state, settings, and the extent of the printed part.
 
 Followed command by command in the order in which the printer gets them, so that a print can be taken up again as if
 it had never been left: after a pause, or on a machine that has lost everything. Lengths in mm, speeds in mm/s.
@@ -56,13 +56,13 @@ SCRIPT: Final = -2
 
 
 class Step(NamedTuple):
-    """A command, and how the printer stands before and after it.
+    """A command, with the printer's state before and after it.
 
     Attributes:
-        entry: its index in the job; -1: not of the job, or SCRIPT.
-        before, after: how it stands.
-        command: itself.
-        origin: mm by which its coordinates are higher than the machine's behind it.
+        entry: index in the job; -1: not from the job, or SCRIPT.
+        before, after: state.
+        command: the command.
+        origin: offset of the program's coordinates from the machine's after it, mm.
     """
 
     entry: int
@@ -73,7 +73,7 @@ class Step(NamedTuple):
 
     @property
     def loses_place(self) -> bool:
-        """Whether it is a move from a known place to one that is not."""
+        """Whether it moves from a known position to an unknown one."""
         return self.before.known and not self.after.known
 
 
@@ -84,12 +84,12 @@ class Modes:
         flavour: of the firmware.
 
     Attributes:
-        machine: its state.
-        stand: where and how it stands.
+        machine: machine state.
+        stand: position and modes.
         fan: 0 to 255, of the part fan.
         fans: number -> command, of others.
         mesh: the command that has the bed's unevenness followed, empty for none.
-        sticky: settings to be said again to a printer that has lost them, by what they set, and whether in inches.
+        sticky: settings to repeat after a printer restart, by what they set, and whether in inches.
         recent: the last moves that may not have been made yet, and what belongs between them.
     """
 
@@ -107,19 +107,19 @@ class Modes:
 
     @property
     def highest(self) -> float | None:
-        """Greatest z at which plastic was laid, as the program counts now; None where none was, or nobody knows."""
+        """Highest z of any extrusion, in current coordinates; None if there is none or it is unknown."""
         return None if self._top is None else self._top + self.machine.shift[2]
 
     @property
     def box(self) -> tuple[float, float, float, float] | None:
-        """X from, y from, x to, y to of all plastic laid while moving, as the program counts now; None as above."""
+        """Bounding box (x min, y min, x max, y max) of all extrusion, in current coordinates; None as above."""
         if self._box is None:
             return None
         (low_x, low_y, high_x, high_y), (x, y, _) = self._box, self.machine.shift
         return low_x + x, low_y + y, high_x + x, high_y + y
 
     def fork(self) -> Modes:
-        """Another one that goes on from here by itself; it remembers no moves."""
+        """Return an independent copy without the remembered moves."""
         other = copy(self)
         other.machine = self.machine.fork()
         other.fans, other.sticky = dict(self.fans), dict(self.sticky)
@@ -128,12 +128,12 @@ class Modes:
 
     @property
     def comparable(self) -> bool:
-        """Whether all places of moves that may not have been made yet are known, from the origin of now."""
+        """Whether all positions of unconfirmed moves are known in current coordinates."""
         shift = self.machine.shift
         return self.stand.known and all(step.origin == shift and not step.loses_place for step in self.recent)
 
     def stop_at(self, stand: ModalState) -> None:
-        """The machine was stopped on its way."""
+        """Record that the machine stopped during a move."""
         self.machine.move_to(stand.x, stand.y, stand.z)
         self.stand = self.machine.modal
 
@@ -159,7 +159,7 @@ class Modes:
             self.recent.append(Step(entry, begin, self.stand, command, self.machine.shift))
 
     def _forget_laid(self) -> None:
-        """An axis counts from an unknown place: how that lies to what was laid, nobody knows."""
+        """Forget the extent of the part, because an axis has an unknown origin."""
         was, self._frames = self._frames, self.machine.frames
         if was[2] != self._frames[2]:
             self._top = None
@@ -167,7 +167,7 @@ class Modes:
             self._box = None
 
     def _lay(self, before: ModalState) -> None:
-        """Remember where a move that pushes filament has laid it."""
+        """Record the extent of an extruding move."""
         after = self.stand
         if after.e > before.e and after.z is not None and (after.x, after.y) != (before.x, before.y):
             z = after.z - self.machine.shift[2]
@@ -196,11 +196,11 @@ class Modes:
             self.sticky[word + b"".join(sorted(values))] = command, self.machine.inches
 
     def _set_in_words(self, command: bytes) -> None:
-        """A command of words, such as Klipper's."""
+        """Process an extended command, such as Klipper's."""
         said = command.upper()
         found = _WORDS.match(said)
         if found and found[1] in _STICKY_WORDS:
             self.sticky[found[1]] = command, False
         elif found and found[1] in _MESHES:
-            # What was measured is kept by name at best.
+            # A measured mesh can be restored only by its name.
             self.mesh = command if b"LOAD" in said else b"BED_MESH_PROFILE LOAD=default"

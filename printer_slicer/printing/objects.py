@@ -30,7 +30,7 @@ _M486: Final = re.compile(rb"M486\s+([STAC])\s*(.*)")
 _WORDS: Final = re.compile(rb"EXCLUDE_OBJECT_(START|END)(?:\s+NAME=(\S+))?")
 _HINTS: Final = (b"printing object", b"M486", b"EXCLUDE_OBJECT_START")
 _LEFT_OUT: Final = MOVES | COUNTING_CODES | {b"G10", b"G11", b"G20", b"G21", b"G53", b"G92", b"M206"}
-"""What is not sent: moves, and what only says how to read them."""
+"""Commands that are not sent: moves, and those that only change how moves are read."""
 
 _LOOK_AHEAD: Final = 40
 _NEAR: Final = 1e-6
@@ -90,7 +90,7 @@ class LiveJob(Sequence[bytes]):
         commands: the entries.
         spans: which of them belong to which thing.
         first: entries before this one were sent.
-        flavour: of the firmware, which decides how it reads some commands.
+        flavour: determines how the firmware reads some commands.
 
     Attributes:
         modes: of the printer behind the entries that were followed so far, and behind what else was sent.
@@ -190,7 +190,7 @@ class LiveJob(Sequence[bytes]):
         self._looked = end  # what follows asks for entries, too
         before = self.follow(first)
         after = before.fork()
-        # Elsewhere it moves no origin now, so it may go out.
+        # On other firmwares it does not move the origin now, so it may be sent.
         at_once = HOME_OFFSET[before.machine.flavour] == "at once"
         left_out = _LEFT_OUT if at_once else _LEFT_OUT - {b"M206"}
         moves = []
@@ -219,7 +219,7 @@ class LiveJob(Sequence[bytes]):
 
 
 def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> list[bytes]:
-    """What makes the state before a thing the one behind it, for a printer that gets nothing else of the thing."""
+    """Return the commands that replace a cancelled object: from the state before it to the state after it."""
     now, script = before.fork(), list[bytes]()
 
     def say(command: bytes) -> None:
@@ -250,7 +250,7 @@ def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> li
 
 
 def _amend_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[bytes], None]) -> None:
-    """Count from where the file counts behind the thing, by M206 and G92."""
+    """Set the origin that the file has after the object, by M206 and G92."""
     homes = list(zip(now.home_offset, after.home_offset, strict=True))
     if words := _words([new if abs(new - old) > _NEAR else None for old, new in homes]):
         say_in_mm(b" ".join([b"M206", *words]))
@@ -265,7 +265,7 @@ def _amend_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[b
 
 
 def _words(values: Iterable[float | None]) -> list[bytes]:
-    """X, Y and Z with their numbers, without those that have none."""
+    """Return the words X, Y and Z for the values that are not None."""
     return [
         letter + number(value)
         for letter, value in zip((b"X", b"Y", b"Z"), values, strict=True)
@@ -274,7 +274,7 @@ def _words(values: Iterable[float | None]) -> list[bytes]:
 
 
 def _amending_moves(old: ModalState, new: ModalState, comes_anyway: bool) -> list[bytes]:
-    """To the height behind the thing, up first and down last, and to the place if the file does not go there."""
+    """Move to the height after the object, up first and down last, and to its position if the file does not."""
     moves: list[bytes] = []
     risen = (new.z or 0.0) - (old.z or 0.0)
     if new.z is not None and abs(risen) > _NEAR:
@@ -288,7 +288,7 @@ def _amending_moves(old: ModalState, new: ModalState, comes_anyway: bool) -> lis
 def _amend_modes(
     now: MachineState, new: ModalState, say: Callable[[bytes], None], say_in_mm: Callable[[bytes], None]
 ) -> None:
-    """Read numbers as the file does behind the thing."""
+    """Set the modes and the unit that the file has after the object."""
     if new.speed and abs(new.speed - now.speed) > _NEAR:
         say_in_mm(b"G1 F%s" % number(new.speed * 60))
     if now.counting.axes != new.relative:

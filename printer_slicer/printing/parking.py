@@ -13,7 +13,7 @@ from typing import Any
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.printing.modes import Modes, number
 from printer_slicer.printing.setup import Setup
 from printer_slicer.printing.wishes import Pause
@@ -64,12 +64,12 @@ class Parked:
 
 
 def parked_from(values: Mapping[str, Any]) -> Parked:
-    """What `as_json` gave.
+    """Rebuild from the result of `as_json`.
 
     Raises:
-        TypeError: it is something else.
+        TypeError: a value has the wrong type.
     """
-    return value_from(Parked, values)
+    return dataclass_from_json(Parked, values)
 
 
 def parked_at(stand: ModalState, modes: Modes, setup: Setup, pause: Pause, entries: int) -> Parked:
@@ -148,7 +148,7 @@ def come_back(parked: Parked, setup: Setup, pushed: float, *, inches: bool = Fal
         parked: where to.
         setup: the printer.
         pushed: mm of filament pushed forward since it was left; negative for what is pulled back.
-        inches: the printer counts in inches now, for a person has said so.
+        inches: whether a user has switched the printer to inches.
     """
     script = [b"G21"] if inches or parked.stand.inches else []
     if parked.cold and parked.hotend:
@@ -176,7 +176,7 @@ def come_back(parked: Parked, setup: Setup, pushed: float, *, inches: bool = Fal
 
 
 def as_it_was(stand: ModalState) -> list[bytes]:
-    """Filament count, modes, speed and unit, for a printer that counts in mm."""
+    """Restore extruder position, modes, speed and unit on a printer in mm mode."""
     script = [
         b"G92 E%s" % number(stand.e),
         b"G91" if stand.relative else b"G90",

@@ -15,7 +15,7 @@ from printer_slicer.jobs import Job
 from printer_slicer.printing.along import rest_of, stand_at
 from printer_slicer.printing.approach import approach_from, laid_points
 from printer_slicer.printing.journal import LOST, Story, read_story
-from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.printing.modes import Modes, number
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.parking import Parked, as_it_was, parked_from, parking_place
@@ -33,7 +33,7 @@ _SOFT: Final = 150.0
 _OVER: Final = 1.0
 """mm over the layer at which the nozzle comes in from outside."""
 
-_COLD: Final = "The job sets no temperature of the nozzle: heat it and the bed by hand before."
+_COLD: Final = "The job sets no nozzle temperature: heat nozzle and bed by hand first."
 
 _REMEDY: Final = "print it anew: printer-slicer print --discard-unfinished"
 
@@ -103,19 +103,19 @@ def recovery(print_: Print, job: Job) -> Recovery:
 
 
 def _told(job: Job, point: Point, modes: Modes, setup: Setup) -> str:
-    """What `recovery_script` does, in words."""
+    """Describe the steps of `recovery_script`."""
     machine, (x, y, z) = modes.machine, point.stand.place
     steps = [f"warm the nozzle to {min(_SOFT, machine.hotend):g} °C"] if machine.hotend else []
-    steps += [f"take z for {z:g} mm", "lift", "home x and y only"]
+    steps += [f"set z to {z:g} mm", "lift", "home x and y only"]
     wanted = (("nozzle", machine.hotend), ("bed", machine.bed), ("chamber", machine.chamber))
     heats = [f"the {name} to {celsius:g} °C" for name, celsius in wanted if celsius]
     steps += [f"heat {' and '.join(heats)}"] if heats else []
     if modes.mesh:
-        steps.append(f"follow the bed as the firmware has kept it ({modes.mesh.decode('latin-1')})")
+        steps.append(f"load the stored bed mesh ({modes.mesh.decode('latin-1')})")
     steps += ["prime beside the part"] if machine.hotend >= setup.coldest else []
     layer = job.layer_of(point.entries)
-    place = f"go on at x {x:.1f} y {y:.1f}" + (f" in layer {layer}" if layer else "")
-    done = f"behind {point.entries} of {len(job.commands)} commands."
+    place = f"continue at x {x:.1f} y {y:.1f}" + (f" in layer {layer}" if layer else "")
+    done = f"after {point.entries} of {len(job.commands)} commands."
     cold = "" if machine.hotend else f" {_COLD}"
     return f"Recovery: {', '.join(steps)}, and {place}, {done}{cold}"
 
@@ -142,7 +142,7 @@ def point_of_loss(story: Story, job: LiveJob, lost: float | None, setup: Setup) 
     if values := story.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])
         job.follow(int(values["entries"]))
-        return Point(int(values["entries"]), value_from(ModalState, values["stand"]), replay)
+        return Point(int(values["entries"]), dataclass_from_json(ModalState, values["stand"]), replay)
     if values := story.states.get("parked"):
         job.follow(story.entries)
         parked: Parked = parked_from(values)

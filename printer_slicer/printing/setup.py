@@ -9,7 +9,7 @@ from typing import Any, Final
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
-from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.profile import Profile, settings_of
 
 __all__ = ["Setup", "setup_from", "setup_of"]
@@ -97,9 +97,9 @@ def setup_from(values: Mapping[str, Any]) -> Setup:
     """What `as_json` gave.
 
     Raises:
-        TypeError: it is something else.
+        TypeError: a value has the wrong type.
     """
-    setup = value_from(Setup, values)
+    setup = dataclass_from_json(Setup, values)
     if setup.flavour not in COUNTING:
-        raise TypeError(f"flavour is {setup.flavour!r}, which this version does not know")
+        raise TypeError(f"flavour is {setup.flavour!r}, which this version does not support")
     return setup

@@ -27,13 +27,13 @@ else:
     import fcntl
 
 __all__ = [
-    "Damage",
+    "DamagedPrint",
     "Place",
     "Print",
     "Shelf",
     "begin",
     "damage_of",
-    "damaged_on",
+    "damaged_prints",
     "default_shelf",
     "find",
     "on_shelf",
@@ -46,7 +46,7 @@ _A_MOMENT = 0.02  # s
 _MOST_HEAD = 1 << 24  # bytes
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 _IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
-_KINDS = {str: "a text", int: "a whole number", dict: "an object"}
+_KINDS = {str: "a string", int: "an integer", dict: "an object"}
 Shelf = Path
 
 
@@ -82,7 +82,7 @@ class Print:
 
     @property
     def setup(self) -> Setup:
-        """The printer as the host saw it. What only looks at a print does without, and without what makes it."""
+        """The printer as the host saw it. It is read only on demand, because its module is slow to import."""
         from printer_slicer.printing.setup import setup_from  # noqa: PLC0415 - slow
 
         return setup_from(self._setup)
@@ -144,19 +144,19 @@ class Print:
         return False
 
     def forget(self) -> None:
-        """Take it off the shelf."""
+        """Delete the print."""
         self.release()
         rmtree(self.folder, ignore_errors=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Damage:
-    """What is left of a print that nobody can go on with.
+class DamagedPrint:
+    """A print that cannot be resumed because one of its files is damaged.
 
     Attributes:
-        folder: of the print.
-        file: in it, that makes no sense.
-        why: it does not.
+        folder: folder of the print.
+        file: name of the damaged file.
+        why: what is wrong with it.
     """
 
     folder: Path
@@ -169,19 +169,19 @@ class Damage:
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return f"it cannot be resumed; printer-slicer resume --discard {self.folder.name} forgets it"
+        return f"it cannot be resumed; delete it with printer-slicer resume --discard {self.folder.name}"
 
     def error(self) -> UsageError:
-        """The refusal of who wants to go on with it."""
+        """Return the error for an attempt to resume it."""
         return UsageError(str(self), remedy=self.remedy)
 
     def forget(self) -> None:
-        """Take it off the shelf."""
+        """Delete the print."""
         rmtree(self.folder, ignore_errors=True)
 
 
-class _NonsenseError(ValueError):
-    """The head of a print makes no sense; says why."""
+class _InvalidHeadError(ValueError):
+    """The head of a print is invalid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,17 +238,17 @@ def on_shelf(shelf: Shelf) -> Iterator[Print]:
 
 
 def print_in(folder: Path) -> Print | None:
-    """The print whose folder this is, None if it holds none, or one whose head makes no sense."""
-    with suppress(_NonsenseError):
+    """Return the print in this folder; None if there is none, or its head is invalid."""
+    with suppress(_InvalidHeadError):
         return _print_in(folder)
     return None
 
 
 def _print_in(folder: Path) -> Print | None:
-    """The print whose folder this is, None if it holds none.
+    """Return the print in this folder; None if there is none.
 
     Raises:
-        _NonsenseError: its head makes no sense.
+        _InvalidHeadError: its head is invalid.
     """
     try:
         check_is_file(folder / _HEAD)
@@ -256,61 +256,61 @@ def _print_in(folder: Path) -> Print | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise _NonsenseError(f"it cannot be read: {error.strerror}") from None
+        raise _InvalidHeadError(f"it cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        raise _NonsenseError(f"it is no JSON: {error}") from None
+        raise _InvalidHeadError(f"it is not JSON: {error}") from None
     if not isinstance(head, dict):
-        raise _NonsenseError("it holds no names with values")
+        raise _InvalidHeadError("it is not a JSON object")
     for name, kind in _IN_HEAD.items():
         if type(head.get(name)) is not kind:
-            raise _NonsenseError(f"{name!r} is missing, or is not {_KINDS[kind]}")
+            raise _InvalidHeadError(f"{name!r} is missing, or is not {_KINDS[kind]}")
     if not _is_address(head["port"]):
-        raise _NonsenseError("'port' is no address of a port")
+        raise _InvalidHeadError("'port' is not a valid port name")
     return Print(folder, *(head[name] for name in _IN_HEAD))
 
 
-def damage_of(print_: Print) -> Damage | None:
-    """Why a print cannot be gone on with, as far as its own files tell; None where nothing speaks against it."""
+def damage_of(print_: Print) -> DamagedPrint | None:
+    """Return why a print cannot be resumed, as far as its files show; None if it can."""
     from printer_slicer.printing.journal import read_story  # noqa: PLC0415 - who only has a wish does without
 
     try:
         _ = print_.setup
     except TypeError as error:
-        return Damage(print_.folder, _HEAD, f"the printer's setup makes no sense: {error}")
+        return DamagedPrint(print_.folder, _HEAD, f"the printer's setup is invalid: {error}")
     try:
         why = read_story(print_.folder).damage
     except OSError as error:
         why = f"it cannot be read: {error.strerror}"
     if why:
-        return Damage(print_.folder, "journal", why)
+        return DamagedPrint(print_.folder, "journal", why)
     try:
         check_is_file(print_.folder / _JOB)
     except OSError as error:
-        return Damage(print_.folder, _JOB, f"it cannot be read: {error.strerror}")
+        return DamagedPrint(print_.folder, _JOB, f"it cannot be read: {error.strerror}")
     return None
 
 
 def _is_address(port: str) -> bool:
-    """Whether a text can be the name of a port."""
+    """Whether a text can be a port name."""
     with suppress(UnicodeEncodeError):
         return b"\0" not in os.fsencode(port)
     return False
 
 
-def damaged_on(shelf: Shelf) -> Iterator[Damage]:
-    """What is left of prints that nobody prints and nobody can go on with, the oldest first."""
+def damaged_prints(shelf: Shelf) -> Iterator[DamagedPrint]:
+    """Yield damaged prints that are not running, the oldest first."""
     for folder in sorted(shelf.iterdir()) if shelf.is_dir() else ():
         try:
             found = _print_in(folder)
-        except _NonsenseError as error:
-            yield Damage(folder, _HEAD, str(error))
+        except _InvalidHeadError as error:
+            yield DamagedPrint(folder, _HEAD, str(error))
         else:
             if not found:
                 continue
             try:
                 is_running = found.running
             except OSError as error:
-                yield Damage(folder, _LOCK, f"it cannot be held: {error.strerror}")
+                yield DamagedPrint(folder, _LOCK, f"it cannot be locked: {error.strerror}")
                 continue
             if not is_running and (damage := damage_of(found)):
                 yield damage
@@ -342,7 +342,7 @@ def find(shelf: Shelf, name: str, *, running: bool) -> Print:
     """
     known = list(on_shelf(shelf))
     if not running:
-        damaged = {one.folder: one for one in damaged_on(shelf)}
+        damaged = {one.folder: one for one in damaged_prints(shelf)}
         for one in known:
             if name and one.folder in damaged and name in {one.name, one.folder.name}:
                 raise damaged[one.folder].error()

@@ -39,8 +39,8 @@ def stopped_at(
         accepted: (entries of the job accepted, when, s), ascending.
         lost: when the printer was lost, s; None: later than everything that was planned took, so all was made.
         limits: of the machine.
-        noticed: when the host saw that the printer had begun anew, s. A printer with a full planner answers at the end
-            of each move: then it was lost before that, and not as early as its last answer.
+        noticed: when the host noticed the restart, s. A printer with a full planner acknowledges at the end
+            of each move: then it stopped before that, and not as early as its last acknowledgement.
 
     Returns:
         Index and share; the share is 1 at the end of a move.

@@ -13,7 +13,7 @@ from typing import Any, Final
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
-from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.printing.modes import SCRIPT, Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import Parked, come_back, parked_from
@@ -22,7 +22,7 @@ from printer_slicer.stream.attach import Attach
 from printer_slicer.stream.events import Spot
 from printer_slicer.stream.transport import Transport
 
-__all__ = ["Lost", "TakenUp", "ask_printer", "nonsense_in", "rebuild", "take_up"]
+__all__ = ["Lost", "TakenUp", "ask_printer", "damage_in", "rebuild", "take_up"]
 
 _BEHIND: Final = 8
 """Lines that may count as accepted on record and were not: an ok too many on a bad cable."""
@@ -66,7 +66,7 @@ class TakenUp:
 
 @dataclass(frozen=True, slots=True)
 class _States:
-    """What the journal notes of a pause, as far as a resume needs it."""
+    """State of a pause in the journal, as far as a resume needs it."""
 
     phase: str = "printing"
     parked: Parked | None = None
@@ -77,32 +77,34 @@ class _States:
     recovering_at: Mapping[str, Any] | None = None
 
 
-def nonsense_in(story: Story, total: int) -> str:
-    """Why nobody can go on with what a journal tells, empty if that is not so.
+def damage_in(story: Story, total: int) -> str:
+    """Return why a journal cannot be resumed; empty if it can.
 
     Args:
-        story: of the journal.
-        total: commands of the job.
+        story: the journal.
+        total: number of commands of the job.
     """
     if story.damage:
         return story.damage
     most = max([story.base, story.entries, *(record.entries for record in story.lines)])
     if most > total:
-        return f"it says that {most} commands were accepted, of {total}"
+        return f"it lists {most} accepted commands, but the job has {total}"
     try:
-        states = value_from(_States, {name: one for name, one in story.states.items() if one not in ({}, "")})
+        states = dataclass_from_json(
+            _States, {name: one for name, one in story.states.items() if one not in ({}, "")}
+        )
         if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
-            return "objects were given up at no command of the job"
+            return "a cancelled object has an invalid command number"
         if states.recovering_at is not None:
-            value_from(_Brought, states.recovering_at)
+            dataclass_from_json(_Brought, states.recovering_at)
     except TypeError as error:
-        return f"a state makes no sense: {error}"
+        return f"a state is invalid: {error}"
     return ""
 
 
 @dataclass(frozen=True, slots=True)
 class _Brought:
-    """The place to which a printer is brought back."""
+    """The position to which the printer returns."""
 
     entries: int
     stand: ModalState
@@ -215,7 +217,7 @@ def _parked(story: Story, line: int, setup: Setup) -> tuple[Parked | None, float
 def _insist_on_place(modes: Modes, said: Spot | None) -> None:
     """The plan must end where the commands lead."""
     stand = modes.stand
-    if said is None or stand.inches:  # not all firmware says inches as mm
+    if said is None or stand.inches:  # firmwares report inches differently
         return
     for name, is_at, to_be in zip("xyz", said, (stand.x, stand.y, stand.z), strict=True):
         if is_at is not None and to_be is not None and abs(is_at - to_be) > _SAME_PLACE:

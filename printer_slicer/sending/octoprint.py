@@ -11,7 +11,7 @@ __all__ = ["send_to_octoprint"]
 
 _BUSY: Final = ("Printing", "Starting", "Sending", "Paus", "Resum", "Cancel", "Finish", "Transfer")
 _APART: Final = ("Offline", "Closed", "Opening", "Detecting", "Connecting")
-"""How the states of OctoPrint's `PrinterInterface` begin, by what they mean."""
+"""First words of the states of OctoPrint's `PrinterInterface`, by meaning."""
 
 
 def send_to_octoprint(connection: Connection, upload: Upload) -> str:
@@ -42,11 +42,11 @@ def send_to_octoprint(connection: Connection, upload: Upload) -> str:
 
 
 def _reason(connection: Connection) -> str:
-    """Why OctoPrint does not print, and what helps, by the state that it tells of its job."""
+    """Say why OctoPrint does not print, with a remedy, from the state of its job."""
     answer = connection.ask("GET", "/api/job")
     state = str(connection.said(answer).get("state", "")) if answer.status_code == 200 else ""
     if state.startswith(_BUSY):
-        return f"it is busy with another print ({state}): start this one on its page when that is done"
+        return f"it is busy with another print ({state}): start this one in OctoPrint afterwards"
     if not state or state.startswith(_APART):
-        return "connect OctoPrint to its printer, and start it on its page"
-    return f"its printer is {state!r}: look at its page, and start it there"
+        return "connect OctoPrint to its printer and start the print there"
+    return f"its printer is {state!r}: check it in OctoPrint and start the print there"

@@ -41,8 +41,8 @@ class Board:
         muted: so many of the next commands get no ok.
         due: when the next alarm rings, s; see `alarm`.
         position: where the plan ends: x, y, z from the endstops, and e as the program counts it; mm.
-        offset: what G92 and M206 add to x, y, z as the program sees them, mm.
-        home_offset: the part of it that M206 has set, and homing keeps.
+        offset: logical minus machine coordinates of x, y, z from G92 and M206, mm.
+        home_offset: the part of it set by M206, which homing keeps.
         filament: mm fed since power-on, as planned.
         unit: mm per unit of the program.
         volumetric: E counts cubes of the program's unit, of a filament of `diameter` mm.

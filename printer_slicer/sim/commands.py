@@ -46,7 +46,7 @@ _TABLES: Final[dict[tuple[str, str], dict[str, Handler]]] = {
 }
 
 _EXTENDED: Final = re.compile(r"(?i)_?[A-Z]+_[A-Z_]+\b").match
-"""A command of Klipper's kind, a word with an underscore; Klipper does not care about its case."""
+"""Matches an extended command of Klipper, a word with an underscore, in either case."""
 
 
 def run(board: Board, text: str) -> Steps | None:

@@ -151,7 +151,7 @@ KLIPPER: Final = replace(
     lists_capabilities=False,
     takes="any",
     busy_seconds=0.0,
-    # A dwell of 3 s was seen to be answered at once; Klipper does not plan much further ahead than that.
+    # Observed: Klipper answers a dwell of 3 s at once, and does not plan much further ahead.
     ahead_seconds=3.0,
     queue_places=20,
     line_size=4096,

@@ -128,7 +128,7 @@ def _not_to_extrude(board: Board, goal: Axes) -> str:
 
 
 def unparsed(board: Board, command: Command) -> bool:
-    """Whether a move holds a letter without a number: it is refused as a whole, as heard of `G1 Z.2.3`."""
+    """Reject a move with an invalid number, as the real one does with `G1 Z.2.3`; return whether it was rejected."""
     if not command.without_number("XYZEF"):
         return False
     board.say(f"!! Unable to parse move '{command.text}'")
@@ -154,7 +154,7 @@ def _dwell(board: Board, command: Command) -> Steps | None:
 
 def _dwelling(board: Board, seconds: float) -> Steps:
     yield from board.planned_pause(seconds)
-    if seconds > board.front_end.ahead_seconds:  # a longer one is answered when it is over
+    if seconds > board.front_end.ahead_seconds:  # a longer one is acknowledged when it has finished
         yield from board.until(board.now + seconds)
 
 

@@ -58,10 +58,10 @@ class Mover:
     one empty place to be told from an empty ring.
 
     Args:
-        limits: of the machine; its planner holds so many blocks.
-        first_move_delay: s that a standing machine waits for more moves.
-        tally: counts what is done.
-        horizon: s of motion, at the speeds asked for, that are planned ahead at most, however few moves that are.
+        limits: motion limits of the machine, including the size of its planner.
+        first_move_delay: s that an idle machine waits for more moves.
+        tally: statistics.
+        horizon: maximum motion planned ahead, s at the requested speeds, regardless of the number of moves.
 
     Attributes:
         ends: when the running move ends, or the standing machine will start; infinite when it stands for
@@ -103,7 +103,7 @@ class Mover:
         self._standing: Axes = (0.0, 0.0, 0.0, 0.0)
         self._horizon = horizon
         self._ahead = 0.0
-        self._seconds: deque[float] = deque()  # of each of the targets, only where there is a horizon
+        self._seconds: deque[float] = deque()  # of each target, only with a horizon
 
     @property
     def busy(self) -> bool:

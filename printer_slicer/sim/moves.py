@@ -170,12 +170,12 @@ def _pushed_later(board: Board, block: Block, target: Axes) -> Steps:
 
 
 def line(board: Board, command: Command) -> Steps | None:
-    """G0 and G1 with their words in any form."""
+    """G0 and G1."""
     return straight(board, [command.value(letter) for letter in "XYZEF"])
 
 
 def line_of_zeros(board: Board, command: Command) -> Steps | None:
-    """G0 and G1 of firmwares that read numbers with C's strtod: a letter alone is 0."""
+    """G0 and G1 of firmwares that parse numbers with C's strtod, which reads a letter alone as 0."""
     zeros = {letter: 0.0 for letter in command.without_number("XYZE") if not command.words[letter]}
     return straight(board, [zeros.get(letter, command.value(letter)) for letter in "XYZEF"])
 
@@ -343,7 +343,7 @@ def _set_position(board: Board, command: Command) -> None:
 
 
 def _offset_home(board: Board, command: Command) -> None:
-    """M206: the program counts from an origin so far from the endstops; the machine stays where it is."""
+    """M206: set the home offset without moving."""
     for axis, letter in enumerate("XYZ"):
         value = command.value(letter)
         if value is not None:
@@ -353,7 +353,7 @@ def _offset_home(board: Board, command: Command) -> None:
 
 
 def offset_next_homing(board: Board, command: Command) -> None:
-    """M206 of firmware that looks at it when it homes."""
+    """M206 of firmware that applies it at the next homing."""
     for axis, letter in enumerate("XYZ"):
         value = command.value(letter)
         if value is not None:
@@ -367,7 +367,7 @@ def _raised(place: Position, axis: int, by: float) -> Position:
 
 
 def machine_move(board: Board, command: Command) -> Steps | None:
-    """G53 in front of a move: without offsets."""
+    """G53 before a move: use machine coordinates."""
     inner = Command(command.rest, any_case=board.front_end.any_case)
     move = {"G0": line, "G1": line, "G2": _arc, "G3": _arc}.get(inner.code)
     if move is None:

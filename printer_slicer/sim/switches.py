@@ -64,11 +64,11 @@ class FrontEnd:
         reports_area: M115 ends with the size of the machine.
         flavour: whose meanings commands have that differ from firmware to firmware.
         babysteps: M290 is known.
-        any_case: a command may be in lower case (Marlin with GCODE_CASE_INSENSITIVE).
+        any_case: whether lower-case commands are accepted (Marlin with GCODE_CASE_INSENSITIVE).
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
         wait_seconds: an idle printer says `wait` so often; 0 = never.
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
-        ahead_seconds: s of motion that are planned ahead; a move beyond is answered when the plan has become shorter.
+        ahead_seconds: motion planned ahead, s; a move beyond is acknowledged when the plan has become shorter.
         queue_places: commands read ahead, the one being executed included.
         line_size: bytes of the line buffer; one less is kept of a longer line, the rest is cut off.
         boot_seconds: after a reset it hears nothing for so long.

@@ -32,11 +32,11 @@ class Command:
     """One command.
 
     Args:
-        text: as it came, without line number and checksum.
-        any_case: letters of either case are read alike.
+        text: the line without line number and checksum.
+        any_case: whether to ignore case.
 
     Attributes:
-        text: as it came, without line number and checksum.
+        text: the line without line number and checksum.
         code: letter and number, such as "G28"; empty when it does not begin with them.
         rest: what stands behind the code, without blanks around it.
         words: the letters behind the code with their numbers as text, "" for a letter alone. There are no
@@ -63,7 +63,7 @@ class Command:
         return {letter: value for letter in letters if (value := self.value(letter)) is not None}
 
     def without_number(self, letters: str) -> list[str]:
-        """Those of the letters behind which there is no number, or something that only begins like one."""
+        """Return the letters without a valid number."""
         found = _WRITTEN.findall(self.rest)
         return [letter for letter, text in found if letter in letters and not _WHOLE(text)]
 

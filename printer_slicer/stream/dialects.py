@@ -41,7 +41,7 @@ class Dialect:
         longest: bytes of a line, without its line break.
         places: commands it reads ahead.
         most: lines in flight at most, where it is safe.
-        flavour: whose meanings commands have that differ from firmware to firmware.
+        flavour: determines the meaning of commands that firmwares read differently.
         advice: what its owner should know before streaming; empty if nothing.
     """
 

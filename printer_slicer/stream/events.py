@@ -149,15 +149,15 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class PoorLink:
-    """The cable damages lines, or answers get lost on it.
+    """The cable damages lines or loses acknowledgements.
 
     Attributes:
-        lines: that were answered so far.
-        resends: times that the printer asked for lines again.
-        lost_answers: times that it had to be asked what became of a line.
-        resends_per_1000: of the lines.
-        undetected: lines that were probably damaged so that no checksum shows it.
-        text: the same for people, and what to do.
+        lines: number of lines acknowledged so far.
+        resends: number of resend requests.
+        lost_answers: number of acknowledgements that got lost.
+        resends_per_1000: resends per 1000 lines.
+        undetected: expected number of damaged lines that the checksum did not detect.
+        text: message for people, with a remedy.
     """
 
     lines: int

@@ -59,7 +59,7 @@ class LinkSeen:
         resends: lines that the printer asked for again.
         repeated: lines that were sent again for it.
         questions: asked because an answer was missing or could not be read.
-        warning: what is wrong with the cable; None if it is sound.
+        warning: what is wrong with the cable; None if it is good.
         stalls, stalled_seconds: how often and how long the machine stood still because no line had come, by the model
             of its planner.
     """
@@ -142,7 +142,7 @@ class LinkMeter:
         self._quality.heard(event)
 
     def warnings(self) -> tuple[PoorLink, ...]:
-        """What is wrong with the cable, each time that it has become twice as bad; else nothing."""
+        """Return a warning about the cable whenever its errors have doubled; otherwise nothing."""
         found = self._quality.warning(self._lines)
         return () if found is None else (found,)
 

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 __all__ = ["RESET", "Streamer"]
 
 RESET: Final = "the printer was reset"
-"""What the reason of such an end begins with."""
+"""First words of the reason for such a stop."""
 
 _LONGEST_REPLY: Final = 1024
 _CAUSE_WITHIN: Final = 1.0
-"""s before "halted" in which the printer has said why, behind the last ok: what it said before belongs to that."""
+"""Seconds before "halted" in which messages since the last ok explain the halt."""
 
 _NOTHING_SAID: Final = (-inf, "")
 

@@ -131,7 +131,7 @@ class Script:
 
     @property
     def _place(self) -> Place:
-        """Where the printer must say that it is; not all firmware says inches as mm, so nowhere while it counts so."""
+        """Return the position that the printer must report; none in inch mode, where firmwares report differently."""
         return (None, None, None, None) if self._machine.inches else self._machine.place
 
     def doubt(self) -> Doubt:

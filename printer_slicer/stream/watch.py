@@ -33,16 +33,16 @@ _HESITATE: Final = 0.3
 _ON_ITS_WAY: Final = 0.5
 
 _SHORT: Final = 2.0
-"""s of patience up to which motion is short: the planner is empty soon, and the nozzle stands on the part."""
+"""Timeout, s, up to which motion counts as short: the planner soon runs empty, and the nozzle stops on the part."""
 
 _EXPERIENCE: Final = 100
-"""Answers to such lines after which it is known how quick the printer is."""
+"""Acknowledgements of such lines after which the response time of the printer counts as known."""
 
 _SLOWER: Final = 3.0
-"""An answer is missed when it takes so many times as long beyond its motion as any answer before."""
+"""An acknowledgement counts as lost after this multiple of the slowest response time so far."""
 
 _AT_LEAST: Final = 0.25
-"""s beyond its motion that every answer gets: a display is redrawn now and then."""
+"""Minimum timeout beyond the motion, s: some printers redraw a display meanwhile."""
 
 _ASK_AGAIN: Final = 1.0
 _ASK_AGAIN_LONGEST: Final = 8.0
@@ -71,7 +71,7 @@ class Watch:
         self._answers, self._slowest = 0, 0.0
 
     def learn(self, oldest: Line, now: float) -> None:
-        """The answer to `oldest` is here: see how much longer than its motion it took."""
+        """Record how much longer than its motion the acknowledgement of `oldest` took."""
         if self.asked or isfinite(self._hint) or oldest.patience > _SHORT:
             return
         waited = now - max(oldest.sent, self._heard)
@@ -126,7 +126,7 @@ class Watch:
         return max(oldest.sent, self._heard) + min(patience, self._quiet)
 
     def _patience(self, oldest: Line) -> float:
-        """How long the answer to `oldest` may take, s: of short motion no longer than the printer has shown to need."""
+        """Return the timeout for the acknowledgement of `oldest`, s; for short motion from its response time."""
         if self._answers < _EXPERIENCE or not MARGIN <= oldest.patience <= _SHORT:
             return oldest.patience
         margin = min(max(_SLOWER * self._slowest, _AT_LEAST), MARGIN)

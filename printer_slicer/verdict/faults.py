@@ -119,7 +119,7 @@ _RULES: Final[Mapping[str, _Rule]] = {
     "hotend asked for": _Rule("temperature", "choose a temperature that the printer stands"),
     "bed asked for": _Rule("temperature", "choose a temperature that the printer stands"),
     "no such extruder": _Rule("tool", "slice for one extruder, or say how many there are: --extruders N"),
-    "move that cannot be parsed": _Rule("unreadable", "put a number behind every letter of this line"),
+    "move that cannot be parsed": _Rule("unreadable", "write a number after every letter of this line"),
     "arc without a centre": _Rule("arc", "switch arcs off in the slicer"),
 }
 
@@ -256,11 +256,11 @@ def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fau
 def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault]]:
     """Heaters that are still on when all is done, and the command that had the last word.
 
-    A macro of the printer's own that ends prints may switch them off: nobody here knows what it does, so that is said.
+    A macro of the printer that ends prints may switch them off. Its contents are unknown, so the fault says so.
 
     Args:
         job: that was executed.
-        profile: whose firmware may have macros.
+        profile: its firmware may have macros.
         targets: °C, by "nozzle" and "bed".
     """
     words: Mapping[str, Sequence[bytes]] = {"nozzle": (b"M104", b"M109"), "bed": (b"M140", b"M190")}
@@ -281,15 +281,15 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
         if macro.upper() == _TURNS_OFF:
             continue
         if macro:
-            what += f", unless {macro} switches it off, a macro of the printer's own"
-            remedy = f"see that the macro has {off[heater]} or {_TURNS_OFF}"
+            what += f", unless the printer's macro {macro} switches it off"
+            remedy = f"check that the macro contains {off[heater]} or {_TURNS_OFF}"
         else:
             remedy = f"end with {off[heater]}"
         yield last, Fault("heater", what, remedy, harmless=bool(macro))
 
 
 def _macro_behind(job: Job, last: int) -> str:
-    """The last macro behind a command that by its name ends prints or cools; empty where none is."""
+    """Return the last macro after a command whose name suggests that it ends prints or cools; empty if none."""
     for command in reversed(job.commands[last + 1 :]):
         if macro := ends_prints(command.decode("latin-1")):
             return macro

@@ -60,7 +60,7 @@ def test_plans_that_are_compared_are_told_one_by_one() -> None:
 
     assert (usual.code, quiet.code, quiet.err) == (0, 0, "")
     assert len(lines) == plans - 1
-    assert all(f" of {plans} plans are made, next " in line for line in lines)
+    assert all(f" of {plans} plans done, next: " in line for line in lines)
 
 
 def test_the_simulated_printer_lists_what_a_real_one_would_have_suffered(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_a_project_is_sliced_with_what_its_object_has_of_its_own(file: str, tmp_
     )
 
     assert (taken.code, typed_in.code) == (0, 0)
-    assert "lid: infill_density = 0.7, perimeters = 5, as the project has it" in taken.err
+    assert "lid: infill_density = 0.7, perimeters = 5 (from the project)" in taken.err
     assert moves(tmp_path / "taken.gcode") == moves(tmp_path / "typed.gcode")
 
 
@@ -140,9 +140,12 @@ def test_what_is_not_used_is_named_and_in_the_json(tmp_path: Path) -> None:
     assert outcome.code == 0
     assert "project.3mf: lid: brim_width = 5 is not used" in warnings
     assert "project.3mf: lid: support_material = 1 is not used" in warnings
-    assert "project.3mf: lid: layer_height = 0.1 is not used: all of a plate has the same layers" in warnings
-    assert "project.3mf: box: what it has of its own is not used" in warnings
-    assert "its settings of print, filament and printer are not used" in warnings
+    assert (
+        "project.3mf: lid: layer_height = 0.1 is not used: all objects of a plate have the same layers"
+        in warnings
+    )
+    assert "project.3mf: box: its settings are not used" in warnings
+    assert "its print, filament and printer settings are not used" in warnings
     assert f"profiles import {path}" in warnings
     for line in warnings.splitlines():
         assert line in outcome.err
@@ -184,7 +187,7 @@ def test_a_damaged_project_is_printed_as_its_meshes_and_says_so(tmp_path: Path) 
     outcome = typed("slice", path, *FLAGS, "-o", tmp_path / "out.gcode")
 
     assert outcome.code == 0
-    assert "what its objects have of their own is not used" in outcome.err
+    assert "its object settings are not used" in outcome.err
 
 
 def test_dry_run_and_plan_take_them_too(tmp_path: Path) -> None:
@@ -193,7 +196,7 @@ def test_dry_run_and_plan_take_them_too(tmp_path: Path) -> None:
     for command in (("dry-run", path), ("plan", path)):
         outcome = typed(*command, *FLAGS)
         assert outcome.code == 0
-        assert "lid: perimeters = 5, as the project has it" in outcome.err
+        assert "lid: perimeters = 5 (from the project)" in outcome.err
 
 
 def test_a_project_without_settings_of_a_print_is_no_profile_but_says_what_to_do(tmp_path: Path) -> None:
@@ -202,5 +205,5 @@ def test_a_project_without_settings_of_a_print_is_no_profile_but_says_what_to_do
     outcome = typed("profiles", "import", path, "--dry-run")
 
     assert outcome.code == 2
-    assert "no settings of a print in it, only of its objects" in outcome.err
+    assert "has only object settings, no print settings" in outcome.err
     assert "slice" in outcome.err

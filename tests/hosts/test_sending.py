@@ -258,7 +258,7 @@ API = {"/api/version": (200, {"api": "0.1"})}
             | {"/api/files/local": (201, {"files": {"local": {"path": "b.gcode"}}, "effectivePrint": False})},
             (
                 "b.gcode is there, but is not printed\n"
-                "  connect OctoPrint to its printer, and start it on its page"
+                "  connect OctoPrint to its printer and start the print there"
             ),
         ),
     ],
@@ -280,7 +280,7 @@ def test_what_is_not_printed_is_told_with_the_reason(
         ("Printing from SD", "it is busy with another print (Printing from SD)"),
         ("Paused", "it is busy with another print (Paused)"),
         ("Offline (Error: timeout)", "connect OctoPrint to its printer"),
-        ("Operational", "its printer is 'Operational': look at its page"),
+        ("Operational", "its printer is 'Operational': check it in OctoPrint"),
     ],
 )
 def test_octoprint_that_does_not_print_is_asked_why(state: str, advice: str, tmp_path: Path) -> None:

@@ -247,7 +247,7 @@ def test_a_base_that_is_far_too_large_is_not_read(folder: Path) -> None:
     with pytest.raises(ProfileError) as caught:
         import_profiles(folder / "acme.def.json")
 
-    assert str(caught.value) == (f"{base}: over 50 MB, more than any file of settings\n  {GIVE}")
+    assert str(caught.value) == (f"{base}: over 50 MB, too large for a settings file\n  {GIVE}")
 
 
 @needs_proc

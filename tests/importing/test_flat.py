@@ -309,4 +309,4 @@ def test_a_file_of_far_too_many_bytes_or_lines_is_no_file_of_settings(tmp_path: 
     for path, size in ((heavy, "50 MB"), (long, "200000 lines")):
         with pytest.raises(ProfileError) as caught:
             import_profiles(path)
-        assert str(caught.value) == f"{path}: over {size}, more than any file of settings\n  {GIVE}"
+        assert str(caught.value) == f"{path}: over {size}, too large for a settings file\n  {GIVE}"

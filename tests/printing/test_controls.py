@@ -46,7 +46,7 @@ def test_before_there_is_a_printer_one_learns_what_is_waited_for() -> None:
 
     assert controls.status_soon() == {
         "state": "waiting",
-        "waits_for": "the port to be opened, and the printer to answer",
+        "waits_for": "the port to open and the printer to answer",
     }
 
 
@@ -64,16 +64,16 @@ def test_a_print_that_is_busy_is_not_waited_for() -> None:
     told = controls.status_soon(timeout=0.01)
 
     assert len(deaf.tickets) == 1
-    assert "writes to its port" in told["waits_for"]
+    assert "writing to its port" in told["waits_for"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sockets have no names there")
 def test_a_process_that_stands_still_is_named(tmp_path: Path) -> None:
-    with pytest.raises(PortError, match="does not answer yet: it waits for its port"):
+    with pytest.raises(PortError, match="does not answer yet: it is waiting for its port"):
         ask_door(tmp_path, "status")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "s"))
         listener.listen()
         (tmp_path / "control.json").write_text(json.dumps({"path": str(tmp_path / "s")}), encoding="utf-8")
-        with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process stands still"):
+        with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process is stopped"):
             ask_door(tmp_path, "status", patience=0.01)

@@ -1,4 +1,4 @@
-"""A print whose files make no sense is named and skipped; all others can be gone on with."""
+"""A print with damaged files is named and skipped; all others can be resumed."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import job_of_text
 from printer_slicer.printing import resume_print
 from printer_slicer.printing.journal import Journal, read_story
-from printer_slicer.printing.kept import value_from
+from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.printing.parking import Parked, parked_from
 from printer_slicer.printing.setup import Setup, setup_of
-from printer_slicer.printing.shelf import Place, Print, begin, damaged_on, find, on_shelf, unfinished
-from printer_slicer.printing.take_up import nonsense_in
+from printer_slicer.printing.shelf import Place, Print, begin, damaged_prints, find, on_shelf, unfinished
+from printer_slicer.printing.take_up import damage_in
 from printer_slicer.profile import load_profile
 from tests.cli.command_line import typed
 
@@ -79,14 +79,14 @@ def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
 ) -> None:
     shelf, good, bad = shelf_in(tmp_path)
     add(bad, record)
-    (damage,) = damaged_on(shelf)
+    (damage,) = damaged_prints(shelf)
 
     assert find(shelf, "", running=False).folder == good.folder
-    assert str(damage).startswith(f"{bad.folder / 'journal'}: record 4 makes no sense: ")
+    assert str(damage).startswith(f"{bad.folder / 'journal'}: record 4 is invalid: ")
     assert (
         read_story(bad.folder).entries == 1
     )  # what stands before it counts: the heaters can be switched off
-    with pytest.raises(UsageError, match="record 4 makes no sense"):
+    with pytest.raises(UsageError, match="record 4 is invalid"):
         find(shelf, "bad.gcode", running=False)
 
 
@@ -123,7 +123,7 @@ def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
 ) -> None:
     shelf, good, bad = shelf_in(tmp_path)
     spoil(bad.folder / file)
-    (damage,) = damaged_on(shelf)
+    (damage,) = damaged_prints(shelf)
 
     assert str(damage).startswith(str(bad.folder / file))
     assert find(shelf, "", running=False).folder == good.folder
@@ -140,7 +140,7 @@ def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Pa
 
     assert unfinished(shelf, "/dev/elsewhere") is None
     assert find(shelf, "", running=False).folder == good.folder
-    assert "'port'" in str(next(damaged_on(shelf)))
+    assert "'port'" in str(next(damaged_prints(shelf)))
 
 
 @given(name=st.sampled_from(["name", "port", "baud", "begun", "boot", "setup", None]), value=ANYTHING)
@@ -151,7 +151,7 @@ def test_a_head_of_anything_blocks_no_other_print(
     path = bad.folder / "head.json"
     head = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")
-    damaged = list(damaged_on(shelf))
+    damaged = list(damaged_prints(shelf))
 
     assert find(shelf, good.folder.name, running=False).folder == good.folder
     assert [damage.folder for damage in damaged] in ([], [bad.folder])
@@ -165,15 +165,15 @@ def test_a_head_of_anything_blocks_no_other_print(
 def test_kept_values_come_back_as_they_were_or_are_refused(path: list[int], value: Any) -> None:
     for kept, kind in ((SETUP, Setup), (PARKED, Parked)):
         values = as_kept(kept)
-        assert as_kept(value_from(kind, values)) == values
+        assert as_kept(dataclass_from_json(kind, values)) == values
         place = values
         for step in path[:-1]:
             inner = [one for one in place.values() if isinstance(one, dict) and one]
             place = inner[step % len(inner)] if inner else place
         place[list(place)[path[-1] % len(place)]] = value
         with contextlib.suppress(TypeError):
-            again = as_kept(value_from(kind, values))
-            assert as_kept(value_from(kind, again)) == again
+            again = as_kept(dataclass_from_json(kind, values))
+            assert as_kept(dataclass_from_json(kind, again)) == again
 
 
 def as_kept(value: Any) -> Any:
@@ -188,7 +188,7 @@ def as_kept(value: Any) -> Any:
         ({"parked": {"entries": 2}}, "missing"),
         ({"parked": asdict(PARKED) | {"spot": ["here", 0]}}, "spot is 'here'"),
         ({"parked": None, "phase": ["recovering"]}, "phase is"),
-        ({"cancelled_at": {"gear": 1_000_000}}, "no command of the job"),
+        ({"cancelled_at": {"gear": 1_000_000}}, "an invalid command number"),
         ({"recovering_at": {"entries": 1, "stand": [], "replay": []}}, "ModalState is"),
     ],
 )
@@ -210,8 +210,8 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
     _, good, bad = shelf_in(tmp_path)
     add(bad, b"A 9 4 11.0")
 
-    assert nonsense_in(read_story(good.folder), 3) == ""
-    assert nonsense_in(read_story(bad.folder), 3) == "it says that 4 commands were accepted, of 3"
+    assert damage_in(read_story(good.folder), 3) == ""
+    assert damage_in(read_story(bad.folder), 3) == "it lists 4 accepted commands, but the job has 3"
 
 
 def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
     }
     add(good, b"S " + json.dumps(states).encode())
 
-    assert nonsense_in(read_story(good.folder), 3) == ""
+    assert damage_in(read_story(good.folder), 3) == ""
     assert parked_from(read_story(good.folder).states["parked"]) == PARKED
 
 
@@ -236,13 +236,13 @@ def test_the_command_line_names_what_it_skips_and_forgets_it_when_told(shelf_of_
     resumed = typed("resume")
 
     assert (listed.code, listed.err) == (0, "")
-    assert f"{bad.folder / 'head.json'}: it is no JSON: " in listed.out
+    assert f"{bad.folder / 'head.json'}: it is not JSON: " in listed.out
     assert [(row["id"], row["damaged"]) for row in rows] == [
         (good.folder.name, False),
         (bad.folder.name, True),
     ]
-    assert f"printer-slicer: warning: {bad.folder / 'head.json'}: it is no JSON: " in resumed.err
+    assert f"printer-slicer: warning: {bad.folder / 'head.json'}: it is not JSON: " in resumed.err
     assert resumed.err.splitlines()[2] == "printer-slicer: /dev/null is not a serial port"
     assert typed("resume", "--discard", bad.folder.name).code == 0
     assert not bad.folder.exists()
-    assert typed("resume", "--list").out.startswith("good.gcode: begun")
+    assert typed("resume", "--list").out.startswith("good.gcode: started")

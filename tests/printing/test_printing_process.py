@@ -286,7 +286,7 @@ def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Pa
 
 
 def test_a_print_that_runs_is_not_resumed_besides(tmp_path: Path) -> None:
-    told = r"^job\.gcode: is being printed\n  see `printer-slicer control status`$"
+    told = r"^job\.gcode: is running\n  see `printer-slicer control status`$"
     executed = after(20)
     with served(tmp_path / "port", executed=executed):
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")

@@ -203,10 +203,10 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     assert last is not None
     assert last.resends == len(resends) > 20
     assert last.resends_per_1000 == pytest.approx(1000 * last.resends / last.lines, rel=1e-3)
-    assert f"{last.resends} times" in last.text
+    assert f"{last.resends} resends" in last.text
     assert "per 1000 lines" in last.text
     assert "undetected damage is likely" in last.text
-    assert "check the cable" in last.text
+    assert "use a short cable" in last.text
     assert told
     assert told[0].lines < last.lines / 2
     # Each one tells of at least twice as much as the one before.

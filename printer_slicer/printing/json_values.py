@@ -1,4 +1,4 @@
-"""Values that a file has kept as JSON, made again and checked: the file may be damaged, or be somebody else's."""
+"""Rebuild dataclasses from JSON with type checks, because the file may be damaged or from another version."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from math import isnan
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-__all__ = ["value_from"]
+__all__ = ["dataclass_from_json"]
 
 _Value = TypeVar("_Value")
 
@@ -19,11 +19,11 @@ def _hints(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind)
 
 
-def value_from(kind: type[_Value], kept: object) -> _Value:
-    """The value of a dataclass that `dataclasses.asdict` and JSON have kept; what it does not know is left out.
+def dataclass_from_json(kind: type[_Value], kept: object) -> _Value:
+    """Rebuild a dataclass from what `dataclasses.asdict` and JSON made of it; unknown names are ignored.
 
     Raises:
-        TypeError: it is something else; says at which name.
+        TypeError: a value has the wrong type; names it.
     """
     if not isinstance(kept, Mapping):
         raise TypeError(f"{kind.__name__} is {_shown(kept)}")
@@ -33,9 +33,9 @@ def value_from(kind: type[_Value], kept: object) -> _Value:
 
 
 def _of(wanted: Any, kept: object, name: str) -> Any:
-    """What stands under a name, as it is wanted."""
+    """Rebuild the value of one field."""
     if is_dataclass(wanted) and isinstance(wanted, type):
-        return value_from(wanted, kept)
+        return dataclass_from_json(wanted, kept)
     if get_origin(wanted) in {Union, UnionType}:
         kinds = [kind for kind in get_args(wanted) if kind is not NoneType]
         return None if kept is None and NoneType in get_args(wanted) else _of(kinds[0], kept, name)
@@ -50,7 +50,7 @@ def _of(wanted: Any, kept: object, name: str) -> Any:
 
 
 def _is(wanted: Any, kept: object) -> bool:
-    """Whether a plain value is of the wanted kind."""
+    """Whether a plain value has the wanted type."""
     if get_origin(wanted) is Literal:
         return kept in get_args(wanted)
     if wanted is float:
@@ -61,6 +61,6 @@ def _is(wanted: Any, kept: object) -> bool:
 
 
 def _shown(kept: object) -> str:
-    """A value in a few letters."""
+    """Abbreviate a value for a message."""
     text = repr(kept)
     return text if len(text) <= 30 else f"{text[:27]}..."
