@@ -168,7 +168,7 @@ def _choose_uniform(changes: dict[str, object]) -> None:
         )
     if listed := named.get("layer_heights"):
         raise UsageError(
-            f"layer height {named['layer_height']}: uniform layers have one height, but --heights {listed} names others",
+            f"layer height {named['layer_height']}: uniform layers have one height, --heights {listed} names others",
             remedy="leave out one of the two",
         )
 

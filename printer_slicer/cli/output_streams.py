@@ -50,7 +50,7 @@ class _Output(io.RawIOBase):
         return True
 
     def write(self, data: Buffer, /) -> int | None:
-        """Write data and return the number of bytes, all of them once no more can be written; None if it would block."""
+        """Write data and return the number of bytes, all once no more can be written; None if it would block."""
         size = memoryview(data).nbytes
         if self._gone:
             return size
