@@ -9,11 +9,15 @@ import numpy as np
 
 from printer_slicer.geometry import Areas, intersection, normalize
 from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.crossing import crossings_of, join_rings
 from printer_slicer.model import Float, Int, Mesh
 
-__all__ = ["Overlap", "find_overlaps"]
+__all__ = ["Overlap", "find_collisions", "find_overlaps"]
 
 _LEAST: Final = 0.01  # mm: smaller overlaps are rounding errors
+_SHARED: Final = 0.1  # mm: what bodies that are drawn to touch may share
+_PLANES: Final = 24  # over the height that two objects share
 _TILES: Final = 16  # per side of a window: many small unions are faster than a large one
 
 
@@ -48,6 +52,38 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
                 width, depth = np.ptp(common.xy, axis=0).tolist()
                 if min(width, depth) > _LEAST:
                     yield Overlap(first, second, width, depth)
+
+
+def find_collisions(part: Mesh) -> Iterator[Overlap]:
+    """The pairs of objects of a part that occupy the same space by more than 0.1 mm, ordered by the second.
+
+    Objects of one file are placed relative to each other on purpose: one may stand on another or reach over it. Their
+    sections are compared on 24 planes over the height that both have.
+    """
+    bounds = np.array([(item.low, item.high) for item in part.items]).reshape(-1, 2, 3)
+    for second in range(1, len(bounds)):
+        low, high = (
+            np.maximum(bounds[:second, 0], bounds[second, 0]),
+            np.minimum(bounds[:second, 1], bounds[second, 1]),
+        )
+        for first in np.flatnonzero((high - low > _SHARED).all(axis=1)).tolist():
+            z = low[first, 2] + (np.arange(_PLANES) + 0.5) * ((high - low)[first, 2] / _PLANES)
+            common = intersection(*(_sections(part, at, z) for at in (first, second)))
+            common = common.take(np.flatnonzero(np.abs(common.ring_area()) > _SHARED**2))
+            boxes = Boxes.of_rings(common)
+            sizes = (boxes.high - boxes.low)[(boxes.high - boxes.low > _SHARED).all(axis=1)]
+            if len(sizes):
+                width, depth = sizes[sizes.prod(axis=1).argmax()].tolist()
+                yield Overlap(first, second, width, depth)
+
+
+def _sections(part: Mesh, number: int, z: Float) -> Areas:
+    """The solid sections of an object at heights (n,), mm."""
+    item = part.items[number]
+    triangles = part.triangles[item.first : item.first + item.count]
+    return normalize(
+        Areas.following_on([join_rings(one, len(z)) for one in crossings_of(triangles, z)], len(z))
+    )
 
 
 def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:

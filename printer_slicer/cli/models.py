@@ -86,6 +86,7 @@ def plate_from(arguments: argparse.Namespace, printer: Printer, report: Stages) 
     warnings += _in_the_air(arguments.models, meshes, placement)
     if not arguments.fuse:
         _refuse_overlaps(arguments.models, meshes)
+        _refuse_collisions(models, meshes)
     warn(arguments, warnings)
     return joined(meshes), Plate(placement, tuple(warnings), tuple(models))
 
@@ -185,6 +186,32 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
         f"{'; '.join(told)}, as their files place them",
         remedy="slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
     )
+
+
+def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh]) -> None:
+    """Reject objects of one 3MF file that occupy the same space; bodies of one object may.
+
+    Raises:
+        PartError: some do; names the objects and the size of the overlap.
+    """
+    for model, mesh in zip(models, meshes, strict=True):
+        if model["format"] != "3mf" or len(mesh.items) < 2 or not all(item.count for item in mesh.items):
+            continue
+        from printer_slicer.overlaps import find_collisions
+
+        found = list(islice(find_collisions(mesh), _MOST_TOLD + 1))
+        if not found:
+            continue
+        told = [
+            f"{mesh.items[one.second].name} overlaps {mesh.items[one.first].name} "
+            f"by {one.width:.4g} x {one.depth:.4g} mm"
+            for one in found[:_MOST_TOLD]
+        ]
+        told += ["and more"] if len(found) > _MOST_TOLD else []
+        raise PartError(
+            f"{model['file']}: {'; '.join(told)}",
+            remedy="move them apart in the program that made the file, or print them as one with --fuse",
+        )
 
 
 def plate_name(paths: Sequence[Path]) -> str:

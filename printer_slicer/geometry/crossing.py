@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Bool, Float, Int
-from printer_slicer.geometry.joints import Index, welded
+from printer_slicer.geometry.areas import Areas, Bool, Float, Int, placed
+from printer_slicer.geometry.joints import Index, cycles, welded
 from printer_slicer.geometry.planes import directed_keys, keys_of, spread
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["Crossings", "crossings_of", "section_areas"]
+__all__ = ["Crossings", "crossings_of", "join_rings", "section_areas"]
 
 _SEGMENTS_AT_ONCE = 250_000  # what is held for them stays near the processor's caches
 _UInt = NDArray[np.uint64]
@@ -200,3 +200,21 @@ def _rank(edge: Index, n_edges: int) -> Int:
     rank = np.zeros(len(edge), np.int64)
     rank[order] = np.arange(len(edge)) - begin[edge[order]]
     return rank
+
+
+def join_rings(part: Crossings, n_planes: int) -> Areas:
+    """Join the segments of several planes to rings; open contours are closed from any end to any start."""
+    following = np.arange(len(part.xy))
+    following[part.tail] = part.head
+    if part.unpaired:
+        begins, ends = np.setdiff1d(part.tail, part.head), np.setdiff1d(part.head, part.tail)
+        following[ends[np.argsort(part.plane[ends], kind="stable")]] = begins[
+            np.argsort(part.plane[begins], kind="stable")
+        ]
+    ring, rank = cycles(following)
+    first = np.flatnonzero(rank == 0)
+    first = first[np.argsort(part.plane[first], kind="stable")]
+    start = np.append(0, np.cumsum(np.bincount(ring, minlength=len(ring))[first]))
+    place_of_ring = np.zeros(len(ring), np.int64)
+    place_of_ring[first] = start[:-1]
+    return Areas(placed(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)

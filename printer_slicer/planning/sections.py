@@ -8,9 +8,8 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Areas, simplify
-from printer_slicer.geometry.areas import following_around, placed
-from printer_slicer.geometry.crossing import Crossings, crossings_of
-from printer_slicer.geometry.joints import cycles
+from printer_slicer.geometry.areas import following_around
+from printer_slicer.geometry.crossing import crossings_of, join_rings
 from printer_slicer.model import Float
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
@@ -119,7 +118,7 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
     quality = profile.quality
     planes, z = _levels(surface, profile, _PLANES), _levels(surface, profile, _LEVELS)
     n = len(planes)
-    rings = Areas.following_on([_rings(part, n) for part in crossings_of(surface.triangles, planes)], n)
+    rings = Areas.following_on([join_rings(part, n) for part in crossings_of(surface.triangles, planes)], n)
     contours = simplify(rings, quality.resolution)
     loops = np.bincount(contours.ring_layer, minlength=n).astype(np.float64)
     length, loops, extent, area = (
@@ -153,21 +152,3 @@ def _extents(contours: Areas) -> Float:
         off = (middle - mean.take(plane)) ** 2 + way**2 / 12
         spread += np.bincount(plane, weights=weight * off, minlength=n) / total
     return np.asarray(np.sqrt(3 * spread))
-
-
-def _rings(part: Crossings, n_planes: int) -> Areas:
-    """Join the segments of several planes to rings; open contours are closed from any end to any start."""
-    following = np.arange(len(part.xy))
-    following[part.tail] = part.head
-    if part.unpaired:
-        begins, ends = np.setdiff1d(part.tail, part.head), np.setdiff1d(part.head, part.tail)
-        following[ends[np.argsort(part.plane[ends], kind="stable")]] = begins[
-            np.argsort(part.plane[begins], kind="stable")
-        ]
-    ring, rank = cycles(following)
-    first = np.flatnonzero(rank == 0)
-    first = first[np.argsort(part.plane[first], kind="stable")]
-    start = np.append(0, np.cumsum(np.bincount(ring, minlength=len(ring))[first]))
-    place_of_ring = np.zeros(len(ring), np.int64)
-    place_of_ring[first] = start[:-1]
-    return Areas(placed(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)

@@ -13,7 +13,7 @@ from command_line import BOX, PARTS, QUICK, Outcome, is_message, process, typed
 from printer_slicer.cli.model_flags import attached
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
-from tests.mesh_io.tiny_files import binary_stl, write
+from tests.mesh_io.tiny_files import CORNERS, binary_stl, item, mesh_xml, model_xml, three_mf, write
 from tests.parts import box, box_with_hole, joined
 
 CONE = PARTS / "cone.stl"
@@ -185,6 +185,25 @@ def test_objects_of_one_file_may_overlap(tmp_path: Path) -> None:
     path = write(tmp_path, binary_stl(both.triangles), "both.stl")
 
     assert typed("slice", path, *QUICK).code == 0
+
+
+def test_objects_of_one_3mf_may_touch_but_not_occupy_the_same_space(tmp_path: Path) -> None:
+    """Two boxes of 2 x 3 x 4 mm, the second one moved."""
+    size = np.ptp(CORNERS, axis=0)
+    both = {1: mesh_xml(), 2: mesh_xml()}
+
+    def sliced(*by: float) -> Outcome:
+        build = item(1) + item(2, (1, 0, 0, 0, 1, 0, 0, 0, 1, *by))
+        path = write(tmp_path, three_mf(model_xml(both, build)), "plate.3mf")
+        return typed("slice", path, "-o", tmp_path / "plate.gcode", *QUICK)
+
+    assert sliced(float(size[0]) + 5, 0, 0).code == 0
+    assert sliced(float(size[0]), 0, 0).code == 0
+    assert sliced(0, 0, float(size[2])).code == 0
+    overlapping = sliced(float(size[0]) - 2, 0, 0)
+    assert overlapping.code == 3
+    assert f"overlaps plate by 2 x {size[1]:.4g} mm" in overlapping.err
+    assert "--fuse" in overlapping.err
 
 
 def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) -> None:
