@@ -61,8 +61,9 @@ def load_profile(
         printer: name of a profile or path of a TOML file; None takes the default, as for the other two.
         material: likewise.
         quality: likewise.
-        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type. With
-            a + behind the key, as in `overrides+`, rules come behind those of the file instead of in their place.
+        changes: `section.key` or, where it is unique, `key` -> value; text is converted to the setting's type. A
+            `layer_height` without a setting of a planner means uniform layers. With a + behind the key, as in
+            `overrides+`, rules come behind those of the file instead of in their place.
         slices: whether parts are sliced with it, so that printer, material and quality must suit each other.
         folders: of profiles, looked into before the person's own and the shipped ones.
 
@@ -75,7 +76,15 @@ def load_profile(
             f"changes are a table of names and values, not {kind_of(changes)}",
             remedy='write changes={"layer_height": 0.2}',
         )
-    return _built(read_sources(names, changes, folders), slices=slices)
+    return _built(read_sources(names, _meant(changes or {}), folders), slices=slices)
+
+
+def _meant(changes: Mapping[str, object]) -> Mapping[str, object]:
+    """The same changes, with uniform layers where a layer height is named and nothing of a planner."""
+    named = {key.removeprefix("quality.") for key in changes}
+    if "layer_height" not in named or any(key.startswith("planner.") for key in named):
+        return changes
+    return {"quality.planner.kind": "uniform", **changes}
 
 
 def profile_over(

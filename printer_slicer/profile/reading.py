@@ -109,7 +109,19 @@ def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[P
         key: f"{path}:{_line(lines, key)}"
         for key in [*_leaves(values), *(one for one in lines if "[" in one)]
     }
+    if kind == "quality":
+        _mean_uniform(base, values)
     return laid_over(base, Source(_with_lists(values), places, str(path)))
+
+
+def _mean_uniform(base: Source, values: dict[str, Any]) -> None:
+    """Choose uniform layers where a quality sets a layer height and leaves the planner to what it inherits.
+
+    Other planners choose the heights themselves, so the height would be ignored.
+    """
+    if "layer_height" in values and "planner" not in values:
+        base.values.pop("planner", None)
+        values["planner"] = {"kind": "uniform"}
 
 
 def laid_over(base: Source, over: Source) -> Source:

@@ -543,3 +543,34 @@ def test_a_built_wheel_holds_the_profiles_where_the_loader_looks(tmp_path: Path)
     assert "printer_slicer/profiles/schema/printer.schema.json" in names
     assert "printer_slicer/cli/__init__.py" in names
     assert not [name for name in names if name.startswith(("tests/", "profiles/", "sample_parts/"))]
+
+
+@pytest.mark.parametrize("inherits", ['inherits = "adaptive"\n', 'inherits = "standard"\n', ""])
+def test_a_quality_with_a_layer_height_and_no_planner_means_uniform_layers(
+    inherits: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(f'{inherits}name = "own"\nlayer_height = 0.15\n', encoding="utf-8")
+    over = tmp_path / "over.toml"
+    over.write_text(
+        'inherits = "own.toml"\nname = "over"\nlayer_height = 0.1\n[planner]\nkind = "optimal"\n',
+        encoding="utf-8",
+    )
+
+    assert type(load_profile(quality=str(path)).quality.planner).__name__ == "UniformPlanner"
+    assert type(load_profile(quality=str(over)).quality.planner).__name__ == "OptimalPlanner"
+
+
+@pytest.mark.parametrize(
+    ("changes", "planner"),
+    [
+        ({"layer_height": 0.15}, "UniformPlanner"),
+        ({"quality.layer_height": "0.15"}, "UniformPlanner"),
+        ({"quality.layer_height": "0.15", "planner.kind": "optimal"}, "OptimalPlanner"),
+        ({"perimeters": 3}, "OptimalPlanner"),
+    ],
+)
+def test_a_layer_height_among_the_changes_means_uniform_layers(
+    changes: dict[str, object], planner: str
+) -> None:
+    assert type(load_profile(changes=changes).quality.planner).__name__ == planner
