@@ -98,6 +98,23 @@ def test_slice_warns_and_strict_refuses(folder: Path) -> None:
     assert not (folder / "refused.gcode").exists()
 
 
+def test_strict_takes_what_hangs_when_it_is_allowed_by_name(folder: Path) -> None:
+    allowed = typed(*command("slice", "-o", "allowed.gcode", "--strict", "--allow", "unsupported"), cwd=folder)
+    refused = typed(*command("slice", "-o", "refused.gcode", "--strict"), cwd=folder)
+
+    assert ends(allowed) == (0, True)  # it is told all the same
+    assert (folder / "allowed.gcode").read_bytes() == (folder / "mushroom.gcode").read_bytes()
+    assert "--allow unsupported" in refused.err
+
+
+def test_slice_allows_only_what_it_refuses(folder: Path) -> None:
+    outcome = typed(*command("slice", "-o", "wrong.gcode", "--allow", "eeprom"), cwd=folder)
+
+    assert outcome.code == 2
+    assert "--allow: there is no 'eeprom'; choose one of: unsupported" in outcome.err
+    assert not (folder / "wrong.gcode").exists()
+
+
 def ends(outcome: Outcome) -> tuple[int, bool]:
     """Exit code, and whether it speaks of what hangs."""
     return outcome.code, "unsupported extrusion" in outcome.out + outcome.err

@@ -90,11 +90,11 @@ def actions_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 def _completer(action: argparse.Action) -> _Completer | None:
     """Who knows what an argument may be; None: argparse's choices, or nobody."""
+    if action.choices is not None or action.nargs == 0 or action.dest == "names":
+        return None
     for flag in action.option_strings:
         if flag in _OF_FLAGS:
             return _OF_FLAGS[flag]
-    if action.choices is not None or action.nargs == 0 or action.dest == "names":
-        return None
     return _OF_NAMES.get(action.dest, _files())
 
 

@@ -13,6 +13,7 @@ from printer_slicer.cli.values import address, factor, positive, whole
 __all__ = [
     "FIRMWARES",
     "add_allow",
+    "add_allow_unsupported",
     "add_beforehand",
     "add_doctor",
     "add_firmware",
@@ -39,6 +40,18 @@ def add_allow(parser: _Flags) -> None:
         action="append",
         default=[],
         help=f"take G-code although this is in it; may be repeated: {_ALLOWED}",
+    )
+
+
+def add_allow_unsupported(parser: _Flags) -> None:
+    """Add the --allow of a command that slices only: what --strict refuses by name."""
+    parser.add_argument(
+        "--allow",
+        metavar="NAME",
+        action="append",
+        choices=("unsupported",),
+        default=[],
+        help="accept this despite --strict: unsupported (extrusion with nothing under it)",
     )
 
 

@@ -11,6 +11,7 @@ from printer_slicer.cli.control import add_control
 from printer_slicer.cli.dials import add_dials
 from printer_slicer.cli.door_parsers import (
     add_allow,
+    add_allow_unsupported,
     add_beforehand,
     add_doctor,
     add_firmware,
@@ -107,12 +108,10 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _common(parser: argparse.ArgumentParser) -> None:
-    """Flags that decide how a part becomes G-code, and how results are said."""
+def _common(parser: argparse.ArgumentParser, *, strict: str = "fail if the mesh needs repair") -> None:
+    """Flags that decide how a part becomes G-code, and how results are said; `strict` is the help of --strict."""
     group = add_settings(parser)
-    group.add_argument(
-        "--strict", action="store_true", help="fail if the mesh needs repair or extrusion is unsupported"
-    )
+    group.add_argument("--strict", action="store_true", help=strict)
     add_dials(parser)
     _output(parser)
 
@@ -155,7 +154,11 @@ def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         action="store_true",
         help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
     )
-    _common(parser)
+    add_allow_unsupported(parser)
+    _common(
+        parser,
+        strict="fail if the mesh needs repair, or if extrusion is unsupported and not allowed",
+    )
     parser.set_defaults(run=_later("slicing", "slice_command"))
 
 

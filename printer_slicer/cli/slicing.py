@@ -70,7 +70,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         )
         program = stage.program
         unsupported = unsupported_of_program(program, profile)
-        if arguments.strict:
+        if arguments.strict and "unsupported" not in arguments.allow:
             refuse_unsupported(stage.part.name, unsupported)
         report("writing")
         seconds = float(move_seconds(program, profile).sum())

@@ -33,7 +33,7 @@ def unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
 
 
 def refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
-    """Fail if anything was found, for --strict.
+    """Fail if anything was found, for --strict without --allow unsupported.
 
     Raises:
         PartError: there is unsupported extrusion.
@@ -41,5 +41,5 @@ def refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
     if found:
         raise PartError(
             f"{name}: {describe(found)}",
-            remedy="turn the part or add supports; without --strict this is only a warning",
+            remedy="turn the part, add supports, or --allow unsupported; without --strict this is only a warning",
         )

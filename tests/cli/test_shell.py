@@ -317,6 +317,7 @@ CASES: Final = [
     ("printer-slicer slice --planner op", {"optimal"}, {"uniform"}),
     ("printer-slicer slice --units in", {"inch"}, {"mm"}),
     ("printer-slicer check --allow ee", {"eeprom"}, {"temperature"}),
+    ("printer-slicer slice --allow ", {"unsupported"}, {"eeprom"}),
     ("printer-slicer print --port si", {"sim:"}, set()),
     ("printer-slicer slice p", {"part.stl", "parts/"}, {"picture.png"}),
     ("printer-slicer check p", {"part.gcode", "parts/"}, {"part.stl"}),
