@@ -13,7 +13,7 @@ from typing import Any
 from printer_slicer.cli.common import visible
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
-from printer_slicer.policy import Finding, check_names, insist, scan, sentence
+from printer_slicer.policy import Finding, check_names, insist, remedy_of, scan, sentence
 from printer_slicer.profile import Profile
 
 __all__ = [
@@ -32,8 +32,13 @@ _TOLD = 5  # without --verbose
 _REMEMBERED = 500  # commands typed before, whose units and modes count
 
 
-def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
+def insist_on_policy(arguments: argparse.Namespace, job: Job, refusal: str = "not printed") -> Job:
     """Say what is in the job, before its first byte; the job with what is allowed.
+
+    Args:
+        arguments: the command line.
+        job: with its findings.
+        refusal: what is not done with a job that is refused.
 
     Raises:
         PolicyError: it holds what was not allowed.
@@ -45,7 +50,7 @@ def insist_on_policy(arguments: argparse.Namespace, job: Job) -> Job:
     if not (arguments.json or arguments.quiet):
         for note in finding_notes(arguments, job):
             print(visible(f"printer-slicer: warning: {note}"), file=sys.stderr)
-    insist(job.findings, job.allowed, name=job.name)
+    insist(job.findings, job.allowed, name=job.name, refusal=refusal)
     return job
 
 
@@ -83,9 +88,9 @@ def insist_verified(job: Job) -> None:
     Raises:
         VerificationError: it holds what was not allowed.
     """
-    if wrong := refused(job):
+    if wrong := refused_findings(job):
         more = f"\n  and {len(wrong) - 1} more" if len(wrong) > 1 else ""
-        raise VerificationError(f"{job.name}: {wrong[0]}{more}", remedy="if it is meant: --allow NAME")
+        raise VerificationError(f"{job.name}: {sentence(wrong[0])}{more}", remedy=remedy_of(wrong))
 
 
 def reason_behind(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:

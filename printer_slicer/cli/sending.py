@@ -63,7 +63,7 @@ def _look(arguments: argparse.Namespace) -> None:
     job = job_of_file(arguments.gcode, profile, streamed=False)
     if not arguments.start:
         job = replace(job, findings=tuple(one for one in job.findings if one.name == "unsupported"))
-    insist_on_policy(arguments, job)
+    insist_on_policy(arguments, job, refusal="not sent")
 
 
 def _key(arguments: argparse.Namespace) -> str:

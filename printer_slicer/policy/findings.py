@@ -8,7 +8,7 @@ from typing import Final
 
 from printer_slicer.errors import PolicyError, UsageError
 
-__all__ = ["NAMES", "Finding", "check_names", "insist", "sentence"]
+__all__ = ["NAMES", "Finding", "check_names", "insist", "remedy_of", "sentence"]
 
 _TOLD: Final = 12  # findings told in full in one error
 
@@ -40,6 +40,17 @@ NAMES: Final[Mapping[str, str]] = {
     "unreadable": "unparsed commands: expressions, several commands in a line, letters without a number, G5, G18",
 }
 """Name -> what it allows."""
+
+_NAME_IT: Final = "name the printer it was made for with --printer and --material"
+_REMEDIES: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("temperature", "box", "feed", "flow", "limits", "unreadable"), _NAME_IT),
+    "unsupported": "turn the part, or add supports",
+    "cold": "heat the nozzle first (M109 S and a temperature), without M302",
+    "homing": "home first (G28), and leave the motors on",
+}
+"""Name -> what helps; another profile does only where one is the measure."""
+
+_OTHERS: Final = "take it out of the G-code"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +105,32 @@ def check_names(allowed: Iterable[str]) -> frozenset[str]:
     return names
 
 
-def insist(findings: Sequence[Finding], allowed: Collection[str] = (), *, name: str = "job") -> None:
+def remedy_of(findings: Iterable[Finding]) -> str:
+    """What helps against those of them that are refused, and what allows them."""
+    names = tuple(dict.fromkeys(one.name for one in findings if one.refused))
+    by_remedy: dict[str, list[str]] = {}
+    for name in names:
+        by_remedy.setdefault(_REMEDIES.get(name, _OTHERS), []).append(name)
+    several = len(by_remedy) > 1
+    helps = [f"{', '.join(of)}: {remedy}" if several else remedy for remedy, of in by_remedy.items()]
+    meant = "if they are meant" if len(names) > 1 else "if it is meant"
+    return "; ".join([*helps, f"{meant}: {' '.join(f'--allow {name}' for name in names)}"])
+
+
+def insist(
+    findings: Sequence[Finding],
+    allowed: Collection[str] = (),
+    *,
+    name: str = "job",
+    refusal: str = "not printed",
+) -> None:
     """Refuse a job that holds something which was not allowed.
 
     Args:
         findings: of the whole job.
         allowed: names.
         name: of the job, for the message.
+        refusal: what is not done with it.
 
     Raises:
         PolicyError: it does; says what, where, and how to allow it.
@@ -110,9 +140,8 @@ def insist(findings: Sequence[Finding], allowed: Collection[str] = (), *, name: 
         return
     said = [sentence(one) for one in wrong[:_TOLD]]
     said += [f"... and {len(wrong) - _TOLD} more"] if len(wrong) > _TOLD else []
-    flags = " ".join(f"--allow {one}" for one in dict.fromkeys(one.name for one in wrong))
     raise PolicyError(
-        f"{name}: not printed, for it holds\n  " + "\n  ".join(said),
-        remedy=f"name the printer it was made for with --printer and --material; if it is meant: {flags}",
+        f"{name}: {refusal}, for it holds\n  " + "\n  ".join(said),
+        remedy=remedy_of(wrong),
         names=tuple(dict.fromkeys(one.name for one in wrong)),
     )

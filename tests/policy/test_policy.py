@@ -18,7 +18,7 @@ from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.gcode.reader import Reader
 from printer_slicer.jobs import job_from
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.policy import NAMES, Finding, check_names, insist, scan
+from printer_slicer.policy import NAMES, Finding, check_names, insist, remedy_of, scan
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_paths, profile_with
 from printer_slicer.stream.framing import strip
@@ -420,6 +420,27 @@ def test_a_job_is_refused_by_line_until_every_name_is_allowed() -> None:
     with pytest.raises(PolicyError):
         insist(findings, {"eeprom"})
     insist(findings, {"eeprom", "temperature"})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_finding_has_a_remedy_of_its_own_kind(name: str) -> None:
+    """Another profile helps only against what is measured by the profile."""
+    of_profile = {"temperature", "box", "feed", "flow", "limits", "unreadable"}
+    remedy = remedy_of([Finding(name, True, 0, "", "", "")])
+
+    assert ("--printer" in remedy) == (name in of_profile)
+    assert ("supports" in remedy) == (name == "unsupported")
+    assert remedy.endswith(f"; if it is meant: --allow {name}")
+
+
+def test_each_of_several_findings_has_its_remedy() -> None:
+    remedy = remedy_of(found("G28", "M500", "M104 S300", "M81", "M112"))
+
+    assert remedy == (
+        "eeprom, halt: take it out of the G-code; "
+        "temperature: name the printer it was made for with --printer and --material; "
+        "if they are meant: --allow eeprom --allow temperature --allow halt"
+    )
 
 
 def test_a_name_that_does_not_exist_is_an_error() -> None:
