@@ -99,7 +99,9 @@ def test_slice_warns_and_strict_refuses(folder: Path) -> None:
 
 
 def test_strict_takes_what_hangs_when_it_is_allowed_by_name(folder: Path) -> None:
-    allowed = typed(*command("slice", "-o", "allowed.gcode", "--strict", "--allow", "unsupported"), cwd=folder)
+    allowed = typed(
+        *command("slice", "-o", "allowed.gcode", "--strict", "--allow", "unsupported"), cwd=folder
+    )
     refused = typed(*command("slice", "-o", "refused.gcode", "--strict"), cwd=folder)
 
     assert ends(allowed) == (0, True)  # it is told all the same

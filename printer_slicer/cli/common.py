@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import Lock, Timer
 from typing import TYPE_CHECKING, Any
 
+from printer_slicer.cli.layer_height import apply_layer_height
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import check_writable, save
 
@@ -134,7 +135,7 @@ def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
         changes[key.strip()] = value.strip()
     if getattr(arguments, "firmware", None) and not {"flavour", "printer.flavour"} & set(changes):
         changes["printer.flavour"] = _flavour_of(arguments.firmware)
-    _choose_uniform(changes)
+    apply_layer_height(changes)
     for flag in ("printer", "material", "quality"):
         if getattr(arguments, flag, None) == "":
             raise UsageError(
@@ -148,29 +149,6 @@ def _flavour_of(firmware: str) -> str:
     from printer_slicer.sim.front_end import FRONT_ENDS
 
     return FRONT_ENDS[firmware].flavour
-
-
-def _choose_uniform(changes: dict[str, object]) -> None:
-    """Choose uniform layers if a layer height is given and no planner is named.
-
-    Raises:
-        UsageError: the named planner chooses layer heights itself.
-    """
-    named = {key.removeprefix("quality."): value for key, value in changes.items()}
-    if "layer_height" not in named:
-        return
-    planner = changes.setdefault("quality.planner.kind", named.get("planner.kind", "uniform"))
-    if planner != "uniform":
-        height = named["layer_height"]
-        raise UsageError(
-            f"layer height {height}: the {planner} planner chooses heights itself; only --planner uniform takes one",
-            remedy=f"leave out one of the two, or limit the heights: --heights 0.1:{height}",
-        )
-    if listed := named.get("layer_heights"):
-        raise UsageError(
-            f"layer height {named['layer_height']}: uniform layers have one height, --heights {listed} names others",
-            remedy="leave out one of the two",
-        )
 
 
 def _dialled(arguments: argparse.Namespace) -> dict[str, object]:

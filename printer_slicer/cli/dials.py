@@ -29,7 +29,9 @@ class Dial(NamedTuple):
 
 
 DIALS: Final[Mapping[str, Dial]] = {
-    "--layer-height": Dial("quality.layer_height", "MM", ", uniform unless --planner is given"),
+    "--layer-height": Dial(
+        "quality.layer_height", "MM", ", uniform except in ranges with their own layer_height"
+    ),
     "--planner": Dial("quality.planner.kind", "NAME"),
     "--tolerance": Dial("quality.tolerance", "MM"),
     "--first-layer": Dial("quality.first_layer_height", "MM"),

@@ -71,3 +71,55 @@ def test_a_layer_height_beside_a_list_of_heights_is_an_error(tmp_path: Path) -> 
     assert outcome.code == 2
     assert "layer height 0.2" in outcome.err
     assert "--heights 0.1,0.15" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [
+        (("--objective", "time"), "--objective"),
+        (("--time-budget", "45m"), "--time-budget"),
+        (("--range", "1:3:tolerance=0.03"), "--range 1:3:tolerance=0.03"),
+        (("--set", "planner.max_step=0.05"), "--set planner.max_step"),
+        (("--set", "smooth=false"), "--set smooth"),
+    ],
+)
+@pytest.mark.parametrize("height", [("--layer-height", "0.2"), ("--set", "quality.layer_height=0.2")])
+def test_a_layer_height_and_a_setting_of_planners_that_choose_heights_are_both_named(
+    height: tuple[str, str], flags: tuple[str, str], name: str
+) -> None:
+    refused = typed("plan", BOX, *height, *flags)
+    also = typed("plan", BOX, *height, *flags, "--planner", "optimal")
+
+    assert refused.code == also.code == 2
+    assert f"layer height 0.2 and {name} contradict each other" in refused.err
+    assert f"leave out {name}, or the layer height" in refused.err
+    assert f"layer height 0.2 and --planner optimal, {name} contradict each other" in also.err
+    assert "leave out the layer height, or all the others" in also.err
+
+
+@pytest.mark.parametrize("flag", [("--layer-height", "0.2"), ("--set", "layer_height=0.2")])
+@pytest.mark.parametrize("planner", [(), ("--planner", "optimal")], ids=["no planner", "optimal"])
+@pytest.mark.parametrize(
+    "between", [("--range", "1:3:layer_height=0.1"), ("--set", "planner.ranges=1:3:layer_height=0.1")]
+)
+def test_a_layer_height_holds_but_where_a_range_has_another(
+    flag: tuple[str, str], planner: tuple[str, ...], between: tuple[str, str], tmp_path: Path
+) -> None:
+    done = typed("slice", BOX, "-o", tmp_path / "x.gcode", "--json", *flag, *planner, *between)
+    named, (first, second, third) = heights(done)
+
+    assert named == "optimal"
+    assert first == [5, 0.2]
+    assert second == [20, 0.1]
+    assert third[1] == 0.2
+
+
+@pytest.mark.parametrize("planner", ["cusp", "uniform"])
+def test_a_range_with_a_height_needs_a_planner_that_has_ranges(planner: str) -> None:
+    refused = typed(
+        "plan", BOX, "--layer-height", "0.2", "--range", "1:3:layer_height=0.1", "--planner", planner
+    )
+
+    assert refused.code == 2
+    assert f"the {planner} planner has no ranges" in refused.err
+    assert f"leave out --planner {planner}" in refused.err
