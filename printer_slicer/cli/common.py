@@ -91,8 +91,14 @@ def _tell_profile(
         print(visible(text), file=sys.stderr)
     if not arguments.json:
         data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
-        line = ", ".join(f"{one['name']} ({one['from']})" for one in told.values())
+        line = ", ".join(f"{one['name']} ({_origin(one)})" for one in told.values())
         print(visible(without_stdin(arguments, line)), file=sys.stderr if data else sys.stdout)
+
+
+def _origin(told: dict[str, str]) -> str:
+    """Return where a profile comes from, and the machine named by the file if no profile has that name."""
+    named = told.get("named_in_file")
+    return told["from"] + (f": the file names '{named}', which has no profile" if named else "")
 
 
 def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:

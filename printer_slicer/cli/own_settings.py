@@ -9,8 +9,13 @@ from typing import Any, Final, NamedTuple
 
 __all__ = ["OwnSettings", "own_settings", "provenance"]
 
-_HEAD: Final = 1 << 14  # bytes in which Cura names the machine
-_MACHINE: Final = re.compile(rb"^;TARGET_MACHINE\.NAME:([^\r\n]{1,100})", re.MULTILINE)
+_ENDS: Final = 1 << 14  # bytes at both ends of a file in which slicers name the machine
+_MACHINE: Final = re.compile(
+    rb"^; ?(?:TARGET_MACHINE\.NAME:|machine_type:|printer_model = |printer_settings_id = )([^\r\n]{1,100})",
+    re.MULTILINE,
+)
+"""The machine as named by Cura, FlashPrint, and PrusaSlicer and its forks."""
+
 _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 
 
@@ -20,14 +25,16 @@ class OwnSettings(NamedTuple):
     Attributes:
         values: kind -> settings; kinds without settings in the file are missing.
         refused: reasons why settings in the file are not used, one sentence each.
+        unknown: name of the machine in the file if no profile has that name, else empty.
     """
 
     values: Mapping[str, Mapping[str, Any]]
     refused: Sequence[str]
+    unknown: str = ""
 
 
 def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
-    """Read the settings that this program, PrusaSlicer or its forks wrote, or the machine that Cura names.
+    """Read the settings that this program, PrusaSlicer or its forks wrote, or the name of the machine.
 
     Settings that an import would reject, such as impossible temperatures, are not used.
 
@@ -49,7 +56,7 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
     try:
         found = import_profiles(path)
     except NoSettingsError:
-        return OwnSettings(_named_by_cura(path, folders), ())
+        return _of_named_machine(path, folders)
     except (OSError, ValueError):  # an invalid file name
         return OwnSettings({}, ())
     except ProfileError as error:
@@ -59,24 +66,30 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
     return OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
 
 
-def _named_by_cura(path: Path, folders: Sequence[Path]) -> Mapping[str, Mapping[str, Any]]:
-    """Return the profile of the machine that Cura names; its G-code has no other machine settings."""
+def _of_named_machine(path: Path, folders: Sequence[Path]) -> OwnSettings:
+    """Return the profile of the machine that a file without settings names, or the name if no profile has it."""
     from printer_slicer.profile import load_profile, settings_of
 
     try:
         with path.open("rb") as file:
-            named = _MACHINE.search(file.read(_HEAD))
+            head = file.read(_ENDS)
+            file.seek(max(path.stat().st_size - _ENDS, len(head)))
+            found = _MACHINE.search(head + b"\n" + file.read())
     except (OSError, ValueError):
-        return {}  # reported when all of the file is read
-    name = named[1].decode("utf-8", "replace").strip() if named else ""
+        return OwnSettings({}, ())  # reported when all of the file is read
+    name = found[1].decode("utf-8", "replace").strip() if found else ""
     profile = _called("printer", name, folders) if name else ""
-    return {"printer": settings_of(load_profile(profile, slices=False))["printer"]} if profile else {}
+    if not profile:
+        return OwnSettings({}, (), name)
+    return OwnSettings(
+        {"printer": settings_of(load_profile(profile, slices=False, folders=folders))["printer"]}, ()
+    )
 
 
 def provenance(
     names: Mapping[str, str | None], own: OwnSettings, folders: Sequence[Path]
 ) -> dict[str, dict[str, str]]:
-    """Map each kind to the `name` of its profile and where it comes `from`.
+    """Map each kind to the `name` of its profile, where it comes `from`, and an unknown machine `named_in_file`.
 
     Args:
         names: kind -> name on the command line; None if there is none.
@@ -94,6 +107,8 @@ def provenance(
             told[kind] = {"name": _called(kind, said, folders) or said, "from": "from the file"}
         else:
             told[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
+            if kind == "printer" and own.unknown:
+                told[kind]["named_in_file"] = own.unknown
     return told
 
 

@@ -110,6 +110,42 @@ def test_the_machine_that_cura_names_is_looked_for(tmp_path: Path) -> None:
     )
 
 
+UNKNOWN = (
+    ";FLAVOR:Griffin\n;TARGET_MACHINE.NAME:Ultimaker S5\n",
+    ";FLAVOR:Marlin\r\n;TARGET_MACHINE.NAME:Ultimaker S5\r\n",
+    "; printer_model = Ultimaker S5\n; layer_height = 0.2\n",
+    ";machine_type: Ultimaker S5\n",
+)
+
+
+@pytest.mark.parametrize("head", UNKNOWN, ids=["griffin", "marlin", "few settings", "machine type"])
+@pytest.mark.parametrize("command", [("check",), ("dry-run",), ("print", "--port", "sim:")])
+def test_a_machine_that_no_profile_knows_is_named_beside_the_default(
+    command: tuple[str, ...], head: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "theirs.gcode"
+    file.write_text(head + CURA.partition("V2\n")[2])
+    wanted = "marlin_220 (default: the file names 'Ultimaker S5', which has no profile), pla (default)"
+
+    assert first_line(command[0], file, *command[1:]) == wanted
+    named = first_line(command[0], file, *command[1:], "--printer", "prusa_mini")
+    assert named == "prusa_mini (--printer), pla (default)"
+
+
+def test_a_name_at_the_end_of_a_long_file_counts(tmp_path: Path) -> None:
+    file = tmp_path / "theirs.gcode"
+    file.write_text(CURA.partition("V2\n")[2] + "G4 P0\n" * 20_000 + "; printer_model = Ultimaker S5\n")
+
+    assert "the file names 'Ultimaker S5'" in first_line("check", file)
+
+
+def test_json_names_the_machine_that_no_profile_knows(tmp_path: Path) -> None:
+    (tmp_path / "theirs.gcode").write_text(UNKNOWN[0] + CURA.partition("V2\n")[2])
+    facts = json.loads(typed("check", tmp_path / "theirs.gcode", "--json").out)["profile"]
+
+    assert facts["printer"] == {"name": "marlin_220", "from": "default", "named_in_file": "Ultimaker S5"}
+
+
 def test_a_file_that_says_nothing_is_judged_by_the_default_and_that_is_said(tmp_path: Path) -> None:
     (tmp_path / "bare.gcode").write_text("G28\nG1 X10 Y10 F3000\n")
 
