@@ -186,6 +186,7 @@ def _root_of_new(arguments: argparse.Namespace, kind: str, name: str) -> Path:
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from printer_slicer.gcode.macro_faults import macro_faults
     from printer_slicer.profile.inspection import faults_of
 
     if not arguments.names:
@@ -200,7 +201,7 @@ def _check(arguments: argparse.Namespace) -> int:
             checked[own] = name
             found += [
                 (f"{one.place}: {one.problem}", one.remedy)
-                for one in faults_of(own, name, arguments.profiles)
+                for one in faults_of(own, name, arguments.profiles, macro_faults)
             ]
         except ProfileError as error:
             found.append((error.args[0], error.remedy))

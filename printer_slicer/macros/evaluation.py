@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Final
 
@@ -11,8 +11,7 @@ from printer_slicer.macros.expressions import Binary, Call, Choice, Index, Liter
 from printer_slicer.macros.functions import FUNCTIONS, Misused
 from printer_slicer.macros.values import NEARLY, Fault, Value, equal, kept, kind_of, whole
 
-__all__ = ["evaluate", "is_true", "known_value"]
-
+__all__ = ["check_known", "evaluate", "is_true"]
 _ORDERS: Final[Mapping[str, Callable[[float, float], bool]]] = {
     "==": equal,
     "!=": lambda a, b: not equal(a, b),
@@ -50,7 +49,7 @@ def evaluate(node: Node, known: Mapping[str, Value]) -> Value:
         case Literal():
             return node.value
         case Name():
-            return known_value(node, known)
+            return _value_of(node, known)
         case Unary():
             return _unary(node, known)
         case Choice():
@@ -67,17 +66,31 @@ def evaluate(node: Node, known: Mapping[str, Value]) -> Value:
             return _binary(node, evaluate(node.left, known), evaluate(node.right, known))
 
 
-def known_value(node: Name, known: Mapping[str, Value]) -> Value:
-    """What a name stands for.
+def check_known(node: Name | Call, known: Collection[str]) -> None:
+    """Whether there is what is named.
 
     Raises:
-        Fault: nothing; the remedy offers the nearest name.
+        Fault: it is not; the remedy offers the nearest name.
     """
-    if node.name in known:
-        return known[node.name]
-    near = get_close_matches(node.name, known, n=1)
-    hint = f"did you mean {{{near[0]}}}?" if near else f"known: {', '.join(sorted(known))}"
-    raise Fault(node.column, f"unknown placeholder {{{node.name}}}", hint)
+    if isinstance(node, Call):
+        _function(node)
+    elif node.name not in known:
+        near = get_close_matches(node.name, known, n=1)
+        hint = f"did you mean {{{near[0]}}}?" if near else _listed(known)
+        raise Fault(node.column, f"unknown placeholder {{{node.name}}}", hint)
+
+
+def _listed(known: Collection[str]) -> str:
+    """The names that there are; settings, which have a section too, are hundreds, and only told of."""
+    settings = {name.rpartition(".")[2] for name in known if "." in name}
+    facts = ", ".join(sorted(name for name in known if "." not in name and name not in settings))
+    return f"known: {facts}" + (", and what `printer-slicer profiles settings` lists" if settings else "")
+
+
+def _value_of(node: Name, known: Mapping[str, Value]) -> Value:
+    """What a name stands for."""
+    check_known(node, known)
+    return known[node.name]
 
 
 def is_true(node: Node, known: Mapping[str, Value]) -> bool:
@@ -149,13 +162,19 @@ def _item(node: Index, known: Mapping[str, Value]) -> Value:
 
 
 def _called(node: Call, known: Mapping[str, Value]) -> Value:
-    function = FUNCTIONS.get(node.name)
-    if function is None:
-        near = get_close_matches(node.name, FUNCTIONS, n=1)
-        hint = f"did you mean {near[0]}()?" if near else f"known: {', '.join(sorted(FUNCTIONS))}"
-        raise Fault(node.column, f"unknown function {node.name}()", hint)
+    function = _function(node)
     try:
         value = function([evaluate(one, known) for one in node.arguments])
     except Misused as error:
         raise Fault(node.column, f"{node.name}(): {error}") from None
     return value if isinstance(value, (bool, str, tuple)) else kept(value, node.column)
+
+
+def _function(node: Call) -> Callable[[Sequence[Value]], Value]:
+    """The function that is called."""
+    function = FUNCTIONS.get(node.name)
+    if function is None:
+        near = get_close_matches(node.name, FUNCTIONS, n=1)
+        hint = f"did you mean {near[0]}()?" if near else f"known: {', '.join(sorted(FUNCTIONS))}"
+        raise Fault(node.column, f"unknown function {node.name}()", hint)
+    return function

@@ -22,7 +22,7 @@ from typing import Final
 from printer_slicer.macros.tokens import Token
 from printer_slicer.macros.values import Fault, Value, kept
 
-__all__ = ["Binary", "Call", "Choice", "Index", "Literal", "Name", "Node", "Unary", "names_in", "parse"]
+__all__ = ["Binary", "Call", "Choice", "Index", "Literal", "Name", "Node", "Unary", "named_in", "parse"]
 
 _DEEPEST: Final = 30
 _MOST_SIGNS: Final = 10  # in front of one thing
@@ -97,25 +97,26 @@ class Call:
 Node = Literal | Name | Unary | Binary | Choice | Index | Call
 
 
-def names_in(node: Node) -> Iterator[Name]:
-    """All names of a tree."""
+def named_in(node: Node) -> Iterator[Name | Call]:
+    """All names and calls of functions in a tree."""
     match node:
         case Name():
             yield node
         case Unary():
-            yield from names_in(node.one)
+            yield from named_in(node.one)
         case Binary():
-            yield from names_in(node.left)
-            yield from names_in(node.right)
+            yield from named_in(node.left)
+            yield from named_in(node.right)
         case Choice():
             for one in (node.condition, node.yes, node.no):
-                yield from names_in(one)
+                yield from named_in(one)
         case Index():
-            yield from names_in(node.of)
-            yield from names_in(node.at)
+            yield from named_in(node.of)
+            yield from named_in(node.at)
         case Call():
+            yield node
             for one in node.arguments:
-                yield from names_in(one)
+                yield from named_in(one)
 
 
 def parse(tokens: list[Token]) -> Node:

@@ -11,13 +11,13 @@ expressions and of blocks, characters that come out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Never
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.macros.evaluation import evaluate, is_true, known_value
-from printer_slicer.macros.expressions import Node, names_in, parse
+from printer_slicer.macros.evaluation import check_known, evaluate, is_true
+from printer_slicer.macros.expressions import Node, named_in, parse
 from printer_slicer.macros.tokens import tokens_of
 from printer_slicer.macros.values import Fault, Value, text_of
 
@@ -82,12 +82,12 @@ class Template:
         """The lines that come out, without empty ones at both ends.
 
         Args:
-            known: what names stand for; every name in the macro must be there, also where a block is left out.
+            known: what names stand for; see `check`.
 
         Raises:
             ProfileError: naming setting, line and column.
         """
-        self._check(self.pieces, known)
+        self.check(known)
         text, size = [], 0
         for part in self._parts(self.pieces, known):
             size += len(part)
@@ -98,6 +98,14 @@ class Template:
                 )
             text.append(part)
         return "".join(text).strip("\n").splitlines()
+
+    def check(self, known: Collection[str]) -> None:
+        """Look up every name and function, also where a block is left out.
+
+        Raises:
+            ProfileError: one is unknown; naming setting, line and column.
+        """
+        self._check(self.pieces, known)
 
     def _parts(self, pieces: tuple[_Piece, ...], known: Mapping[str, Value]) -> Iterator[str]:
         for piece in pieces:
@@ -124,7 +132,7 @@ class Template:
                 _refuse(fault, self.place, self.source, mark.line)
         return ()
 
-    def _check(self, pieces: tuple[_Piece, ...], known: Mapping[str, Value]) -> None:
+    def _check(self, pieces: tuple[_Piece, ...], known: Collection[str]) -> None:
         """Raise for a name that is not known, wherever it stands."""
         for piece in pieces:
             if isinstance(piece, _Show):
@@ -135,10 +143,10 @@ class Template:
                         self._check_names(mark.condition, mark.line, known)
                     self._check(inner, known)
 
-    def _check_names(self, tree: Node, line: int, known: Mapping[str, Value]) -> None:
+    def _check_names(self, tree: Node, line: int, known: Collection[str]) -> None:
         try:
-            for name in names_in(tree):
-                known_value(name, known)
+            for one in named_in(tree):
+                check_known(one, known)
         except Fault as fault:
             _refuse(fault, self.place, self.source, line)
 

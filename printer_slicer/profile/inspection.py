@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import msgspec
 
 from printer_slicer.input_files import read_input
-from printer_slicer.profile.checks import conflicts, planner_conflicts
+from printer_slicer.profile.checks import Conflict, conflicts, planner_conflicts
 from printer_slicer.profile.conversion import Fault, converted, fault_of
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.own_settings import COLD, own_faults
@@ -20,7 +20,7 @@ from printer_slicer.profile.reading import Source, flatten, read_chain
 from printer_slicer.profile.settings import Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES
 
-__all__ = ["DEFAULT", "Told", "differences", "faults_of", "headline", "settings_told"]
+__all__ = ["DEFAULT", "Told", "alone", "differences", "faults_of", "headline", "settings_told"]
 
 DEFAULT: Final = "default"
 """The place of what is set nowhere."""
@@ -53,8 +53,19 @@ def differences(kind: str, one: Source, other: Source) -> dict[str, tuple[object
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def faults_of(kind: str, name: str, folders: Sequence[Path] = ()) -> list[Fault]:
+def faults_of(
+    kind: str,
+    name: str,
+    folders: Sequence[Path] = (),
+    of_macros: Callable[[Printer], Iterable[Conflict]] = lambda _: (),
+) -> list[Fault]:
     """Everything that is wrong with one part of a profile by itself; empty where nothing is.
+
+    Args:
+        kind: `printer`, `material` or `quality`.
+        name: of the profile, or its file.
+        folders: of profiles, besides the usual ones.
+        of_macros: what is wrong with the macros of a printer, which are not looked at without it.
 
     Raises:
         ProfileError: the file, or one that it inherits from, cannot be read at all.
@@ -65,7 +76,8 @@ def faults_of(kind: str, name: str, folders: Sequence[Path] = ()) -> list[Fault]
         return found
     part = converted(kind, mended)
     own = [] if found else list(planner_conflicts(part) if kind == "quality" else ())
-    own += conflicts(_alone(part)) if kind == "printer" and not found else ()
+    own += conflicts(alone(part)) if kind == "printer" and not found else ()
+    own += of_macros(part) if kind == "printer" else ()
     for key, problem, remedy in own:
         section, _, path = key.partition(".")
         if section == kind:
@@ -139,7 +151,7 @@ def _mended(values: Any, keys: Sequence[str | int], stand_in: object) -> Any:
     return {**values, key: stand_in}
 
 
-def _alone(printer: Printer) -> Profile:
+def alone(printer: Printer) -> Profile:
     """A printer with a material and a quality that ask nothing of it."""
     thin = Quality(name="", planner=UniformPlanner(), layer_height=printer.min_layer)
     return Profile(printer=printer, material=COLD, quality=thin)

@@ -12,7 +12,8 @@ import pytest
 from command_line import BOX, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.dials import DIALS
-from printer_slicer.profile import KINDS, load_profile, settings_table
+from printer_slicer.gcode.macro_faults import macro_faults
+from printer_slicer.profile import KINDS, load_profile, profile_paths, settings_table
 from printer_slicer.profile.folders import VARIABLE, profile_root
 
 
@@ -203,6 +204,76 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
 )
 def test_slips_are_told_with_a_remedy(words: list[str], problem: str, remedy: str) -> None:
     assert is_message(failed(*words), problem, remedy)
+
+
+MACROS = """\
+inherits = "marlin_220"
+name = "macros"
+start_gcode = \"\"\"
+G28
+M117 {nosuchname}
+\"\"\"
+layer_gcode = "M117 {9**9}"
+end_gcode = "{if layer_count > 1}M84"
+pause_gcode = "M117 {flor(layer_z)}"
+tool_gcode = "T{layer_num}"
+"""
+
+
+def test_what_is_wrong_with_macros_is_told_by_key_and_place(tmp_path: Path) -> None:
+    file = tmp_path / "macros.toml"
+    file.write_text(MACROS)
+    outcome = failed("check", file)
+    wrong = [line for line in outcome.err.splitlines() if "gcode: " in line]
+
+    assert outcome.code == 2
+    assert [line.removeprefix(f"{file}:").partition(": line")[0] for line in wrong] == [
+        "3: printer.start_gcode",
+        "8: printer.end_gcode",
+        "7: printer.layer_gcode",
+        "10: printer.tool_gcode",
+        "9: printer.pause_gcode",
+    ]
+    for text in (
+        "line 2, column 7: unknown placeholder {nosuchname}",
+        "line 1, column 1: {if ...} without {endif}",
+        "line 1, column 9: '*' where a value was expected",
+        "line 1, column 3: unknown placeholder {layer_num}",  # there is no layer yet
+        "line 1, column 7: unknown function flor()",
+    ):
+        assert text in outcome.err
+    assert len(outcome.err) < 4000  # not the hundreds of settings
+
+
+def test_macros_are_told_beside_other_faults(tmp_path: Path) -> None:
+    (tmp_path / "two.toml").write_text(MACROS + "bed_x = -3\n")
+    outcome = failed("check", tmp_path / "two.toml")
+
+    assert "bed_x" in outcome.err
+    assert "{nosuchname}" in outcome.err
+
+
+GOOD_MACROS = """\
+inherits = "marlin_220"
+name = "good"
+start_gcode = "M104 S{first_layer_nozzle_temperature + 1 / (layer_count - 1)} ; {planner.seed} {object_names[0]}"
+before_layer_gcode = "; {layer_num} {layer_tops[5]}"
+layer_gcode = "{if layer_num > 3}M117 {quality.planner.max_step} {{{part_height}}}{endif}"
+end_gcode = "; {printer_name} {print_seconds} {fixed(filament_used_g, 1)}"
+pause_gcode = "M0 {layer_z}"
+"""
+
+
+def test_macros_that_hang_on_part_material_or_quality_are_not_faulted(tmp_path: Path) -> None:
+    (tmp_path / "good.toml").write_text(GOOD_MACROS)
+    outcome = typed("profiles", "check", tmp_path / "good.toml")
+
+    assert (outcome.code, outcome.err) == (0, "")
+
+
+@pytest.mark.parametrize("printer", profile_paths("printer"))
+def test_macros_of_all_shipped_printers_are_sound(printer: str) -> None:
+    assert list(macro_faults(load_profile(printer, slices=False).printer)) == []
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
