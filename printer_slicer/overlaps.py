@@ -11,6 +11,7 @@ from printer_slicer.geometry import Areas, intersection, normalize
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.crossing import crossings_of, join_rings
+from printer_slicer.geometry.pieces import pieces_of
 from printer_slicer.model import Float, Int, Mesh
 
 __all__ = ["Overlap", "find_collisions", "find_overlaps"]
@@ -26,14 +27,16 @@ class Overlap(NamedTuple):
 
     Attributes:
         first, second: indices of the parts.
-        width: mm, extent of the overlap in x.
-        depth: mm, extent in y.
+        width: mm, extent of the largest connected overlap in x.
+        depth: mm, its extent in y.
+        places: number of separate overlaps, where they are counted.
     """
 
     first: int
     second: int
     width: float
     depth: float
+    places: int = 1
 
 
 def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
@@ -47,11 +50,22 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
         for first in np.flatnonzero((room > _LEAST).all(axis=1)).tolist():
             window = np.maximum(low[first], low[second]), np.minimum(high[first], high[second])
             common = intersection(*(_projection(meshes[at], *window) for at in (first, second)))
-            common = common.take(np.flatnonzero(np.abs(common.ring_area()) > _LEAST**2))
-            if common.n_rings:
-                width, depth = np.ptp(common.xy, axis=0).tolist()
-                if min(width, depth) > _LEAST:
-                    yield Overlap(first, second, width, depth)
+            size, area = _places(common)
+            if len(size):
+                width, depth = size[np.argmax(area)].tolist()
+                yield Overlap(first, second, width, depth, len(size))
+
+
+def _places(common: Areas) -> tuple[Float, Float]:
+    """Join overlaps across tiles: (n, 2) mm, box around each connected one, and (n,) mm², without rounding errors."""
+    if not common.n_rings:
+        return np.zeros((0, 2)), np.zeros(0)
+    whole = normalize(common.restacked(np.arange(common.n_rings), np.zeros(common.n_rings, np.int64), 1))
+    areas = pieces_of(whole).areas
+    low, high = areas.boxes()
+    size, area = high - low, areas.area()
+    counts = (size > _LEAST).all(axis=1) & (area > _LEAST**2)
+    return size[counts], area[counts]
 
 
 def find_collisions(part: Mesh) -> Iterator[Overlap]:

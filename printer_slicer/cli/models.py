@@ -179,6 +179,7 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
     called = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
     told = [
         f"{called[one.second]} overlaps {called[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
+        + (f", the largest of {one.places} places" if one.places > 1 else "")
         for one in found[:_MOST_TOLD]
     ]
     told += ["and more"] if len(found) > _MOST_TOLD else []

@@ -180,6 +180,25 @@ def test_a_part_in_a_hole_of_another_does_not_overlap(tmp_path: Path) -> None:
     assert "outside.stl overlaps frame.stl by 1 x 18 mm" in typed("slice", frame, outside, *QUICK).err
 
 
+def test_of_several_places_where_parts_overlap_the_largest_is_told(tmp_path: Path) -> None:
+    """Beams over a frame with walls of 2 mm: across two of them, over a corner, along one of them."""
+    write(tmp_path, binary_stl(box_with_hole((24, 24, 6), (20, 20)).triangles), "frame.stl")
+    across = part(tmp_path, "across.stl", (-3, 5, 0), (27, 7, 6))
+    longer = part(tmp_path, "longer.stl", (-3, 21.5, 0), (5, 40, 6))
+    short = part(tmp_path, "short.stl", (21, -3, 0), (23.5, 23, 6))
+    frame = tmp_path / "frame.stl"
+
+    for beam, told in (
+        (across, "across.stl overlaps frame.stl by 2 x 2 mm, the largest of 2 places,"),
+        (longer, "longer.stl overlaps frame.stl by 5 x 2.5 mm,"),
+        (short, "short.stl overlaps frame.stl by 2.5 x 23 mm,"),
+    ):
+        assert told in typed("slice", frame, beam, *QUICK).err
+        name = told.partition(" ")[0]
+        turned = told.replace(name, "frame.stl", 1).replace("overlaps frame.stl", f"overlaps {name}")
+        assert turned in typed("slice", beam, frame, *QUICK).err
+
+
 def test_objects_of_one_file_may_overlap(tmp_path: Path) -> None:
     both = joined([box((20, 20, 6)), box((8, 8, 6), at=(16, 2, 0))])
     path = write(tmp_path, binary_stl(both.triangles), "both.stl")
