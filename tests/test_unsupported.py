@@ -148,5 +148,5 @@ def test_what_is_not_sent_is_said_to_be_so_with_what_helps(folder: Path) -> None
     told = typed("send", "mushroom.gcode", "--to", "duet", "http://127.0.0.1:9", cwd=folder).err
 
     assert "mushroom.gcode: not sent, for it holds" in told
-    assert "turn the part, or add supports; if it is meant: --allow unsupported" in told
+    assert "turn the part or add supports; if it is meant: --allow unsupported" in told
     assert "--printer" not in told

@@ -117,8 +117,8 @@ def add_send(commands: _Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--timeout", metavar="S", type=positive, default=30, help="s without an answer; default: 30"
     )
-    looked = "looked at before it is sent: unsupported extrusion; with --print all that `print` looks at"
-    add_machine(parser.add_argument_group(looked))
+    checked = "checks before sending: unsupported extrusion; with --print everything that `print` checks"
+    add_machine(parser.add_argument_group(checked))
     output(parser)
     parser.set_defaults(run=later("sending", "send_command"))
 

@@ -38,7 +38,7 @@ def insist_on_policy(arguments: argparse.Namespace, job: Job, refusal: str = "no
     Args:
         arguments: the command line.
         job: with its findings.
-        refusal: what is not done with a job that is refused.
+        refusal: what does not happen to a refused job, for the message.
 
     Raises:
         PolicyError: it holds what was not allowed.

@@ -1,4 +1,4 @@
-"""What is wrong with a printer's macros whatever is printed: what cannot be read, and names that nothing has."""
+"""Errors in a printer's macros that do not depend on a print: syntax, unknown names and functions."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from printer_slicer.profile.planners import PLANNER_SETTINGS
 __all__ = ["macro_faults"]
 
 _IN_LAYERS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gcode"})
-"""Macros that may speak of a layer."""
+"""Macros that may use facts about a layer."""
 
 
 def macro_faults(printer: Printer) -> Iterator[Conflict]:
-    """The first fault of each macro; values, which hang on part, material and quality, are not asked for."""
+    """Yield the first error of each macro; values depend on part, material and quality and are not computed."""
     nothing = _no_moves()
     known = set(print_facts(nothing, alone(printer)))
-    # Every quality has other settings of its planner.
+    # Which planner settings exist depends on the quality.
     of_planners = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}
     known |= {f"{section}planner.{name}" for name in of_planners for section in ("", "quality.")}
     in_layer = known | set(layer_facts(nothing, 0, 0.0, 0.0))
@@ -42,7 +42,7 @@ def macro_faults(printer: Printer) -> Iterator[Conflict]:
 
 
 def _no_moves() -> Program:
-    """A program of one layer in which nothing is printed: facts of it have the names of all facts."""
+    """Return a program of one layer without moves: its facts have the same names as those of any print."""
     none = np.zeros(0)
     return Program(
         plan=LayerPlan.from_tops(np.array([0.2])),
@@ -50,8 +50,8 @@ def _no_moves() -> Program:
         xyz=np.zeros((0, 3)),
         filament=none,
         speed=none,
-        layer=none,
-        role=none,
+        layer=np.zeros(0, np.int64),
+        role=np.zeros(0, np.int64),
         width=none,
         height=none,
     )

@@ -67,10 +67,10 @@ def evaluate(node: Node, known: Mapping[str, Value]) -> Value:
 
 
 def check_known(node: Name | Call, known: Collection[str]) -> None:
-    """Whether there is what is named.
+    """Check that a name or function exists.
 
     Raises:
-        Fault: it is not; the remedy offers the nearest name.
+        Fault: it does not; the remedy offers the nearest name.
     """
     if isinstance(node, Call):
         _function(node)
@@ -81,7 +81,7 @@ def check_known(node: Name | Call, known: Collection[str]) -> None:
 
 
 def _listed(known: Collection[str]) -> str:
-    """The names that there are; settings, which have a section too, are hundreds, and only told of."""
+    """List the known names; settings, which also have a name with a section, are hundreds and left out."""
     settings = {name.rpartition(".")[2] for name in known if "." in name}
     facts = ", ".join(sorted(name for name in known if "." not in name and name not in settings))
     return f"known: {facts}" + (", and what `printer-slicer profiles settings` lists" if settings else "")

@@ -100,7 +100,7 @@ class Template:
         return "".join(text).strip("\n").splitlines()
 
     def check(self, known: Collection[str]) -> None:
-        """Look up every name and function, also where a block is left out.
+        """Check that every name and function exists, also in blocks that are left out.
 
         Raises:
             ProfileError: one is unknown; naming setting, line and column.

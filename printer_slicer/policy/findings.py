@@ -44,13 +44,13 @@ NAMES: Final[Mapping[str, str]] = {
 _NAME_IT: Final = "name the printer it was made for with --printer and --material"
 _REMEDIES: Final[Mapping[str, str]] = {
     **dict.fromkeys(("temperature", "box", "feed", "flow", "limits", "unreadable"), _NAME_IT),
-    "unsupported": "turn the part, or add supports",
-    "cold": "heat the nozzle first (M109 S and a temperature), without M302",
-    "homing": "home first (G28), and leave the motors on",
+    "unsupported": "turn the part or add supports",
+    "cold": "heat the nozzle first (M109 S and a temperature) and remove M302",
+    "homing": "home first (G28) and keep the motors on",
 }
-"""Name -> what helps; another profile does only where one is the measure."""
+"""Name -> remedy; another profile helps only against what is compared with a profile."""
 
-_OTHERS: Final = "take it out of the G-code"
+_OTHERS: Final = "remove it from the G-code"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ def check_names(allowed: Iterable[str]) -> frozenset[str]:
 
 
 def remedy_of(findings: Iterable[Finding]) -> str:
-    """What helps against those of them that are refused, and what allows them."""
+    """Return the remedies of the refused findings and the flags that allow them."""
     names = tuple(dict.fromkeys(one.name for one in findings if one.refused))
     by_remedy: dict[str, list[str]] = {}
     for name in names:
@@ -130,7 +130,7 @@ def insist(
         findings: of the whole job.
         allowed: names.
         name: of the job, for the message.
-        refusal: what is not done with it.
+        refusal: what does not happen to it, for the message.
 
     Raises:
         PolicyError: it does; says what, where, and how to allow it.

@@ -64,8 +64,8 @@ def faults_of(
     Args:
         kind: `printer`, `material` or `quality`.
         name: of the profile, or its file.
-        folders: of profiles, besides the usual ones.
-        of_macros: what is wrong with the macros of a printer, which are not looked at without it.
+        folders: further folders of profiles.
+        of_macros: finds errors in the macros of a printer; default: macros are not checked.
 
     Raises:
         ProfileError: the file, or one that it inherits from, cannot be read at all.

@@ -437,7 +437,7 @@ def test_each_of_several_findings_has_its_remedy() -> None:
     remedy = remedy_of(found("G28", "M500", "M104 S300", "M81", "M112"))
 
     assert remedy == (
-        "eeprom, halt: take it out of the G-code; "
+        "eeprom, halt: remove it from the G-code; "
         "temperature: name the printer it was made for with --printer and --material; "
         "if they are meant: --allow eeprom --allow temperature --allow halt"
     )
