@@ -282,7 +282,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pyte
 
     assert is_message(
         failed("new", "quality", "mine"),
-        f"{tmp_path}/file/qualities: the folder cannot be made",
+        f"{tmp_path}/file/qualities: the folder cannot be created",
         "Not a directory",
     )
 
