@@ -30,7 +30,7 @@ class Dial(NamedTuple):
 
 DIALS: Final[Mapping[str, Dial]] = {
     "--layer-height": Dial(
-        "quality.layer_height", "MM", ", uniform except in ranges with their own layer_height"
+        "quality.layer_height", "MM", "; ranges may have their own layer_height"
     ),
     "--planner": Dial("quality.planner.kind", "NAME"),
     "--tolerance": Dial("quality.tolerance", "MM"),
