@@ -29,9 +29,7 @@ class Dial(NamedTuple):
 
 
 DIALS: Final[Mapping[str, Dial]] = {
-    "--layer-height": Dial(
-        "quality.layer_height", "MM", "; ranges may have their own layer_height"
-    ),
+    "--layer-height": Dial("quality.layer_height", "MM", "; ranges may have their own layer_height"),
     "--planner": Dial("quality.planner.kind", "NAME"),
     "--tolerance": Dial("quality.tolerance", "MM"),
     "--first-layer": Dial("quality.first_layer_height", "MM"),
