@@ -36,6 +36,7 @@ class Dialect:
         labels: how things on the plate are marked where the profile says `auto`, a key of `LABEL_WORDS`.
         m486: how where it says `m486`, likewise.
         counting: by which rule G90, G91, M82 and M83 are read.
+        any_case: whether the firmware accepts commands and words in lower case.
         reads: what commands mean that mean something else in Marlin 2, for who reads files.
     """
 
@@ -48,6 +49,7 @@ class Dialect:
     labels: str = "octoprint"
     m486: str = "m486"
     counting: Rule = "together"
+    any_case: bool = False
     reads: Mapping[str, Action] = field(default_factory=dict)
 
 

@@ -1,7 +1,8 @@
 """Klipper.
 
 Source: Klipper's documents, "G-Codes": SET_VELOCITY_LIMIT, SET_PRESSURE_ADVANCE, SET_RETRACTION
-([firmware_retraction]), M73 ([display_status]), PAUSE ([pause_resume]).
+([firmware_retraction]), M73 ([display_status]), PAUSE ([pause_resume]). It turns a line into
+capitals before it reads it (`gcode.py`).
 """
 
 from __future__ import annotations
@@ -65,4 +66,5 @@ KLIPPER: Final = Dialect(
         "SET_VELOCITY_LIMIT": _set_velocity_limit,
     },
     counting=COUNTING["klipper"],
+    any_case=True,
 )

@@ -1,7 +1,7 @@
 """Repetier-Firmware: accelerations by M201 (printing) and M202 (travelling), jerk by M207; M203 to M206 are others.
 
 Source: the list of commands in Repetier-Firmware's sources (Repetier.ino, version 1), and Repetier-Server's manual on
-`@pause`, which the host obeys.
+`@pause`, which the host obeys. Letters of either case: `GCode::parseAscii`.
 """
 
 from __future__ import annotations
@@ -49,4 +49,5 @@ REPETIER: Final = Dialect(
         "M208": passed_over,
     },
     counting=COUNTING["repetier"],
+    any_case=True,
 )

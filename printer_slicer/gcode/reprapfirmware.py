@@ -1,6 +1,7 @@
 """RepRapFirmware of Duet boards: speeds and jerks in mm/min, pressure advance by M572.
 
 Source: Duet3D's G-code dictionary: M73, M201, M203, M204, M207, M226, M566, M572.
+Letters of either case: `StringParser.cpp`.
 """
 
 from __future__ import annotations
@@ -52,4 +53,5 @@ REPRAPFIRMWARE: Final = Dialect(
         "M566": limit("M205", scale=1 / _MINUTE),
     },
     counting=COUNTING["reprapfirmware"],
+    any_case=True,
 )

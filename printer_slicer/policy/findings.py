@@ -37,7 +37,7 @@ NAMES: Final[Mapping[str, str]] = {
     "link": "the serial port, line numbers, answers, the printer's network (M575, M110, M118 ok, M552, M586 to M589)",
     "debug": "commands for developers (D0 and others, M111)",
     "shell": "programs of the printer's computer (RUN_SHELL_COMMAND)",
-    "unreadable": "unparsed commands: expressions, several commands in a line, letters without a number, G5, G18",
+    "unreadable": "unparsed commands: expressions, several commands in a line, bare letters, lower case, G5, G18",
 }
 """Name -> what it allows."""
 

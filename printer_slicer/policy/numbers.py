@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from printer_slicer.policy.words import Command
 
-__all__ = ["number_faults"]
+__all__ = ["firmware_name", "number_faults"]
 
 _MOVES: Final = frozenset({"G0", "G1", "G2", "G3", "G5"})
 _ALL: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
@@ -59,6 +59,11 @@ _READINGS: Final[Mapping[str, tuple[str, _Reading]]] = {
     "reprapfirmware": ("RepRapFirmware", _Reading(_REJECTED, _REJECTED, _UP_TO)),
 }
 """Flavour -> name of the firmware, and how it reads such words."""
+
+
+def firmware_name(flavour: str) -> str:
+    """The name of the firmware that reads a flavour of G-code."""
+    return _READINGS[flavour][0]
 
 
 def number_faults(command: Command, flavour: str) -> Iterator[str]:

@@ -11,6 +11,7 @@ from printer_slicer.deposition import UnsupportedTracker
 from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.heat import Heat
+from printer_slicer.policy.letter_case import lower_case_fault
 from printer_slicer.policy.motion import MoveJudge
 from printer_slicer.policy.numbers import number_faults
 from printer_slicer.policy.readiness import Readiness
@@ -61,7 +62,7 @@ def scan(
             readiness.follow(index, command)
             if command.code == "M221" and (ratio := command.most("S")):
                 factors.append((index, ratio / 100))
-            for name, refused, what, why in _said(command, profile, heat):
+            for name, refused, what, why in _said(command, line, profile, heat):
                 shown = line.decode("latin-1")
                 key = (name, refused, what, shown)
                 old = found.get(key)
@@ -89,7 +90,9 @@ def _in_order(findings: Iterable[Finding], marks: Mapping[int, int]) -> tuple[Fi
     return tuple(sorted(placed, key=lambda one: (one.index, not one.refused, one.name)))
 
 
-def _said(command: Command, profile: Profile, heat: Heat) -> Iterator[tuple[str, bool, str, str]]:
+def _said(
+    command: Command, line: bytes, profile: Profile, heat: Heat
+) -> Iterator[tuple[str, bool, str, str]]:
     """Name, whether it is refused, what it does, why that matters."""
     if wrong := heat.judge(command):
         yield "temperature", True, wrong, "it may burn"
@@ -97,6 +100,8 @@ def _said(command: Command, profile: Profile, heat: Heat) -> Iterator[tuple[str,
         said = rule.judge(command, profile.printer)
         if said is not None:
             yield rule.name, *said, rule.why
+    if not command.further and (what := lower_case_fault(line, profile.printer.flavour)):
+        yield "unreadable", True, what, "the printer passes over what it does not know"
     for what in number_faults(command, profile.printer.flavour):
         yield "unreadable", True, what, "firmwares read it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
-__all__ = ["Command", "read_commands", "unusual"]
+__all__ = ["Command", "read_commands", "takes_text", "unusual"]
 
 _NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _CODE: Final = re.compile(r"([GMTD]) *(-?[0-9]+)(?:\.[0-9]+)?")
@@ -84,6 +84,11 @@ def unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
             index += text.count(b"\n", at, found.start())
             at = found.start()
             yield index, found.group()
+
+
+def takes_text(code: str) -> bool:
+    """Whether free text stands behind a command (M117)."""
+    return code in _TEXTS
 
 
 def read_commands(line: bytes) -> Iterator[Command]:

@@ -52,7 +52,7 @@ _EXTENDED: Final = re.compile(r"(?i)_?[A-Z]+_[A-Z_]+\b").match
 def run(board: Board, text: str) -> Steps | None:
     """Begin a command: None when it is done, otherwise what is left of it."""
     command = Command(text, any_case=board.front_end.any_case)
-    code = command.code or text.partition(" ")[0]
+    code = command.code or command.name
     if board.shut_down and code not in klipper.ANYWAY:
         klipper.refuse_shut_down(board)
         return None

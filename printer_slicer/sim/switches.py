@@ -47,6 +47,8 @@ class FrontEnd:
         decimals: of positions, in mm.
         killed: what it says when it halts, with `{reason}`.
         overheated: what it says before that when a heater is out of control, with `{what}` and `{heater}`.
+        homing_failed: what it says when an endstop never closes, with `{axis}`: it goes on, with motors off; empty: it
+            halts.
         tells_overflow: says that its receive buffer was full, and throws away the line that it cut.
         language: whose words temperatures, positions and errors are said in, and whose commands are known.
         receive_buffer: bytes the receive ring can hold unread (one less than its size); what comes when it is
@@ -64,7 +66,8 @@ class FrontEnd:
         reports_area: M115 ends with the size of the machine.
         flavour: whose meanings commands have that differ from firmware to firmware.
         babysteps: M290 is known.
-        any_case: whether lower-case commands are accepted (Marlin with GCODE_CASE_INSENSITIVE).
+        any_case: whether lower-case commands are accepted (Klipper, RepRapFirmware, Repetier; Marlin with
+            GCODE_CASE_INSENSITIVE).
         ignores_extended: words such as SET_PRESSURE_ADVANCE are answered with a plain ok, not as unknown.
         wait_seconds: an idle printer says `wait` so often; 0 = never.
         busy_seconds: a printer that works on a command says so so often; 0 = never. M113 changes it.
@@ -99,6 +102,7 @@ class FrontEnd:
     decimals: int = 2
     killed: tuple[str, ...] = ("echo:{reason}", "Error:Printer halted. kill() called!")
     overheated: tuple[str, ...] = ("Error:{what}, system stopped! Heater_ID: {heater}", "")
+    homing_failed: str = ""
     tells_overflow: bool = False
     language: Literal["marlin", "klipper", "virtual"] = "marlin"
     receive_buffer: int | None = None

@@ -37,21 +37,24 @@ class Command:
 
     Attributes:
         text: the line without line number and checksum.
+        name: the first word, in capitals where case does not matter: the name of an extended command.
         code: letter and number, such as "G28"; empty when it does not begin with them.
         rest: what stands behind the code, without blanks around it.
         words: the letters behind the code with their numbers as text, "" for a letter alone. There are no
             exponents: E is an axis, so "X10E5" are two words.
     """
 
-    __slots__ = ("code", "rest", "text", "words")
+    __slots__ = ("_behind", "_read", "code", "name", "rest", "text", "words")
 
     def __init__(self, text: str, *, any_case: bool = False) -> None:
         read = text.translate(_UPPER) if any_case else text
         match = _CODE.match(read)
-        self.text = text
+        self.text, self._read = text, read
+        self.name = read.partition(" ")[0]
         self.code = f"{match[1]}{match[2].lstrip('0') or '0'}" if match else ""  # G01 is G1
         self.rest = text[match.end() :].strip() if match else ""
-        self.words: dict[str, str] = dict(_WORD.findall(read[match.end() :] if match else ""))
+        self._behind = read[match.end() :] if match else ""
+        self.words: dict[str, str] = dict(_WORD.findall(self._behind))
 
     def value(self, letter: str) -> float | None:
         """The number behind a letter; None without the letter or without a number."""
@@ -64,9 +67,9 @@ class Command:
 
     def without_number(self, letters: str) -> list[str]:
         """Return the letters without a valid number."""
-        found = _WRITTEN.findall(self.rest)
+        found = _WRITTEN.findall(self._behind)
         return [letter for letter, text in found if letter in letters and not _WHOLE(text)]
 
     def setting(self, name: str) -> float | None:
         """The number of NAME=number, as extended commands have it."""
-        return next((float(value) for key, value in _SETTING.findall(self.text) if key == name), None)
+        return next((float(value) for key, value in _SETTING.findall(self._read) if key == name), None)

@@ -7,7 +7,7 @@ from typing import Final
 
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Printer
-from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
+from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1, FrontEnd
 from printer_slicer.sim.heater import HeaterSpec
 from printer_slicer.sim.machine import Machine
 
@@ -55,4 +55,5 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
 def front_end_of(printer: Printer) -> FrontEnd:
     """How the simulated firmware answers: as Marlin does, but commands mean what they do in the printer's flavour."""
     extended = printer.firmware.extended_commands
-    return replace(MARLIN_2_1, flavour=printer.flavour, ignores_extended=extended)
+    any_case = any(one.any_case for one in FRONT_ENDS.values() if one.flavour == printer.flavour)
+    return replace(MARLIN_2_1, flavour=printer.flavour, ignores_extended=extended, any_case=any_case)

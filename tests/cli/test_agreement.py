@@ -92,11 +92,59 @@ def told(folder: Path, flavour: str, plant: Callable[[Lines], Lines]) -> dict[st
     return {name: (run.code, run.out + run.err) for name, run in runs.items()}
 
 
+def printed(folder: Path, flavour: str, *flags: str) -> dict[str, tuple[int, str]]:
+    """The same of `print`, for the file that was planted last."""
+    machine = ("--set", f"printer.flavour={flavour}")
+    run = typed("print", folder / "planted.gcode", "--port", "sim:", "-q", *machine, *flags, cwd=folder)
+    return {"print": (run.code, run.out + run.err)}
+
+
 @pytest.mark.parametrize("flavour", sorted(FLAVOURS))
 def test_every_tool_passes_a_good_file(flavour: str, folder: Path) -> None:
     found = told(folder, flavour, lambda lines: lines)
 
     assert {name: code for name, (code, _) in found.items()} == dict.fromkeys(found, 0), found
+
+
+TAKES_LOWER_CASE = {"klipper", "reprapfirmware", "repetier"}
+LOWER_CASE = {
+    "whole line": ("g1 x100 y100", "G1 X100 Y100"),
+    "a word": ("G1 X100 y100", "G1 X100 Y100"),
+    "no blanks": ("g1x100y100", "G1X100Y100"),
+    "a heater": ("m104 s200", "M104 S200"),
+}
+FREE_TEXT = ("M117 printing layer 4 of x 8", 'M117 "x 4"')
+
+
+@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
+@pytest.mark.parametrize("case", LOWER_CASE)
+def test_every_tool_takes_lower_case_as_the_firmware_does(case: str, flavour: str, folder: Path) -> None:
+    line, capitals = LOWER_CASE[case]
+    found = told(folder, flavour, with_line(line)) | printed(folder, flavour)
+
+    refused = flavour not in TAKES_LOWER_CASE
+    codes = {name: (2 if name == "print" else 7) if refused else 0 for name in found}
+    assert {name: code for name, (code, _) in found.items()} == codes, found
+    for name, (_, text) in found.items() if refused else ():
+        assert f"line {1 + (folder / 'planted.gcode').read_text().splitlines().index(line)}" in text, name
+        assert f"write {capitals}" in text, name
+
+
+@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
+@pytest.mark.parametrize("line", FREE_TEXT)
+def test_no_tool_minds_lower_case_in_a_text(line: str, flavour: str, folder: Path) -> None:
+    found = told(folder, flavour, with_line(line))
+
+    assert "lower case" not in str(found), found
+
+
+@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
+def test_the_simulator_takes_lower_case_where_it_is_allowed(flavour: str, folder: Path) -> None:
+    told(folder, flavour, with_line("g1 x100 y100"))
+
+    _, text = printed(folder, flavour, "--allow", "unreadable")["print"]
+
+    assert ("nknown command" in text) == (flavour not in TAKES_LOWER_CASE), text
 
 
 @pytest.mark.parametrize("flavour", sorted(FLAVOURS))
