@@ -320,6 +320,16 @@ class Board:
         else:
             self.killed = reason
 
+    def homing_failed(self, axis: str) -> None:
+        """An endstop never closed: halt, or switch the motors off and go on, as the firmware does."""
+        self.violated("an endstop never closed")
+        if not self.front_end.homing_failed:
+            self.kill("Homing Failed")
+            return
+        self.say(self.front_end.homing_failed.format(axis=axis))
+        self.homed = [False, False, False]
+        self.guard()
+
     def take_over(self, old: Board) -> None:
         """Be the same machine as the board before the reset: its warmth, its spool, its faults."""
         for heater, before in zip(self.heaters.all(), old.heaters.all(), strict=True):

@@ -259,8 +259,7 @@ def _home(board: Board, command: Command) -> Steps:
             # It drives half as far again as the axis is long before it gives up.
             way = HOMING_REACH * (machine.box_max[axis] - machine.box_min[axis])
             yield from board.until(board.now + way / machine.homing_speed[axis])
-            board.violated("an endstop never closed")
-            board.kill("Homing Failed")
+            board.homing_failed("xyz"[axis])
             return
         yield from board.until(board.now + way / machine.homing_speed[axis] + machine.homing_bump)
         position[axis] = machine.home[axis]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from math import inf
 from random import Random  # noqa: TID251 - seeded
@@ -14,7 +15,7 @@ from sim_console import COLD_OK, numbered
 from printer_slicer.errors import PortError, UsageError
 from printer_slicer.sim.fault_script import read_script
 from printer_slicer.sim.faults import KINDS, Fault, Faults
-from printer_slicer.sim.front_end import KLIPPER, MARLIN_2_1
+from printer_slicer.sim.front_end import FRONT_ENDS, KLIPPER, MARLIN_2_1, FrontEnd
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -30,11 +31,13 @@ MOVES = [b"G28", b"G90", b"M83"] + [
 class Desk:
     """A printer with faults, its cable, and what was executed."""
 
-    def __init__(self, *faults: Fault, seed: int = 1, machine: Machine = COLD_OK) -> None:
+    def __init__(
+        self, *faults: Fault, seed: int = 1, machine: Machine = COLD_OK, front_end: FrontEnd = MARLIN_2_1
+    ) -> None:
         self.executed: list[str] = []
         self.faults = Faults(faults, Random(seed))
         self.printer = SimulatedPrinter(
-            machine, MARLIN_2_1, on_executed=self.executed.append, faults=self.faults, boots=False
+            machine, front_end, on_executed=self.executed.append, faults=self.faults, boots=False
         )
         self.port = VirtualPort(self.printer, baud=115_200, faults=self.faults)
 
@@ -172,6 +175,32 @@ def test_an_endstop_that_never_closes_ends_in_a_halt() -> None:
 
     assert isinstance(end, Halted)
     assert desk.printer.report().killed == "Homing Failed"
+
+
+SAY_ONLY_THAT_THEY_STOPPED = {"reprapfirmware", "octoprint virtual"}
+
+
+@pytest.mark.parametrize("name", sorted(set(FRONT_ENDS) - SAY_ONLY_THAT_THEY_STOPPED))
+def test_the_reason_of_a_stop_names_the_endstop_error(name: str) -> None:
+    desk = Desk(Fault("endstop", axis="y"), front_end=FRONT_ENDS[name])
+    end = desk.print(b"M205 X8", b"G28", b"G1 X10")
+
+    assert isinstance(end, Halted)
+    assert re.search("Homing Failed|No trigger on y after full movement", end.reason), end
+    assert "M205" not in end.reason
+
+
+def test_klipper_leaves_the_machine_unhomed_after_an_endstop_error_and_goes_on_answering() -> None:
+    printer = Desk(Fault("endstop", axis="y"), front_end=KLIPPER).printer
+    printer.send(0.0)
+    printer.receive(b"G28\nG1 X10\nM105\n", 0.0)
+    said = b"".join(printer.send(second) for second in range(60)).decode().splitlines()
+
+    assert said[0] == "!! No trigger on y after full movement"
+    assert said[1] == "ok"
+    assert said[2].startswith("!! Must home axis first")
+    assert said[-1].startswith("ok B:")
+    assert not any(printer.board.homed)
 
 
 @pytest.mark.parametrize(
