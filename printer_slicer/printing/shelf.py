@@ -271,23 +271,27 @@ def _print_in(folder: Path) -> Print | None:
 
 def damage_of(print_: Print) -> DamagedPrint | None:
     """Return why a print cannot be resumed, as far as its files show; None if it can."""
-    from printer_slicer.printing.journal import read_story  # noqa: PLC0415 - who only has a wish does without
+    # Who only controls a print does without these.
+    from printer_slicer.commands import told_by  # noqa: PLC0415
+    from printer_slicer.printing.journal import read_story  # noqa: PLC0415
+    from printer_slicer.printing.take_up import damage_in  # noqa: PLC0415
 
     try:
         _ = print_.setup
     except TypeError as error:
         return DamagedPrint(print_.folder, _HEAD, f"the printer's setup is invalid: {error}")
+    file = "journal"
     try:
-        why = read_story(print_.folder).damage
-    except OSError as error:
-        why = f"it cannot be read: {error.strerror}"
-    if why:
-        return DamagedPrint(print_.folder, "journal", why)
-    try:
+        story = read_story(print_.folder)
+        file = _JOB
         check_is_file(print_.folder / _JOB)
+        total = len(told_by(print_.text).commands)
     except OSError as error:
-        return DamagedPrint(print_.folder, _JOB, f"it cannot be read: {error.strerror}")
-    return None
+        return DamagedPrint(print_.folder, file, f"it cannot be read: {error.strerror}")
+    if not total:
+        return DamagedPrint(print_.folder, _JOB, "it holds no commands")
+    why = damage_in(story, total)
+    return DamagedPrint(print_.folder, "journal", why) if why else None
 
 
 def _is_address(port: str) -> bool:

@@ -95,11 +95,13 @@ def damage_in(story: Story, total: int) -> str:
         )
         if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
             return "a cancelled object has an invalid command number"
+        places: list[Parked | _Brought] = [states.parked] if states.parked else []
         if states.recovering_at is not None:
-            dataclass_from_json(_Brought, states.recovering_at)
+            places.append(dataclass_from_json(_Brought, states.recovering_at))
     except TypeError as error:
         return f"a state is invalid: {error}"
-    return ""
+    beyond = [place.entries for place in places if not 0 <= place.entries <= total]
+    return f"it resumes after {beyond[0]} commands, but the job has {total}" if beyond else ""
 
 
 @dataclass(frozen=True, slots=True)

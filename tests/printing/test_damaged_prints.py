@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -31,6 +31,7 @@ from tests.cli.command_line import typed
 SETUP = setup_of(load_profile("marlin_220"))
 TEXT = b"G28\nG1 X5 F600\nG1 X6\n"
 PARKED = Parked(2, ModalState(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
+BROUGHT = {"entries": 2, "stand": asdict(PARKED.stand), "replay": []}
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
@@ -66,6 +67,11 @@ def add(print_: Print, record: bytes) -> None:
     """One more record, with the right checksum."""
     with (print_.folder / "journal").open("ab") as file:
         file.write(b"%s %08x\n" % (record, crc32(record)))
+
+
+def noted(**states: Any) -> bytes:
+    """A record of states."""
+    return b"S " + json.dumps(states).encode()
 
 
 def shelf_in(folder: Path) -> tuple[Path, Print, Print]:
@@ -214,6 +220,47 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
     assert damage_in(read_story(bad.folder), 3) == "it lists 4 accepted commands, but the job has 3"
 
 
+@pytest.mark.parametrize(
+    ("record", "told"),
+    [
+        (b"A 9 4 11.0", "it lists 4 accepted commands, but the job has 3"),
+        (b"E 4", "it lists 4 accepted commands, but the job has 3"),
+        (b"N 9 4 M105", "it lists 4 accepted commands, but the job has 3"),
+        (b'S {"parked": 5}', "a state is invalid: Parked is 5"),
+        (b'S {"phase": ["recovering"]}', "a state is invalid: phase is"),
+        (b'S {"cancelled_at": {"gear": 1000000}}', "a cancelled object has an invalid command number"),
+        (b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}', "ModalState is []"),
+        (noted(parked=replace(PARKED, entries=4).as_json()), "it resumes after 4 commands, but the job has 3"),
+        (noted(parked=replace(PARKED, entries=-1).as_json()), "it resumes after -1 commands, but the job has 3"),
+        (noted(recovering_at=BROUGHT | {"entries": 4}), "it resumes after 4 commands, but the job has 3"),
+    ],
+)
+def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_print(
+    record: bytes, told: str, shelf_of_its_own: Path
+) -> None:
+    shelf, good, bad = shelf_in(shelf_of_its_own)
+    add(bad, record)
+    (damage,) = damaged_prints(shelf)
+    resumed = typed("resume")
+
+    assert find(shelf, "", running=False).folder == good.folder
+    assert str(damage).startswith(f"{bad.folder / 'journal'}: ")
+    assert told in str(damage)
+    assert f"printer-slicer: warning: {bad.folder / 'journal'}: " in resumed.err
+    assert resumed.err.splitlines()[2] == "printer-slicer: /dev/null is not a serial port"
+    with pytest.raises(UsageError, match="journal: "):
+        find(shelf, "bad.gcode", running=False)
+
+
+def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Path) -> None:
+    shelf, good, bad = shelf_in(tmp_path)
+    (bad.folder / "job.gcode").write_bytes(b"; nothing\n")
+    (damage,) = damaged_prints(shelf)
+
+    assert str(damage) == f"{bad.folder / 'job.gcode'}: it holds no commands"
+    assert find(shelf, "", running=False).folder == good.folder
+
+
 def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
     _, good, _ = shelf_in(tmp_path)
     states = {
@@ -222,6 +269,7 @@ def test_states_that_a_print_really_notes_make_sense(tmp_path: Path) -> None:
         "pushed": -2.5,
         "line": 1,
         "cancelled_at": {"a": 1},
+        "recovering_at": BROUGHT,
     }
     add(good, b"S " + json.dumps(states).encode())
 
