@@ -62,16 +62,18 @@ def triangulated(vertices: Float, counts: Int, corners: Int, path: Path, limits:
     if len(counts) and (counts == 3).all():
         check_facets(len(counts), path, limits)
         return np.asarray(vertices[corners.reshape(-1, 3)])
-    n_facets = np.maximum(counts - 2, 0)
+    begin = np.cumsum(counts) - counts
+    counts, begin = counts[counts >= 3], begin[counts >= 3]
+    n_facets = counts - 2
     check_facets(int(n_facets.sum()), path, limits)
-    first, begin = np.cumsum(n_facets) - n_facets, np.cumsum(counts) - counts
+    first = np.cumsum(n_facets) - n_facets
     triangles = np.zeros((int(n_facets.sum()), 3, 3))
     by_size = np.argsort(counts, kind="stable")
     ends = np.flatnonzero(np.diff(counts[by_size], prepend=-1, append=-1))
     for start, end in pairwise(ends.tolist()):
         size = int(counts[by_size[start]])
-        step = max(BLOCK // max(size, 1), 1)
-        for at in range(start, end if size >= 3 else start, step):
+        step = max(BLOCK // size, 1)
+        for at in range(start, end, step):
             rows = by_size[at : min(at + step, end)]
             points = vertices[corners[begin[rows, None] + np.arange(size)]]
             triangles[first[rows, None] + np.arange(size - 2)] = _fans(points)

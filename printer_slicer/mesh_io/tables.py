@@ -1,7 +1,7 @@
 """Tables of numbers and of lists of numbers, as text or as bytes of either order: what PLY and OFF files are made of.
 
-Rows of the same length are read as one table; only where they differ, as where triangles and quads are mixed, they are
-walked one by one. Texts become one array of numbers, so that both kinds are read alike: a number is so many places
+Rows of the same length are read as one table; where they differ, as where triangles and quads are mixed, in windows of
+many rows. Texts become one array of numbers, so that both kinds are read alike: a number is so many places
 long, bytes there and one here.
 """
 
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from array import array
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -31,6 +30,10 @@ NO_NUMBER: Final = re.compile(
 """A word in a text that is no number, `nan` included."""
 MOST_ODD: Final = 1_000_000
 """Words in a text that are no numbers; one with more of them is no table."""
+WINDOW: Final = 1 << 15
+"""Places in which rows of different lengths are looked for together: few enough to stay in the processor's cache."""
+ROW_PLACES: Final = 16
+"""Places for each row that is left, in the last window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,9 @@ class Body(Protocol):
     def number(self, at: int, kind: str) -> int:
         """The whole number at a place."""
 
+    def counts(self, at: Int, kind: str) -> Int:
+        """The whole numbers at places, -1 where there is none that counts anything."""
+
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:
         """The numbers at places."""
 
@@ -92,6 +98,14 @@ class Bytes:
         piece = self._data[at : at + int(kind[1])]
         return int.from_bytes(piece, "little" if self._order == "<" else "big", signed=kind[0] == "i")
 
+    def counts(self, at: Int, kind: str) -> Int:
+        """The whole numbers at places, -1 where there is none that counts anything."""
+        last = self.end - int(kind[1])
+        if last < 0:
+            return np.full(len(at), -1)
+        found = self.numbers(np.minimum(at, last), kind).astype(np.int64)
+        return np.where((at <= last) & (found >= 0), found, -1)
+
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:
         """The numbers at places."""
         size = int(kind[1])
@@ -111,6 +125,7 @@ class Words:
 
     def __init__(self, data: bytes) -> None:
         self._odd: dict[int, bytes] = {}
+        self._odd_places: Int = np.zeros(0, np.int64)
         try:
             self._words = numbers_in(data, "f8")
         except ValueError:
@@ -132,13 +147,18 @@ class Words:
         self._odd = {
             int(place): word for place, word in zip(places, found, strict=True) if not NUMBER.fullmatch(word)
         }
+        self._odd_places = np.array(list(self._odd), np.int64)
         return words
 
-    def _refuse(self, is_meant: NDArray[np.bool_]) -> None:
-        """Refuse the first word that is no number and is meant, (O,) in the order of their places."""
-        for word, asked in zip(self._odd.values(), is_meant.tolist(), strict=True):
-            if asked:
-                raise _no_number(word)
+    def _odd_between(self, first: int, end: int) -> Int:
+        """(O,) places of words that are no numbers, from the first place up to the end."""
+        begin, stop = np.searchsorted(self._odd_places, [first, end])
+        return self._odd_places[begin:stop]
+
+    def _refuse(self, odd: Int) -> None:
+        """Refuse the first of the words at these places, if there are any."""
+        if len(odd):
+            raise _no_number(self._odd[int(odd[0])])
 
     def size(self, kind: str) -> int:  # noqa: ARG002 - as for bytes
         """Places that a number takes."""
@@ -150,17 +170,26 @@ class Words:
             raise _no_number(self._odd[at])
         return int(self._words[at])
 
+    def counts(self, at: Int, kind: str) -> Int:  # noqa: ARG002
+        """The whole numbers at places, -1 where there is none that counts anything."""
+        if not self.end:
+            return np.full(len(at), -1)
+        found = self._words[np.minimum(at, self.end - 1)]
+        good = (at < self.end) & (found > -1.0) & (found <= self.end)
+        return np.where(good, found, -1.0).astype(np.int64)
+
     def numbers(self, at: Int, kind: str) -> NDArray[Any]:  # noqa: ARG002
         """The numbers at places."""
-        if self._odd:
-            self._refuse(np.isin(list(self._odd), at))
+        if self._odd and len(at):
+            odd = self._odd_between(int(at.min()), int(at.max()) + 1)
+            self._refuse(odd[np.isin(odd, at)])
         return self._words[at]
 
     def table(self, start: int, stride: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:  # noqa: ARG002
         """Rows of numbers, each `stride` places after the one before."""
         if self._odd:
-            row, column = np.divmod(np.array(list(self._odd)) - start, stride)
-            self._refuse((row >= 0) & (row < shape[0]) & (column < shape[1]))
+            odd = self._odd_between(start, start + stride * shape[0])
+            self._refuse(odd[(odd - start) % stride < shape[1]])
         return np.ndarray(shape, np.float64, self._words, 8 * start, (8 * stride, 8))
 
 
@@ -214,16 +243,7 @@ def read_table(
             for one, at, count in zip(element.properties, first, counts, strict=True)
             if one.name in names
         }, start + element.number * stride
-    places, sizes, end = _walked(body, element, start)
-    columns = {}
-    for number, one in enumerate(element.properties):
-        if one.name in names:
-            count: Int = np.frombuffer(sizes, np.int64).reshape(element.number, -1)[:, number]
-            place = np.frombuffer(places, np.int64).reshape(element.number, -1)[:, number]
-            within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-            at_all = np.repeat(place, count) + within * body.size(one.kind)
-            columns[one.name] = Column(count, body.numbers(at_all, one.kind))
-    return columns, end
+    return _walked(body, element, start, names)
 
 
 def _row(body: Body, element: Element, at: int) -> tuple[list[int], list[int], int]:
@@ -255,12 +275,58 @@ def _even(body: Body, element: Element, first: list[int], counts: list[int], str
         return False
 
 
-def _walked(body: Body, element: Element, start: int) -> tuple[array[int], array[int], int]:
-    """For each property of each row where its numbers begin, and how many there are; where the element ends."""
-    places, sizes = array("q"), array("q")
-    for _ in range(element.number):
-        place, count, length = _row(body, element, start)
-        places.extend(place)
-        sizes.extend(count)
-        start += length
-    return places, sizes, start
+def _walked(
+    body: Body, element: Element, start: int, names: Collection[str]
+) -> tuple[dict[str, Column], int]:
+    """The columns of these names where rows differ in length, and where the element ends: window by window."""
+    wanted = [(number, one) for number, one in enumerate(element.properties) if one.name in names]
+    counts: dict[str, list[Int]] = {one.name: [] for _, one in wanted}
+    values: dict[str, list[NDArray[Any]]] = {one.name: [] for _, one in wanted}
+    left = element.number
+    while left:
+        begins = _begins(body, element, start, min(WINDOW, ROW_PLACES * left))[:left]
+        places, sizes, ends = _rows(body, element, begins)
+        wrong = (np.minimum.reduce(sizes) < 0) | (ends > body.end)
+        if wrong.any():
+            _row(body, element, int(begins[wrong.argmax()]))  # says what is wrong
+        for number, one in wanted:
+            count = sizes[number]
+            within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+            at = np.repeat(places[number], count) + within * body.size(one.kind)
+            counts[one.name].append(count.astype(np.int32))
+            values[one.name].append(body.numbers(at, one.kind))
+        left, start = left - len(begins), int(ends[-1])
+    return {
+        name: Column(np.concatenate(counts[name]), np.concatenate(values[name])) for name in counts
+    }, start
+
+
+def _begins(body: Body, element: Element, start: int, window: int) -> Int:
+    """(R,) where the rows begin that follow each other from `start` on, within so many places.
+
+    Each place is asked where a row would end that began there; of the rows found, so many more are found at each turn.
+    """
+    after = np.full(window + 1, window)
+    after[:-1] = np.minimum(_rows(body, element, np.arange(start, start + window))[2] - start, window)
+    rows: Int = np.zeros(1, np.int64)
+    while rows[-1] < window:
+        rows = np.concatenate([rows, after[rows]])
+        after = after[after]
+    return start + rows[: np.searchsorted(rows, window)]
+
+
+def _rows(body: Body, element: Element, begins: Int) -> tuple[list[Int], list[Int], Int]:
+    """For rows that begin there, by properties: where numbers begin, and how many; and where the rows end.
+
+    Counts that make no sense are -1.
+    """
+    at, places, counts = begins, [], []
+    for one in element.properties:
+        count: Int = np.ones(len(begins), np.int64)
+        if one.count:
+            count = body.counts(at, one.count)
+            at = at + body.size(one.count)
+        places.append(at)
+        counts.append(count)
+        at = at + np.maximum(count, 0) * body.size(one.kind)
+    return places, counts, at
