@@ -33,6 +33,7 @@ __all__ = [
 _SLOW: Final = 2.0  # mm/s; nobody prints like that
 _ENOUGH: Final = 50.0  # mm of beads before a whole file is judged by how fast they are laid
 _STANDS: Final = 0.25  # s in all that a machine may stand still for want of lines
+_AS_LONG: Final = 1e-3  # s; of stops that differ by less, the first is named
 _SHOWN_COMMAND: Final = 60
 
 _KNOWN: Final = re.compile(
@@ -318,12 +319,13 @@ def starved(report: Report, comparison: Comparison, baud: int, *, asked: bool) -
     """Standing still, with the nozzle on the part, because lines did not come in time."""
     if report.starved_seconds <= _STANDS:
         return
-    longest = max(report.starved, key=lambda one: one[1])
+    most = max(seconds for _, seconds in report.starved)
+    first = next(command for command, seconds in report.starved if seconds >= most - _AS_LONG)
     what = (
         f"the machine runs out of moves at {baud} Bd, {report.starved_seconds:.1f} s in all, most of it here"
     )
     remedy = "use a faster link, or let the slicer suit it: printer.link_lines_per_second, arc_tolerance, resolution"
     yield (
-        comparison.command_of(longest[0]),
+        comparison.command_of(first),
         Fault("link", what, remedy, times=report.starvations, harmless=not asked),
     )

@@ -196,6 +196,21 @@ def test_any_job_is_executed_as_over_the_wire(
     same(quick, slow, seconds=2e-3)
 
 
+def test_of_stops_as_long_as_each_other_the_first_is_named(tmp_path: Path) -> None:
+    """Lines that come again and again stop the machine for as long each time, but for rounding."""
+    moves = {"x": "G1 X100.1 Y100", "y": "G1 X100 Y100.1", "e": "G1 X100 Y100 E0.01", "-": "G1 X100"}
+    before, again = "xxxxx-xxxxxxxyxxxxxxxxxxx-xe", "xe-e--xxxxxxxyx-xxxxxxxxxxx-xe"
+    pieces = [*before * 20, *"e" * 20, None, *again * 20]
+    lines = [*READY, *("G1 E300" if piece is None else moves[piece] for piece in pieces)]
+    job = job_of_lines(tmp_path, lines, PROFILE)
+    quick, slow = (dry_run(job, PROFILE, baud=19200, every_byte=every) for every in (False, True))
+
+    for verdict in (quick, slow):
+        most = max(seconds for _, seconds in verdict.report.starved)
+        assert sum(seconds > most - 1e-6 for _, seconds in verdict.report.starved) > 1
+    same(quick, slow, seconds=2e-3)
+
+
 def test_an_answer_may_come_behind_a_line_that_says_busy(tmp_path: Path) -> None:
     """A command that waits for a place for some milliseconds more than twelve seconds is answered late."""
     first, then = ["G1 X60.00 Y60.00", *["G1 X100.1 Y100"] * 20], ["G1 X100 Y100 E0.01"] * 2
