@@ -101,7 +101,7 @@ def _said(
         if said is not None:
             yield rule.name, *said, rule.why
     if not command.further and (what := lower_case_fault(line, profile.printer.flavour)):
-        yield "unreadable", True, what, "the printer passes over what it does not know"
+        yield "unreadable", True, what, "the printer ignores what it does not know"
     for what in number_faults(command, profile.printer.flavour):
         yield "unreadable", True, what, "firmwares read it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():

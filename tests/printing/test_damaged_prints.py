@@ -230,8 +230,14 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
         (b'S {"phase": ["recovering"]}', "a state is invalid: phase is"),
         (b'S {"cancelled_at": {"gear": 1000000}}', "a cancelled object has an invalid command number"),
         (b'S {"recovering_at": {"entries": 1, "stand": [], "replay": []}}', "ModalState is []"),
-        (noted(parked=replace(PARKED, entries=4).as_json()), "it resumes after 4 commands, but the job has 3"),
-        (noted(parked=replace(PARKED, entries=-1).as_json()), "it resumes after -1 commands, but the job has 3"),
+        (
+            noted(parked=replace(PARKED, entries=4).as_json()),
+            "it resumes after 4 commands, but the job has 3",
+        ),
+        (
+            noted(parked=replace(PARKED, entries=-1).as_json()),
+            "it resumes after -1 commands, but the job has 3",
+        ),
         (noted(recovering_at=BROUGHT | {"entries": 4}), "it resumes after 4 commands, but the job has 3"),
     ],
 )
