@@ -196,10 +196,10 @@ def _offset_home(state: State, words: Mapping[str, float], _index: int) -> None:
 
 
 def offset_next_homing(state: State, words: Mapping[str, float], _index: int) -> None:
-    """M206 of firmware that applies it at the next homing."""
+    """M206 of Smoothieware, which applies it at the next homing and takes it in mm even after G20 (Endstops.cpp)."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
-            state.home_offset[axis] = words[letter] * state.unit
+            state.home_offset[axis] = words[letter]
 
 
 def move_in_machine_coordinates(state: State, words: Mapping[str, float], index: int) -> None:

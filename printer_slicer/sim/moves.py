@@ -352,12 +352,11 @@ def _offset_home(board: Board, command: Command) -> None:
 
 
 def offset_next_homing(board: Board, command: Command) -> None:
-    """M206 of firmware that applies it at the next homing."""
+    """M206 of Smoothieware, which applies it at the next homing and takes it in mm even after G20 (Endstops.cpp)."""
     for axis, letter in enumerate("XYZ"):
         value = command.value(letter)
         if value is not None:
-            by = value * board.unit - board.home_offset[axis]
-            board.home_offset = _raised(board.home_offset, axis, by)
+            board.home_offset = _raised(board.home_offset, axis, value - board.home_offset[axis])
 
 
 def _raised(place: Position, axis: int, by: float) -> Position:

@@ -137,7 +137,7 @@ def test_a_real_terminal_pauses_goes_on_and_is_left_as_it_was(tmp_path: Path) ->
             os.write(master, b"p")
             hear(b"paused")
             os.write(master, b"r")
-            hear(b"going on")
+            hear(b"resumed")
             os.write(master, b"+")
             hear(b"M220 S105")
             hear(b"done:")
