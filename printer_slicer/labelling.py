@@ -14,13 +14,12 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry.areas import distinct
-from printer_slicer.model import Bool, Float, Int, Item, Labels, LayerPlan, Mesh, Program, Role
+from printer_slicer.model import Bool, Float, Int, Item, Labels, LayerPlan, Mesh, Program, roles_with
 
 __all__ = ["labels_of"]
 
 _SLACK: Final = 1.0  # mm: beads may lie this far outside of the envelope, by compensation
 _LONGEST: Final = 24  # letters of a name, so that lines stay short
-_BESIDE: Final = (Role.TRAVEL, Role.SKIRT, Role.BRIM, Role.RAFT)
 
 
 def labels_of(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
@@ -34,7 +33,7 @@ def labels_of(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
     items = part.items
     if len(items) < 2:
         return None
-    lays = ~np.isin(program.role, _BESIDE)
+    lays = roles_with(is_part=True)[program.role]
     begins = lays & ~(np.append(False, lays[:-1]) & (np.diff(program.layer, prepend=-1) == 0))
     first = np.flatnonzero(begins)
     middle = (program.start[first, :2] + program.xyz[first, :2]) / 2

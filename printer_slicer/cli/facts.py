@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.gcode import spoken
 from printer_slicer.geometry.areas import distinct
-from printer_slicer.model import Float, Int, LayerPlan, Mesh, Repairs, Role
+from printer_slicer.model import Float, Int, LayerPlan, Mesh, Repairs, Role, roles_with
 from printer_slicer.pipeline import Stages
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.planning.unkept import unkept_rules
@@ -97,7 +97,7 @@ def _filled_layers(stages: Stages) -> Int:
     """The layers of the part's plan that hold beads of the part itself, ascending."""
     program = stages.program
     n_below = program.plan.n_layers - stages.sections.plan.n_layers
-    return distinct(program.layer[program.role > Role.RAFT]) - n_below
+    return distinct(program.layer[roles_with(is_part=True)[program.role]]) - n_below
 
 
 def _begins_at(stages: Stages) -> float:

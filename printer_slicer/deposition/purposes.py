@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Int
-from printer_slicer.model import Role
+from printer_slicer.model import ROLES
 
 __all__ = ["Purpose", "purpose_of", "purposes_of_roles"]
 
@@ -66,22 +66,6 @@ _NAMES: Final = (
     ("custom", Purpose.BESIDE),
 )
 
-_OF_ROLE: Final = {
-    Role.SKIRT: Purpose.BESIDE,
-    Role.BRIM: Purpose.BESIDE,
-    Role.RAFT: Purpose.SUPPORT,
-    Role.INNER_PERIMETER: Purpose.INNER_PERIMETER,
-    Role.OUTER_PERIMETER: Purpose.OUTER_PERIMETER,
-    Role.OVERHANG_PERIMETER: Purpose.OVERHANG,
-    Role.BRIDGE: Purpose.BRIDGE,
-    Role.INTERNAL_BRIDGE: Purpose.BRIDGE,
-    Role.BOTTOM_SKIN: Purpose.SKIN,
-    Role.SOLID: Purpose.SKIN,
-    Role.TOP_SKIN: Purpose.SKIN,
-    Role.IRONING: Purpose.IRONING,
-    Role.SPARSE: Purpose.SPARSE,
-}
-
 
 def purpose_of(name: str) -> Purpose:
     """Return the purpose for a slicer's role name."""
@@ -89,8 +73,9 @@ def purpose_of(name: str) -> Purpose:
     return next((purpose for begin, purpose in _NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
 
 
+_OF_ROLE: Final = np.array([purpose_of(row.type_comment) for row in ROLES], np.int64)
+
+
 def purposes_of_roles(roles: Int) -> Int:
     """(n,) the `Purpose` of each `Role`."""
-    table = np.zeros(len(Role), np.int64)
-    table[list(_OF_ROLE)] = list(_OF_ROLE.values())
-    return np.asarray(table[roles])
+    return np.asarray(_OF_ROLE[roles])

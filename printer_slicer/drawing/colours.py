@@ -11,27 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.model import Float, Role
+from printer_slicer.model import ROLES, Float, Role
 
 __all__ = ["CALM", "ROLE_COLOURS", "WARNING", "height_colours", "mixed", "shaded"]
 
 CALM: Final = "#5b8fb0"  # where there is nothing to tell apart
 WARNING: Final = "#d55e00"
-ROLE_COLOURS: Final = {
-    Role.SKIRT: "#999999",
-    Role.BRIM: "#666666",
-    Role.RAFT: "#b0a080",
-    Role.INNER_PERIMETER: "#f0d000",
-    Role.OUTER_PERIMETER: "#d55e00",
-    Role.OVERHANG_PERIMETER: "#7a1f1f",
-    Role.BRIDGE: "#56b4e9",
-    Role.INTERNAL_BRIDGE: "#a6d8f0",
-    Role.BOTTOM_SKIN: "#cc79a7",
-    Role.SOLID: "#0072b2",
-    Role.TOP_SKIN: "#222222",
-    Role.SPARSE: "#009e73",
-    Role.IRONING: "#e0e0e0",
-}
+ROLE_COLOURS: Final[dict[Role, str]] = {role: ROLES[role].colour for role in Role if role != Role.TRAVEL}
 # Every sixteenth of viridis; straight lines between them stay within 6 of its 255 steps.
 _VIRIDIS: Final = (
     *("#440154", "#48186a", "#472d7b", "#424086", "#3b528b", "#33638d", "#2c728e", "#26828e", "#21918c"),

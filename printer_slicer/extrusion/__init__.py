@@ -16,12 +16,21 @@ from printer_slicer.extrusion.beads import beads_of, speeds_of
 from printer_slicer.extrusion.cooling import fans, slowed
 from printer_slicer.extrusion.rows import APPROACH, rows_of
 from printer_slicer.extrusion.timing import known_as, move_seconds
-from printer_slicer.model import Event, Float, Heat, Program, Role, Toolpaths, Travels, is_perimeter
+from printer_slicer.model import (
+    Event,
+    Float,
+    Heat,
+    Program,
+    Role,
+    Toolpaths,
+    Travels,
+    is_perimeter,
+    roles_with,
+)
 from printer_slicer.profile import Material, Profile
 
 __all__ = ["extrude", "move_seconds"]
 
-_OF_NO_HEIGHT = (Role.SKIRT, Role.BRIM, Role.RAFT)
 _HALF = 0.5  # of its width: a perimeter's bead that is carried by less hangs
 
 
@@ -77,7 +86,7 @@ def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[P
     of_rule = np.array([rule.material.nozzle_temperature for rule in rules])
     begins = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
     wanted = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
-    own = ~np.isin(paths.role, _OF_NO_HEIGHT)
+    own = roles_with(is_part=True)[paths.role]
     wanted[paths.layer[own]] = of_rule[paths.rule[own]]
     nozzle, bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
     events: list[Event] = []

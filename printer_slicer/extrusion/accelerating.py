@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Acceleration, Float, Int, Program, Role
+from printer_slicer.model import ROLES, Acceleration, Float, Int, Program, Role
 from printer_slicer.profile import Printer, Profile
 
 __all__ = ["acceleration_events", "accelerations_of"]
@@ -47,13 +47,4 @@ def accelerations_of(program: Program, printer: Printer, first: int, last: int) 
 
 def _of_roles(profile: Profile) -> Float:
     """(roles,) mm/s²."""
-    resolved = profile.accelerations
-    of_role = np.full(len(Role), resolved.default)
-    of_role[Role.OUTER_PERIMETER] = resolved.outer_perimeter
-    of_role[Role.INNER_PERIMETER] = resolved.inner_perimeter
-    of_role[Role.OVERHANG_PERIMETER] = resolved.overhang
-    of_role[[Role.BRIDGE, Role.INTERNAL_BRIDGE]] = resolved.bridge
-    of_role[Role.SPARSE] = resolved.sparse
-    of_role[[Role.SOLID, Role.BOTTOM_SKIN]] = resolved.solid
-    of_role[[Role.TOP_SKIN, Role.IRONING]] = resolved.top_skin
-    return of_role
+    return np.array([getattr(profile.accelerations, row.acceleration) for row in ROLES])

@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.extrusion.rows import Kind, Rows
-from printer_slicer.model import Bool, Float, Int, Role, Toolpaths, is_perimeter
+from printer_slicer.model import ROLES, Float, Int, Role, Toolpaths, is_perimeter, roles_with
 from printer_slicer.profile import Profile, Speeds
 
 __all__ = ["SHARES", "Beads", "beads_of", "speeds_of"]
@@ -138,7 +138,7 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     base = int(paths.layer[raft].max(initial=-1)) + 1  # the part's first layer
     if base:
         wanted = np.where(raft & (paths.layer == base - 1), profile.raft_interface_speed, wanted)
-    first = np.where(_is_infill(paths.role), speeds.first_layer_infill, speeds.first_layer)
+    first = np.where(roles_with(is_infill=True)[paths.role], speeds.first_layer_infill, speeds.first_layer)
     begins = (paths.layer == 0) | (paths.layer == base)
     wanted = np.where(begins, np.minimum(wanted, first), wanted)
     low, high = float(paths.plan.top[base]), speeds.slow_below
@@ -147,11 +147,6 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
         ramped = np.minimum(wanted, first + share * np.maximum(wanted - first, 0))
         wanted = np.where(raft, wanted, ramped)
     return np.asarray(wanted)
-
-
-def _is_infill(role: Int) -> Bool:
-    """(n,) whether roles (n,) fill what perimeters surround."""
-    return np.isin(role, (Role.BOTTOM_SKIN, Role.SOLID, Role.SPARSE, Role.TOP_SKIN, Role.IRONING))
 
 
 def _evened(paths: Toolpaths, profile: Profile) -> Float:
@@ -163,18 +158,9 @@ def _evened(paths: Toolpaths, profile: Profile) -> Float:
 
 def _of_roles(speeds: Speeds) -> Float:
     """(roles,) mm/s."""
-    of_role = np.zeros(len(Role))
+    of_role = np.array([getattr(speeds, row.speed) for row in ROLES])
     # A draft shield goes on over the first layer.
-    of_role[[Role.SKIRT, Role.BRIM]] = max(speeds.first_layer, speeds.outer_perimeter), speeds.first_layer
-    of_role[Role.RAFT] = speeds.raft
-    of_role[Role.OUTER_PERIMETER] = speeds.outer_perimeter
-    of_role[Role.INNER_PERIMETER] = speeds.inner_perimeter
-    of_role[Role.BRIDGE] = speeds.bridge
-    of_role[Role.INTERNAL_BRIDGE] = speeds.internal_bridge
-    of_role[[Role.BOTTOM_SKIN, Role.SOLID]] = speeds.solid
-    of_role[Role.TOP_SKIN] = speeds.top_skin
-    of_role[Role.SPARSE] = speeds.sparse
-    of_role[Role.IRONING] = speeds.ironing
+    of_role[Role.SKIRT] = max(speeds.first_layer, speeds.outer_perimeter)
     return of_role
 
 

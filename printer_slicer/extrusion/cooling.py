@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.extrusion.beads import SHARES
 from printer_slicer.extrusion.timing import move_seconds, timed_again
-from printer_slicer.model import Bool, Event, Fan, Float, Int, Program, Role
+from printer_slicer.model import ROLES, Bool, Event, Fan, Float, Int, Program, Role, roles_with
 from printer_slicer.profile import Material, Profile
 
 __all__ = ["fans", "slowed"]
@@ -18,10 +18,7 @@ _ROUNDS = 30  # of slowing down at most: where accelerating decides, half the sp
 _NEARLY = 0.995  # of the minimum layer time is enough
 _FAN_STEP = 0.05  # smaller changes of the fan are not worth a line
 # What is slowed down first is not seen; bridges and what hangs over air are slow enough until nothing else helps.
-_FIRST: Final = (Role.RAFT, Role.INNER_PERIMETER, Role.BOTTOM_SKIN, Role.SPARSE, Role.SOLID)
-_SECOND: Final = (Role.SKIRT, Role.BRIM, Role.OUTER_PERIMETER, Role.TOP_SKIN, Role.IRONING)
-_LAST: Final = (Role.OVERHANG_PERIMETER, Role.BRIDGE, Role.INTERNAL_BRIDGE)
-_TURNS: Final = (_FIRST, _FIRST + _SECOND, _FIRST + _SECOND + _LAST)
+_SLOWED_IN: Final = np.array([row.slowed_in for row in ROLES])
 
 
 def slowed(program: Program, profile: Profile) -> Program:
@@ -32,8 +29,9 @@ def slowed(program: Program, profile: Profile) -> Program:
     pace = program.speed, move_seconds(program, profile)
     # What is slower already, a first layer say, is not made faster by the lower bound.
     floor = np.minimum(program.speed, material.min_speed)
-    for roles in _TURNS:
-        pace = _slowed(program, pace, floor, np.isin(program.role, roles), profile)
+    round_of = np.where(program.role == Role.TRAVEL, -1, _SLOWED_IN[program.role])
+    for last in range(int(_SLOWED_IN.max()) + 1):
+        pace = _slowed(program, pace, floor, (round_of >= 0) & (round_of <= last), profile)
     return program if pace[0] is program.speed else replace(program, speed=pace[0])
 
 
@@ -72,7 +70,7 @@ def fans(program: Program, carried: Float, profile: Profile) -> list[Event]:
     ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
     ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
     ratio = (wanted * ramp)[program.layer]
-    hangs = (program.role == Role.BRIDGE) | (program.role == Role.INTERNAL_BRIDGE)
+    hangs = roles_with(is_bridge=True)[program.role]
     bridge = _until_next_bead(program.role, hangs) & (ramp[program.layer] > 0)
     on_bridges = np.maximum(ratio, material.fan_ratio_bridge)
     toward = np.interp(_of_next_bead(program.role, carried, 1.0), SHARES, _overhang_fans(material))

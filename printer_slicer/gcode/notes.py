@@ -18,6 +18,7 @@ from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
 from printer_slicer.geometry.areas import distinct, numbered, run_begins
 from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import (
+    ROLES,
     Acceleration,
     Bool,
     Event,
@@ -43,21 +44,7 @@ __all__ = [
 ]
 
 # The names that PrusaSlicer's and OrcaSlicer's viewers know.
-TYPE_NAMES: Final = {
-    Role.SKIRT: "Skirt/Brim",
-    Role.BRIM: "Skirt/Brim",
-    Role.RAFT: "Support material",
-    Role.INNER_PERIMETER: "Perimeter",
-    Role.OUTER_PERIMETER: "External perimeter",
-    Role.OVERHANG_PERIMETER: "Overhang perimeter",
-    Role.BRIDGE: "Bridge infill",
-    Role.INTERNAL_BRIDGE: "Bridge infill",
-    Role.BOTTOM_SKIN: "Solid infill",
-    Role.SOLID: "Solid infill",
-    Role.TOP_SKIN: "Top solid infill",
-    Role.IRONING: "Ironing",
-    Role.SPARSE: "Internal infill",
-}
+TYPE_NAMES: Final[dict[Role, str]] = {role: ROLES[role].type_comment for role in Role if role != Role.TRAVEL}
 _CODE: Final = re.compile(r" *([GM])0*([0-9]+)", re.IGNORECASE)
 _MOVING: Final = frozenset({"G0", "G1", "G2", "G3", "G28"})
 _MODES: Final = frozenset({"G20", "G21", "G90", "G91", "G92", "M82", "M83"})

@@ -22,7 +22,7 @@ from printer_slicer.geometry import (
 from printer_slicer.infill.bridge_anchors import HatchGrids, extensions_to_walls, join_bridge_lines
 from printer_slicer.infill.narrow import beads_amid
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags, zigzags
-from printer_slicer.model import LayerPlan, Role, Toolpaths
+from printer_slicer.model import LayerPlan, Role, Toolpaths, roles_with
 from printer_slicer.profile import Profile
 
 __all__ = ["Beads", "rows_in"]
@@ -30,7 +30,6 @@ __all__ = ["Beads", "rows_in"]
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
 _THIN = 1 / 3  # of a row: less would be a stop and a start; where that is narrower than high, a round thread
-_IN_SWEEPS = (Role.TOP_SKIN, Role.IRONING)
 _SLIT = 0.06  # mm: half the width of gaps that are closed when beads are pressed flat
 _SPECK = 0.08  # mm²: smaller gaps are not worth a stop
 _AMID = 3  # beads side by side in what rows leave
@@ -141,7 +140,7 @@ def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: Beads, lines: Zigzags, wi
         height=beads.height[piece],
         closed=False,
         # Rows come from the lowest up: each is laid beside one that is there already, never between two.
-        sweep=np.where(np.isin(beads.role[piece], _IN_SWEEPS), piece, -1),
+        sweep=np.where(roles_with(is_top=True)[beads.role[piece]], piece, -1),
     )
 
 

@@ -18,11 +18,12 @@ from printer_slicer.model.paths import (
     Toolpaths,
     reordered,
 )
-from printer_slicer.model.roles import Role, is_perimeter
+from printer_slicer.model.roles import ROLES, Phase, Role, RoleRow, is_perimeter, roles_with
 from printer_slicer.model.travels import Travels, leaves
 from printer_slicer.model.walls import Walls
 
 __all__ = [
+    "ROLES",
     "Acceleration",
     "Areas",
     "Bool",
@@ -38,12 +39,14 @@ __all__ = [
     "Labels",
     "LayerPlan",
     "Mesh",
+    "Phase",
     "PressureAdvance",
     "Program",
     "Regions",
     "Repair",
     "Repairs",
     "Role",
+    "RoleRow",
     "Sections",
     "Toolpaths",
     "Travels",
@@ -51,4 +54,5 @@ __all__ = [
     "is_perimeter",
     "leaves",
     "reordered",
+    "roles_with",
 ]

@@ -1,18 +1,23 @@
-"""Why beads are laid."""
+"""Why something is extruded, and what follows from it: one row for each role.
+
+A new role is a new member of `Role` and its row; nothing else lists roles, and nothing depends on their numbers.
+"""
 
 from __future__ import annotations
 
-from enum import IntEnum
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from typing import Final
 
 import numpy as np
 
 from printer_slicer.geometry import Bool, Int
 
-__all__ = ["Role", "is_perimeter"]
+__all__ = ["ROLES", "Phase", "Role", "RoleRow", "is_perimeter", "roles_with"]
 
 
 class Role(IntEnum):
-    """Why a bead is laid. The order is the order in which the parts of one island are printed."""
+    """Why something is extruded; the number is the place of its row in `ROLES`."""
 
     TRAVEL = 0
     SKIRT = 1
@@ -20,7 +25,7 @@ class Role(IntEnum):
     RAFT = 3
     INNER_PERIMETER = 4
     OUTER_PERIMETER = 5
-    OVERHANG_PERIMETER = 6  # a bead of a perimeter that is carried by less than half
+    OVERHANG_PERIMETER = 6
     BRIDGE = 7
     BOTTOM_SKIN = 8
     SPARSE = 9
@@ -30,6 +35,100 @@ class Role(IntEnum):
     IRONING = 13
 
 
+class Phase(Enum):
+    """When a role is printed within its island; `ordering` says which phase comes first."""
+
+    BASE = "before the part"
+    PERIMETERS = "perimeters"
+    BRIDGES = "bridges"
+    INFILL = "infill"
+    TOP = "top skins"
+    IRONING = "ironing"
+
+
+@dataclass(frozen=True, slots=True)
+class RoleRow:
+    """What holds for everything that is extruded for one reason.
+
+    Attributes:
+        type_comment: after `;TYPE:` in the G-code, as PrusaSlicer's and OrcaSlicer's viewers know it.
+        phase: when it is printed within its island.
+        speed: the setting in `Profile.speeds` that it has above the first layer.
+        acceleration: the setting in `Profile.accelerations`.
+        slowed_in: which round of slowing down a layer that is too quick to cool takes it first, from 0.
+        colour: in drawings.
+        is_part: whether the part consists of it.
+        is_infill: whether it fills what perimeters surround, from one to the other; bridges are not.
+        is_bridge: whether its lines hang between two ends.
+        is_top: whether it is seen from above.
+    """
+
+    type_comment: str
+    phase: Phase
+    speed: str
+    acceleration: str
+    slowed_in: int
+    colour: str
+    is_part: bool = True
+    is_infill: bool = False
+    is_bridge: bool = False
+    is_top: bool = False
+
+
+_ROWS: Final = {
+    Role.TRAVEL: RoleRow("", Phase.BASE, "travel", "default", 0, "#000000", is_part=False),
+    Role.SKIRT: RoleRow("Skirt/Brim", Phase.BASE, "outer_perimeter", "default", 1, "#999999", is_part=False),
+    Role.BRIM: RoleRow("Skirt/Brim", Phase.BASE, "first_layer", "default", 1, "#666666", is_part=False),
+    Role.RAFT: RoleRow("Support material", Phase.BASE, "raft", "default", 0, "#b0a080", is_part=False),
+    Role.INNER_PERIMETER: RoleRow(
+        "Perimeter", Phase.PERIMETERS, "inner_perimeter", "inner_perimeter", 0, "#f0d000"
+    ),
+    Role.OUTER_PERIMETER: RoleRow(
+        "External perimeter", Phase.PERIMETERS, "outer_perimeter", "outer_perimeter", 1, "#d55e00"
+    ),
+    # Extrusions of a perimeter of which less than half the width is carried; paths are never of this role.
+    Role.OVERHANG_PERIMETER: RoleRow(
+        "Overhang perimeter", Phase.PERIMETERS, "outer_perimeter", "overhang", 2, "#7a1f1f"
+    ),
+    Role.BRIDGE: RoleRow("Bridge infill", Phase.BRIDGES, "bridge", "bridge", 2, "#56b4e9", is_bridge=True),
+    Role.BOTTOM_SKIN: RoleRow("Solid infill", Phase.INFILL, "solid", "solid", 0, "#cc79a7", is_infill=True),
+    Role.SPARSE: RoleRow("Internal infill", Phase.INFILL, "sparse", "sparse", 0, "#009e73", is_infill=True),
+    Role.INTERNAL_BRIDGE: RoleRow(
+        "Bridge infill", Phase.INFILL, "internal_bridge", "bridge", 2, "#a6d8f0", is_bridge=True
+    ),
+    Role.SOLID: RoleRow("Solid infill", Phase.INFILL, "solid", "solid", 0, "#0072b2", is_infill=True),
+    Role.TOP_SKIN: RoleRow(
+        "Top solid infill", Phase.TOP, "top_skin", "top_skin", 1, "#222222", is_infill=True, is_top=True
+    ),
+    Role.IRONING: RoleRow(
+        "Ironing", Phase.IRONING, "ironing", "top_skin", 1, "#e0e0e0", is_infill=True, is_top=True
+    ),
+}
+
+ROLES: Final = tuple(_ROWS[role] for role in Role)
+"""The row of each role, by its number."""
+
+
+def roles_with(
+    *,
+    is_part: bool | None = None,
+    is_infill: bool | None = None,
+    is_bridge: bool | None = None,
+    is_top: bool | None = None,
+    phase: Phase | None = None,
+) -> Bool:
+    """(roles,) whether each role has what is asked for: index it with roles (n,) to get their answers (n,)."""
+    asked = {
+        "is_part": is_part,
+        "is_infill": is_infill,
+        "is_bridge": is_bridge,
+        "is_top": is_top,
+        "phase": phase,
+    }
+    wanted = {name: value for name, value in asked.items() if value is not None}
+    return np.array([all(getattr(row, name) == value for name, value in wanted.items()) for row in ROLES])
+
+
 def is_perimeter(role: Int) -> Bool:
-    """(n,) whether roles (n,) of paths are those of perimeters; OVERHANG_PERIMETER is one of single beads only."""
+    """(n,) whether roles (n,) of paths are those of perimeters; OVERHANG_PERIMETER is one of single moves only."""
     return np.asarray((role == Role.OUTER_PERIMETER) | (role == Role.INNER_PERIMETER))

@@ -9,19 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.model import Bool, Float, Int, Phase, Toolpaths, roles_with
 from printer_slicer.ordering.loops import first_least
 
 __all__ = ["broken"]
 
 _LEAST = 4.0  # mm that a break must save
-_ROLES = (Role.SPARSE, Role.SOLID, Role.BOTTOM_SKIN)
 
 
 def broken(paths: Toolpaths) -> Toolpaths:
     """Paths in printing order, some open ones in two pieces."""
     begin, last = paths.start[:-1], paths.start[1:] - 1
-    may = ~paths.closed & (paths.sweep < 0) & np.isin(paths.role, _ROLES) & (last - begin > 2)
+    may = (
+        ~paths.closed
+        & (paths.sweep < 0)
+        & roles_with(phase=Phase.INFILL, is_infill=True)[paths.role]
+        & (last - begin > 2)
+    )
     may[[0, -1]] = False
     line = np.flatnonzero(may)
     if not len(line):

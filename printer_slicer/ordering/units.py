@@ -6,15 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.model import ROLES, Bool, Float, Int, Phase, Role, Toolpaths
 from printer_slicer.ordering.walls import Clusters
 from printer_slicer.profile import Profile
 
 __all__ = ["Units", "inner_loops", "units_of"]
 
 _DEEPER = 1e-3  # mm
-_FILL = (Role.BOTTOM_SKIN, Role.SPARSE, Role.INTERNAL_BRIDGE, Role.SOLID)
-_LAST = (Role.TOP_SKIN, Role.IRONING)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,13 +81,16 @@ def units_of(paths: Toolpaths, island: Int, clusters: Clusters, profile: Profile
 
 def _steps(paths: Toolpaths, *, infill_first: bool) -> Int:
     """(M,) what comes before what within an island."""
-    step = np.zeros(len(Role), np.int64)
     walls, fill = (3, 1) if infill_first else (0, 3)
-    step[[Role.INNER_PERIMETER, Role.OUTER_PERIMETER]] = walls + 1
-    step[Role.BRIDGE] = fill + 1
-    step[list(_FILL)] = fill + 2
-    step[list(_LAST)] = 7, 8
-    of = step[paths.role]
+    step = {
+        Phase.BASE: 0,
+        Phase.PERIMETERS: walls + 1,
+        Phase.BRIDGES: fill + 1,
+        Phase.INFILL: fill + 2,
+        Phase.TOP: 7,
+        Phase.IRONING: 8,
+    }
+    of = np.array([step[row.phase] for row in ROLES])[paths.role]
     # What reaches down through several layers is laid into the gap that they leave: between beads that hold it.
     of[_deep(paths)] = walls + 2
     # A bead beside the perimeters is as good as infill once they are there.

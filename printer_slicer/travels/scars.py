@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.geometry.nearest import Segments
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Bool, Float, Int, Role, Toolpaths
+from printer_slicer.model import Bool, Float, Int, Role, Toolpaths, roles_with
 from printer_slicer.travels.routes import Routes
 
 __all__ = ["over_top_skin"]
@@ -94,7 +94,7 @@ def _shown(paths: Toolpaths, layers: Int) -> _Shown:
     """Return the lines of top skin and ironing on `layers` (n,)."""
     used = np.zeros(paths.plan.n_layers, np.bool_)
     used[layers] = True
-    seen = (paths.role == Role.TOP_SKIN) | (paths.role == Role.IRONING)
+    seen = roles_with(is_top=True)[paths.role]
     chosen = np.flatnonzero(seen & used[paths.layer])
     lines = paths.take(chosen)
     begin, end = lines.ends_of_beads

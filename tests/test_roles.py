@@ -1,0 +1,69 @@
+"""The table of roles: one row for each, and nothing that depends on their numbers."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from printer_slicer.deposition.purposes import Purpose, purposes_of_roles
+from printer_slicer.model import ROLES, Phase, Role, roles_with
+from printer_slicer.profile import load_profile
+
+PACKAGE = Path(__file__).parents[1] / "printer_slicer"
+
+
+def test_every_role_has_its_row() -> None:
+    assert len(ROLES) == len(Role)
+    assert [role for role in Role if not ROLES[role].type_comment] == [Role.TRAVEL]
+
+
+def test_rows_name_settings_that_there_are() -> None:
+    profile = load_profile()
+
+    for row in ROLES:
+        assert getattr(profile.speeds, row.speed) > 0
+        assert getattr(profile.accelerations, row.acceleration) > 0
+
+
+def test_questions_are_answered_for_whole_arrays() -> None:
+    roles = np.array([Role.TRAVEL, Role.SKIRT, Role.SPARSE, Role.TOP_SKIN, Role.INTERNAL_BRIDGE])
+
+    assert roles_with(is_part=True)[roles].tolist() == [False, False, True, True, True]
+    assert roles_with(is_infill=True)[roles].tolist() == [False, False, True, True, False]
+    assert roles_with(phase=Phase.INFILL, is_infill=True)[roles].tolist() == [
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
+    assert roles_with(is_bridge=True)[roles].tolist() == [False, False, False, False, True]
+
+
+def test_what_comments_say_is_read_back_as_the_same_kind_of_extrusion() -> None:
+    purposes = [Purpose(purpose) for purpose in purposes_of_roles(np.arange(len(Role))).tolist()]
+
+    assert purposes[Role.OUTER_PERIMETER] == Purpose.OUTER_PERIMETER
+    assert purposes[Role.OVERHANG_PERIMETER] == Purpose.OVERHANG
+    assert purposes[Role.RAFT] == Purpose.SUPPORT
+    assert {role for role in Role if purposes[role] == Purpose.BESIDE} == {Role.SKIRT, Role.BRIM}
+    assert {role for role in Role if purposes[role] == Purpose.UNKNOWN} == {Role.TRAVEL}
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE))
+)
+def test_no_role_is_compared_by_its_number(path: Path) -> None:
+    ordered = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
+    found = [
+        ast.unparse(node)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Compare)
+        and any(isinstance(operator, ordered) for operator in node.ops)
+        and "Role." in ast.unparse(node)
+    ]
+
+    assert found == []
