@@ -56,7 +56,7 @@ def width_for_section(section: Float | float, height: Float | float) -> Float:
     return np.where(thread < height, thread, width_for_spacing(section / height, height))
 
 
-def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: float) -> Float:
+def filament_per_mm(width: Float | float, height: Float | float, filament_diameter: Float | float) -> Float:
     """Filament to feed for each mm of path, mm/mm."""
     return np.asarray(cross_section(width, height) / (pi * filament_diameter**2 / 4), dtype=np.float64)
 

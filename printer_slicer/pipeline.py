@@ -256,7 +256,8 @@ def _down_from(
     report("ordering")
     sections = side_by_side(cuts)
     printed = on_raft(sections, profile)
-    lifted = [adhesion_paths(printed, profile), *(some.lifted(printed.plan) for some in paths)]
+    lift = float(printed.plan.top[-1] - sections.plan.top[-1])
+    lifted = [adhesion_paths(printed, profile), *(some.on_plan(printed.plan, lift) for some in paths)]
     toolpaths = curved(order(Toolpaths.joined(printed.plan, lifted), printed, profile), profile)
     report("travels")
     travels = travel(toolpaths, printed, profile)

@@ -20,8 +20,10 @@ from printer_slicer.model import (
     Event,
     Float,
     Heat,
+    Int,
     Program,
     Role,
+    ToolChange,
     Toolpaths,
     Travels,
     is_perimeter,
@@ -62,23 +64,36 @@ def _moves(
     role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
     carried = rows.spread(beads.carried)
     role[is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
+    diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
+    layer, tool = paths.layer[rows.path], paths.tool[rows.path]
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
         xyz=rows.xyz,
-        filament=rows.pulled + rows.spread(beads.filament(profile.material.filament_diameter)),
+        filament=rows.pulled + rows.spread(beads.filament(diameter[paths.tool[rows.bead_path]])),
         speed=speeds_of(paths, rows, beads, rules),
-        layer=paths.layer[rows.path],
+        layer=layer,
         role=role,
         width=rows.spread(beads.width),
         height=rows.spread(beads.height * beads.share),
-        events=acceleration_events(role, paths.layer[rows.path], paths.rule[rows.path], rules),
+        events=(*_tool_changes(tool), *acceleration_events(role, layer, paths.rule[rows.path], rules)),
+        z_top=paths.z_top[rows.path],
+        tool=tool,
     )
     if paths.has_arcs:
         centre = np.full((program.n_moves, 2), np.nan)
         centre[rows.is_bead] = paths.centre[rows.begin]
         program = replace(program, centre=centre)
     return program, carried
+
+
+def _tool_changes(tool: Int) -> list[ToolChange]:
+    """Where the extruder in use (K,) is another one than before; the first one is in use from the start."""
+    changed = np.flatnonzero(np.diff(tool)) + 1
+    return [
+        ToolChange(index, number)
+        for index, number in zip(changed.tolist(), tool[changed].tolist(), strict=True)
+    ]
 
 
 def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[Profile, ...]) -> list[Event]:

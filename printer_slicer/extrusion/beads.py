@@ -42,8 +42,8 @@ class Beads:
         """(B,) mm²; it grows evenly with the width, so that of the mean width is the mean one."""
         return bead.cross_section(self.width, self.height) * (self.share * self.flow)
 
-    def filament(self, diameter: float) -> Float:
-        """(B,) mm of filament in each."""
+    def filament(self, diameter: Float) -> Float:
+        """(B,) mm of filament in each, of diameters (B,) in mm."""
         per_mm = bead.filament_per_mm(self.width, self.height, diameter)
         return self.length * per_mm * (self.share * self.flow)
 
@@ -143,7 +143,7 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     wanted = np.where(begins, np.minimum(wanted, first), wanted)
     low, high = float(paths.plan.top[base]), speeds.slow_below
     if high > low:
-        share = np.clip((paths.plan.top[paths.layer] - low) / (high - low), 0, 1)
+        share = np.clip((paths.z_top - low) / (high - low), 0, 1)
         ramped = np.minimum(wanted, first + share * np.maximum(wanted - first, 0))
         wanted = np.where(raft, wanted, ramped)
     return np.asarray(wanted)

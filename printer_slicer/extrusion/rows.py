@@ -111,7 +111,7 @@ class _Ways:
 
 def _ways(paths: Toolpaths, travels: Travels, profile: Profile) -> _Ways:
     first, last = paths.start[:-1], paths.start[1:] - 1
-    top = paths.plan.top[paths.layer]
+    top = paths.z_top
     begin, end = top + paths.rise[first], top + paths.rise[np.where(paths.closed, first, last)]
     leave = np.append(begin[:1], end[:-1])
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
@@ -141,7 +141,7 @@ def _positions(
 ) -> Float:
     """(K, 3) where moves end: their path, kind, and for beads the point at which they end."""
     path, kind, end = moves
-    top = paths.plan.top[paths.layer]
+    top = paths.z_top
     xyz = np.zeros((len(path), 3))
     xyz[:, :2], xyz[:, 2] = ways.begin[path], ways.high[path]
     stays = kind <= Kind.LIFT

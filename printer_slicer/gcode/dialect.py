@@ -58,9 +58,9 @@ def fan_line(ratio: float) -> str:
     return f"M106 S{round(ratio * 255)}" if ratio > 0 else "M107"
 
 
-def nozzle_line(temperature: float) -> str:
-    """M104: heat, do not wait."""
-    return f"M104 S{number(temperature)}"
+def nozzle_line(temperature: float, tool: int | None = None) -> str:
+    """M104: heat, do not wait; the nozzle of a tool, or of the one in use."""
+    return f"M104{'' if tool is None else f' T{tool}'} S{number(temperature)}"
 
 
 def bed_line(temperature: float) -> str:

@@ -29,6 +29,7 @@ from printer_slicer.model import (
     PressureAdvance,
     Program,
     Role,
+    ToolChange,
 )
 from printer_slicer.profile import Profile
 
@@ -145,7 +146,7 @@ def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
     pause = macro_of(writing.profile, "pause_gcode")
     if pause.empty:
         pause = read_template(writing.dialect.pause, "pause")
-    high = program.xyz[:, 2] >= program.plan.top[program.layer] - 1e-6
+    high = program.xyz[:, 2] >= program.z_top - 1e-6
     arrived = np.flatnonzero(high)
     arrived = arrived[run_begins(program.layer[arrived])]
     for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
@@ -223,7 +224,7 @@ def _said_again(writing: Writing, marks: list[Mark]) -> Iterator[_Note]:
             within = {type(event): event for event in changes if begun < event.index < mark.after}
             yield (
                 mark.index,
-                [line for event in within.values() for line in _lines_of(event, writing.dialect)],
+                [line for event in within.values() for line in _lines_of(event, writing)],
             )
         begun = mark.until
 
@@ -231,21 +232,25 @@ def _said_again(writing: Writing, marks: list[Mark]) -> Iterator[_Note]:
 def _events(writing: Writing) -> Iterator[_Note]:
     """Fans, heaters, accelerations."""
     for event in writing.program.events:
-        yield event.index, _lines_of(event, writing.dialect)
+        yield event.index, _lines_of(event, writing)
 
 
-def _lines_of(event: Event, dialect: Dialect) -> list[str]:
+def _lines_of(event: Event, writing: Writing) -> list[str]:
     """What an event says."""
+    dialect, extruders = writing.dialect, writing.profile.extruders
     match event:
         case Fan():
             return [fan_line(event.ratio)]
         case Heat():
-            nozzle = [nozzle_line(event.nozzle)] if event.nozzle is not None else []
+            tool = extruders[event.tool].tool if len(extruders) > 1 else None
+            nozzle = [nozzle_line(event.nozzle, tool)] if event.nozzle is not None else []
             return nozzle + ([bed_line(event.bed)] if event.bed is not None else [])
         case Acceleration():
             return [dialect.acceleration(event.value)]
         case PressureAdvance():
             return [dialect.pressure_advance(event.seconds)] if dialect.pressure_advance is not None else []
+        case ToolChange():
+            return [f"T{extruders[event.tool].tool}"]
 
 
 def begins_with(writing: Writing) -> list[str]:

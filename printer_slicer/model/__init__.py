@@ -15,6 +15,7 @@ from printer_slicer.model.paths import (
     Heat,
     PressureAdvance,
     Program,
+    ToolChange,
     Toolpaths,
     reordered,
 )
@@ -48,6 +49,7 @@ __all__ = [
     "Role",
     "RoleRow",
     "Sections",
+    "ToolChange",
     "Toolpaths",
     "Travels",
     "Walls",

@@ -22,16 +22,18 @@ __all__ = [
     "Heat",
     "PressureAdvance",
     "Program",
+    "ToolChange",
     "Toolpaths",
     "reordered",
 ]
 
 
+_SAME_TOP: Final = 1e-7  # mm: tops of layers of different plans that are nearer than this are one
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
 _MAY_BE_USUAL: Final = ("carried", "rise", "share", "centre")
 _OF_POINTS: Final = ("xy", "width", "carried", "rise", "share", "centre")
-_OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep", "rule")
+_OF_PATHS: Final = ("layer", "role", "height", "closed", "sweep", "rule", "z_top", "tool")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +41,7 @@ class Toolpaths(Drawn):
     """Polylines to print: path `i` is `xy[start[i]:start[i + 1]]`.
 
     Attributes:
-        plan: the layers; the nozzle prints each path at the top of its layer.
+        plan: the layers that are printed.
         xy: (N, 2) mm; a closed path does not repeat its first point.
         width: (N,) extrusion width at each point; between two points it changes evenly.
         start: (M + 1,) where each path begins.
@@ -58,6 +60,8 @@ class Toolpaths(Drawn):
         centre: (N, 2) mm, of the arc that the line to the next point is a chord of; nan, everywhere where it is not
             given, for lines.
         rule: (M,) the number of the profile whose speeds and flow each path has; 0 everywhere where it is not given.
+        z_top: (M,) mm, where the nozzle prints; the top of the path's layer where it is not given.
+        tool: (M,) the extruder that prints each path, by its number in `Profile.extruders`; 0 where it is not given.
     """
 
     plan: LayerPlan
@@ -74,6 +78,8 @@ class Toolpaths(Drawn):
     share: Float = field(default_factory=lambda: _NOT_GIVEN)
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
     rule: Int = field(default_factory=lambda: _NO_NUMBERS)
+    z_top: Float = field(default_factory=lambda: _NOT_GIVEN)
+    tool: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_points, n_paths = len(self.xy), len(self.layer)
@@ -87,8 +93,11 @@ class Toolpaths(Drawn):
                 object.__setattr__(self, name, np.broadcast_to(np.float64(value), shape))
         if self.sweep is _NO_NUMBERS:
             object.__setattr__(self, "sweep", np.full(n_paths, -1))
-        if self.rule is _NO_NUMBERS:
-            object.__setattr__(self, "rule", np.zeros(n_paths, np.int64))
+        for name in ("rule", "tool"):
+            if getattr(self, name) is _NO_NUMBERS:
+                object.__setattr__(self, name, np.zeros(n_paths, np.int64))
+        if self.z_top is _NOT_GIVEN:
+            object.__setattr__(self, "z_top", self.plan.top[self.layer])
         for name, dtype, shape in (
             ("xy", np.float64, (-1, 2)),
             ("width", np.float64, (n_points,)),
@@ -103,6 +112,8 @@ class Toolpaths(Drawn):
             ("share", np.float64, (n_points,)),
             ("centre", np.float64, (n_points, 2)),
             ("rule", np.int64, (n_paths,)),
+            ("z_top", np.float64, (n_paths,)),
+            ("tool", np.int64, (n_paths,)),
         ):
             if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
@@ -158,8 +169,11 @@ class Toolpaths(Drawn):
 
     @classmethod
     def joined(cls, plan: LayerPlan, parts: Sequence[Toolpaths]) -> Toolpaths:
-        """All paths of several values, by layer; within a layer in the order of `parts`."""
-        return cls.gathered(
+        """All paths of several values, by layer; within a layer in the order of `parts`.
+
+        The layers of all of them are those of `plan`, and the nozzle prints at their tops.
+        """
+        joined = cls.gathered(
             plan,
             xy=np.concatenate([part.xy for part in parts]),
             size=np.concatenate([np.diff(part.start) for part in parts]),
@@ -178,10 +192,19 @@ class Toolpaths(Drawn):
             ),
             rule=np.concatenate([part.rule for part in parts]),
         )
+        tool = np.concatenate([part.tool for part in parts])
+        by_layer = np.argsort(np.concatenate([part.layer for part in parts]), kind="stable")
+        return replace(joined, tool=tool[by_layer]) if tool.any() else joined
 
-    def lifted(self, plan: LayerPlan) -> Toolpaths:
-        """The same paths on the last layers of a plan that has more of them below; beads stay as high as they are."""
-        return replace(self, plan=plan, layer=self.layer + (plan.n_layers - self.plan.n_layers))
+    def on_plan(self, plan: LayerPlan, lift: float = 0.0) -> Toolpaths:
+        """The same paths `lift` mm higher on another plan that has layers with their tops; heights stay."""
+        tops = self.plan.top + lift
+        layer = np.searchsorted(plan.top, tops - _SAME_TOP)[self.layer]
+        return replace(self, plan=plan, layer=layer, z_top=plan.top[layer])
+
+    def with_tool(self, tool: int) -> Toolpaths:
+        """The same paths printed by another extruder."""
+        return replace(self, tool=np.full(self.n_paths, tool))
 
     def ruled(self, of_layer: Int) -> Toolpaths:
         """The same paths with the profiles that the layers (L,) have, by number."""
@@ -282,11 +305,12 @@ class Fan:
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """Set a temperature before move `index`; None leaves that heater as it is."""
+    """Set a temperature before move `index`; None leaves that heater as it is; `tool` is the nozzle's."""
 
     index: int
     nozzle: float | None = None
     bed: float | None = None
+    tool: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +329,15 @@ class PressureAdvance:
     seconds: float
 
 
-Event = Fan | Heat | Acceleration | PressureAdvance
+@dataclass(frozen=True, slots=True)
+class ToolChange:
+    """Print with another extruder from move `index` on, by its number in `Profile.extruders`."""
+
+    index: int
+    tool: int
+
+
+Event = Fan | Heat | Acceleration | PressureAdvance | ToolChange
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -324,7 +356,10 @@ class Program(Drawn):
         height: (K,) how high the bead is, 0 for TRAVEL.
         centre: (K, 2) mm, of the arc that the move is a chord of, all chords of one arc behind each other; nan,
             everywhere where it is not given, for straight moves.
-        events: fan and heater changes, by ascending index.
+        events: changes of fan, heaters, accelerations and tools, by ascending index.
+        z_top: (K,) mm, where the nozzle prints the path of the move, or the one that it leads to; the top of its layer
+            where it is not given.
+        tool: (K,) the extruder in use, by its number in `Profile.extruders`; 0 where it is not given.
     """
 
     plan: LayerPlan
@@ -338,9 +373,15 @@ class Program(Drawn):
     height: Float
     events: tuple[Event, ...] = ()
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
+    z_top: Float = field(default_factory=lambda: _NOT_GIVEN)
+    tool: Int = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)
+        if self.tool is _NO_NUMBERS:
+            object.__setattr__(self, "tool", np.zeros(n_moves, np.int64))
+        if self.z_top is _NOT_GIVEN:
+            object.__setattr__(self, "z_top", self.plan.top[self.layer])
         if self.centre is _NOT_GIVEN:
             object.__setattr__(self, "centre", np.broadcast_to(np.float64(np.nan), (n_moves, 2)))
         for name, dtype, shape in (
@@ -353,6 +394,8 @@ class Program(Drawn):
             ("width", np.float64, (n_moves,)),
             ("height", np.float64, (n_moves,)),
             ("centre", np.float64, (n_moves, 2)),
+            ("z_top", np.float64, (n_moves,)),
+            ("tool", np.int64, (n_moves,)),
         ):
             if name not in _MAY_BE_USUAL or not _is_usual(getattr(self, name)):
                 object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from msgspec.structs import replace
 
 from printer_slicer.profile.base import Settings
@@ -20,9 +22,23 @@ from printer_slicer.profile.settings import (
     Speeds,
 )
 
-__all__ = ["HIGHEST_BEAD", "Profile"]
+__all__ = ["HIGHEST_BEAD", "Extruder", "Profile"]
 
 HIGHEST_BEAD = 0.8  # nozzle diameters; higher beads are not pressed onto the layer below
+
+
+class Extruder(NamedTuple):
+    """One of the machine's extruders, and what is in it.
+
+    Attributes:
+        tool: its number on the machine, as in T0.
+        nozzle_diameter: mm.
+        material: the filament.
+    """
+
+    tool: int
+    nozzle_diameter: float
+    material: Material
 
 
 class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -37,6 +53,11 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The dials of the planner `optimal`; as they usually are where another planner is chosen."""
         planner = self.quality.planner
         return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
+
+    @property
+    def extruders(self) -> tuple[Extruder, ...]:
+        """Those that print; paths and moves name one by its place in this tuple. Profiles have one so far."""
+        return (Extruder(self.printer.tool, self.printer.nozzle_diameter, self.material),)
 
     @property
     def speeds(self) -> Speeds:
