@@ -28,11 +28,13 @@ from benchmarks.processes import SAMPLES, run
 from benchmarks.prusa_settings import prusa_settings
 from benchmarks.vendor_speeds import MACHINES, Vendor
 from printer_slicer.gcode import FLAVOURS
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.jobs import job_of_text
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.pipeline import gcode_of, place, slice_part
+from printer_slicer.pipeline import slice_part
+from printer_slicer.placing import place
 from printer_slicer.profile import Profile, load_profile, profile_with
 
 PEER: Final = "prusa-slicer"

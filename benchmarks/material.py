@@ -25,11 +25,12 @@ from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer import bead
 from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Float
 from printer_slicer.healing import repair
 from printer_slicer.ledger import Ledger, Rules
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut

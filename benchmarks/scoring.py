@@ -11,7 +11,8 @@ from benchmarks.peers import Part
 from printer_slicer.deviation import measure_deviation
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import LayerPlan
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.stages import Stages
 from printer_slicer.surface import Certificate, Surface, certify, find_flats, read_surface
 
 __all__ = ["Judge", "Score"]

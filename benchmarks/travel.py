@@ -31,12 +31,13 @@ from printer_slicer.checking import placed_sections, read_deposit
 from printer_slicer.commands import told_by
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode import read_moves
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, Float, Int, crossings
 from printer_slicer.healing import repair
 from printer_slicer.ledger.beads import beads_of_moves
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, profile_with
 

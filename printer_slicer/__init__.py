@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from printer_slicer.errors import PrinterSlicerError, StrategyError
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode import FLAVOURS, Dialect
+    from printer_slicer.gcode_text import gcode_of
     from printer_slicer.geometry import Areas, Polylines
     from printer_slicer.healing import repair
     from printer_slicer.infill import Infill, InfillTask
@@ -40,10 +41,11 @@ if TYPE_CHECKING:
         Travels,
         Walls,
     )
-    from printer_slicer.pipeline import Stages, gcode_of, plan_part, slice_part, slice_stages
+    from printer_slicer.pipeline import plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, joined, place, transformed
     from printer_slicer.printing import Controls, Done, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
+    from printer_slicer.stages import Stages
     from printer_slicer.strategies import Strategies
     from printer_slicer.surface import Certificate, certify, read_surface
     from printer_slicer.verdict import Verdict, dry_run
@@ -74,7 +76,7 @@ _HOMES = {
     "Repairs": "model",
     "Role": "model",
     "Sections": "model",
-    "Stages": "pipeline",
+    "Stages": "stages",
     "Strategies": "strategies",
     "StrategyError": "errors",
     "Toolpaths": "model",
@@ -87,7 +89,7 @@ _HOMES = {
     "draw_plan": "drawing",
     "dry_run": "verdict",
     "export_stl": "mesh_io",
-    "gcode_of": "pipeline",
+    "gcode_of": "gcode_text",
     "job_from": "jobs",
     "job_of": "jobs",
     "joined": "placing",

@@ -31,9 +31,9 @@ from printer_slicer.ledger import (
 )
 from printer_slicer.ledger.zones import footprint
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.pipeline import Report, quiet
 from printer_slicer.placing import Placement
 from printer_slicer.slicing import cut
+from printer_slicer.stages import Report, quiet
 
 __all__ = ["Asked", "Check", "check_gcode", "placed_sections", "read_deposit"]
 

@@ -12,16 +12,18 @@ from printer_slicer.commands import Told, lines_of, read_text, refuse_unsendable
 from printer_slicer.deposition import UnsupportedTracker, marks_of
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of, spoken
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
-from printer_slicer.pipeline import Report, Stages, gcode_of, quiet, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.policy import Finding, check_names, scan, sentence
 from printer_slicer.profile import Profile
 from printer_slicer.saving import save
 from printer_slicer.showing import Card, Drawn
+from printer_slicer.stages import Report, Stages, quiet
 from printer_slicer.strategies import OURS, Strategies
 
 __all__ = [

@@ -14,7 +14,8 @@ from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.ledger import ledger_of
 from printer_slicer.ledger.stack import stack_of
 from printer_slicer.model import Float, Mesh, Role
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.stages import Stages
 from tests.parts import box, joined, plain, prism, shape, shapely
 
 SPACING = np.array([0.45])

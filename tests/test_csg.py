@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from printer_slicer.checking import Check, check_gcode
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, difference, offset, offset_open
 from printer_slicer.ledger import Finding
 from printer_slicer.model import Mesh
-from printer_slicer.pipeline import gcode_of, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile
 from tests.csg import csg_shape
 from tests.parts import box, cone, joined

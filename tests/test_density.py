@@ -8,8 +8,9 @@ import pytest
 from printer_slicer.geometry import difference
 from printer_slicer.ledger import ledger_of, overlapping, stack_of
 from printer_slicer.model import Float, Mesh, Role
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
+from printer_slicer.stages import Stages
 from tests.parts import (
     box,
     box_with_hole,

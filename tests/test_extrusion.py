@@ -24,8 +24,9 @@ from printer_slicer.model import (
     Sections,
     Toolpaths,
 )
-from printer_slicer.pipeline import Stages, slice_part, slice_stages
+from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
 from tests.parts import (
     box,

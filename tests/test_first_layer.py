@@ -7,7 +7,8 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.model import Mesh, Role
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.stages import Stages
 from tests.parts import box, box_with_hole, plain
 
 

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from printer_slicer.errors import MeshError, PartError
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh, Program, Role
-from printer_slicer.pipeline import gcode_of, slice_part, slice_stages
+from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import Profile
 from tests.parts import (
     box,
@@ -345,7 +346,8 @@ def test_a_plain_slice_loads_nothing_it_does_not_need(tmp_path: Path) -> None:
 import sys
 from pathlib import Path
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.gcode_text import gcode_of
+from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import load_profile
 profile = load_profile()
 text = gcode_of(slice_part(load_mesh(Path(sys.argv[1])), profile), profile)
@@ -375,7 +377,8 @@ def test_different_processes_make_the_same_bytes(tmp_path: Path) -> None:
 import sys, hashlib
 from pathlib import Path
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.gcode_text import gcode_of
+from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import load_profile
 profile = load_profile(quality="standard")
 print(hashlib.sha256(gcode_of(slice_part(load_mesh(Path(sys.argv[1])), profile), profile)).hexdigest())

@@ -12,9 +12,9 @@ from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, s
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.layered import by_layer
 from printer_slicer.ledger import ledger_of, stack_of
-from printer_slicer.model import Heat, Item, Role
+from printer_slicer.model import Heat, Item, LayerPlan, Role
+from printer_slicer.objects import split_objects
 from printer_slicer.profile import Profile
-from printer_slicer.things import things_of
 
 FILAMENT = np.pi * 1.75**2 / 4  # mm²
 SIDE = 16.0  # mm
@@ -345,7 +345,7 @@ def test_the_only_object_goes_by_its_name_and_that_of_the_part(name: str) -> Non
     named = replace(mesh, items=(Item.of("lid", mesh.bounds, 0, 0),))
     profile = profile_with(load_profile(), {"overrides": [{"object": name, "set": {"perimeters": 5}}]})
 
-    ((_, own),) = things_of(replace(named, name="part"), profile)
+    _, _, (own,) = split_objects(replace(named, name="part"), LayerPlan.from_tops(np.array([0.2])), profile)
 
     assert own.quality.perimeters == 5
 

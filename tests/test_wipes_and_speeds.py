@@ -11,9 +11,10 @@ import pytest
 from printer_slicer.commands import told_by
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import Acceleration, Bool, Float, LayerPlan, Program, Role
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.pipeline import gcode_of, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from tests.parts import box, box_with_hole, plain, profile, sphere, two_boxes
 

@@ -16,7 +16,7 @@ from printer_slicer import bead
 from printer_slicer.adhesion.loops import on_bed, paths_of
 from printer_slicer.errors import PartError, PlanError
 from printer_slicer.geometry import chain_rows, hatch, offset
-from printer_slicer.model import Areas, Float, LayerPlan, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, Float, Role, Sections, Toolpaths
 from printer_slicer.profile import Profile
 
 __all__ = ["on_raft", "raft_heights", "raft_paths"]
@@ -65,7 +65,8 @@ def on_raft(sections: Sections, profile: Profile) -> Sections:
             remedy="lower quality.raft_margin",
         )
     solid = _stacked(area, sections.solid, len(heights))
-    return replace(sections, plan=LayerPlan(top, cut, plan.planner, plan.containment), solid=solid)
+    base = np.concatenate([np.cumsum(heights) - heights, plan.base + lifted]) if len(plan.base) else plan.base
+    return replace(sections, plan=replace(plan, top=top, cut=cut, base=base), solid=solid)
 
 
 def _under(first: Areas, margin: float) -> Areas:

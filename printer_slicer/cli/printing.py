@@ -41,7 +41,7 @@ from printer_slicer.cli.verdicts import verdict_facts, verdict_text
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.gcode import spoken
 from printer_slicer.jobs import Job, is_gcode, job_from, job_of
-from printer_slicer.pipeline import quiet
+from printer_slicer.stages import quiet
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages

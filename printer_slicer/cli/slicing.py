@@ -26,8 +26,9 @@ from printer_slicer.cli.unsupported import refuse_unsupported, unsupported_facts
 from printer_slicer.deposition import unsupported_of_program
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import LayerPlan, Program
-from printer_slicer.pipeline import gcode_of, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.profile.places import heights_of
 from printer_slicer.saving import make_folder

@@ -332,6 +332,10 @@ class Areas(Drawn):
         keep = wanted[self.ring_layer]
         return self if keep.all() else self.select(keep)
 
+    def on_layers(self, layer: Int, n_layers: int) -> Areas:
+        """The same areas, each layer as the layer (L,) of a stack of `n_layers`, ascending."""
+        return Areas(self.xy, self.ring_start, layer[self.ring_layer], n_layers)
+
     def for_each(self, layers: Int) -> Areas:
         """A stack with an entry for each of `layers` (E,), in any order, which has all rings of that layer."""
         bounds = self.layer_start

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -12,7 +12,10 @@ from printer_slicer.errors import PlanError
 from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array
 from printer_slicer.showing import Drawn
 
-__all__ = ["Contours", "Gap", "LayerPlan", "Regions", "Sections"]
+__all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]
+
+SAME_TOP: Final = 1e-7
+"""mm: tops of layers of different objects that are nearer than this are one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,16 +28,22 @@ class LayerPlan(Drawn):
         planner: name of the strategy that made the plan.
         containment: "mid": a layer has the section at `cut`; "positive": everything that the part covers anywhere
             between bottom and top; "negative": only what it covers everywhere between them.
+        base: (L,) z of the bottom of each layer, where that is not the top of the layer before: in what is printed of
+            several objects, whose layers do not begin where those of another object end. Empty elsewhere.
     """
 
     top: Float
     cut: Float
     planner: str = ""
     containment: str = "mid"
+    base: Float = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "top", frozen_array(self.top, np.float64, (-1,)))
         object.__setattr__(self, "cut", frozen_array(self.cut, np.float64, (len(self.top),)))
+        object.__setattr__(
+            self, "base", frozen_array(self.base, np.float64, (len(self.base) and len(self.top),))
+        )
 
     def __repr__(self) -> str:
         if not self.n_layers:
@@ -59,6 +68,23 @@ class LayerPlan(Drawn):
         bottom = np.concatenate([[0.0], top[:-1]])
         return cls(top, bottom + cut_ratio * (top - bottom), planner)
 
+    @classmethod
+    def union(cls, plans: Sequence[LayerPlan]) -> LayerPlan:
+        """The layers that are printed of objects with plans of their own: a layer wherever one of them has its top.
+
+        Of layers with the same top the lowest bottom counts. Plans that are equal are their own union.
+        """
+        first = plans[0]
+        if all(np.array_equal(plan.top, first.top) for plan in plans):
+            return first
+        top, bottom, cut = (
+            np.concatenate([getattr(plan, name) for plan in plans]) for name in ("top", "bottom", "cut")
+        )
+        order = np.lexsort((bottom, top))
+        begins = np.flatnonzero(np.diff(top[order], prepend=-np.inf) > SAME_TOP)
+        chosen = order[begins]
+        return cls(top[chosen], cut[chosen], first.planner, first.containment, bottom[chosen])
+
     @property
     def n_layers(self) -> int:
         """Number of layers."""
@@ -67,7 +93,11 @@ class LayerPlan(Drawn):
     @property
     def bottom(self) -> Float:
         """(L,) z of the bottom of each layer."""
-        return np.concatenate([[0.0], self.top[:-1]])
+        return np.array(self.base) if len(self.base) else np.concatenate([[0.0], self.top[:-1]])
+
+    def find_tops(self, tops: Float) -> Int:
+        """(n,) the layers that have these tops, mm."""
+        return np.searchsorted(self.top, tops - SAME_TOP)
 
     @property
     def height(self) -> Float:
@@ -154,6 +184,14 @@ class Sections(Drawn):
     gaps: tuple[Gap, ...] = ()
     turned: Areas | None = None
 
+    def solid_at(self, plan: LayerPlan) -> Areas:
+        """The solid area where each layer of another plan has its top."""
+        if plan is self.plan:
+            return self.solid
+        layer = self.plan.find_tops(plan.top)
+        within = np.flatnonzero(layer < self.plan.n_layers)
+        return self.solid.for_each(layer[within]).on_layers(within, plan.n_layers)
+
     def __repr__(self) -> str:
         volume = float(self.solid.area() @ self.plan.height)
         return f"<Sections: {self.plan.n_layers} layers, {self.solid.n_rings} contours, {volume:.6g} mm3>"
@@ -216,6 +254,14 @@ class Regions(Drawn):
         told = ", ".join(f"{name} {volume:.4g}" for name, volume in volumes.items() if volume)
         return f"<Regions: {self.plan.n_layers} layers, mm3: {told or 'nothing'}>"
 
+    def on_plan(self, plan: LayerPlan) -> Regions:
+        """The same regions on the layers of another plan that have the same tops."""
+        if plan is self.plan:
+            return self
+        layer = plan.find_tops(self.plan.top)
+        areas = {name: getattr(self, name).on_layers(layer, plan.n_layers) for name in _REGIONS}
+        return replace(self, plan=plan, **areas)
+
     def of_layers(self, here: Bool) -> Regions:
         """The regions of some layers (L,); nothing on the others."""
         return Regions(
@@ -227,7 +273,9 @@ class Regions(Drawn):
 
     @classmethod
     def joined(cls, parts: Sequence[Regions]) -> Regions:
-        """The regions of several things side by side."""
+        """The regions of several objects side by side."""
+        plan = LayerPlan.union([part.plan for part in parts])
+        parts = [part.on_plan(plan) for part in parts]
         first = parts[0]
         if len(parts) == 1:
             return first

@@ -28,7 +28,6 @@ __all__ = [
 ]
 
 
-_SAME_TOP: Final = 1e-7  # mm: tops of layers of different plans that are nearer than this are one
 _NOT_GIVEN: Final = np.zeros(0)
 _NO_NUMBERS: Final = np.zeros(0, np.int64)
 _MAY_BE_USUAL: Final = ("carried", "rise", "share", "centre")
@@ -198,8 +197,7 @@ class Toolpaths(Drawn):
 
     def on_plan(self, plan: LayerPlan, lift: float = 0.0) -> Toolpaths:
         """The same paths `lift` mm higher on another plan that has layers with their tops; heights stay."""
-        tops = self.plan.top + lift
-        layer = np.searchsorted(plan.top, tops - _SAME_TOP)[self.layer]
+        layer = plan.find_tops(self.plan.top + lift)[self.layer]
         return replace(self, plan=plan, layer=layer, z_top=plan.top[layer])
 
     def with_tool(self, tool: int) -> Toolpaths:

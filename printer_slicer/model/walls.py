@@ -48,15 +48,26 @@ class Walls(Drawn):
     def __repr__(self) -> str:
         return f"<Walls: {self.plan.n_layers} layers, {self.paths.n_paths} perimeters>"
 
+    def on_plan(self, plan: LayerPlan) -> Walls:
+        """The same walls on the layers of another plan that have the same tops; the others have none."""
+        if plan is self.plan:
+            return self
+        layer = plan.find_tops(self.plan.top)
+        width, lost = np.zeros((2, plan.n_layers))
+        width[layer], lost[layer] = self.width, self.lost
+        return Walls(plan, width, self.paths.on_plan(plan), self.inside.on_layers(layer, plan.n_layers), lost)
+
     @classmethod
     def joined(cls, parts: Sequence[Walls]) -> Walls:
-        """The walls of several things side by side, or of several groups of layers, whose beads are equally wide."""
+        """The walls of several objects side by side, or of several groups of layers, whose beads are equally wide."""
         if len(parts) == 1:
             return parts[0]
+        plan = LayerPlan.union([part.plan for part in parts])
+        parts = [part.on_plan(plan) for part in parts]
         first = parts[0]
         return cls(
-            first.plan,
-            first.width,
+            plan,
+            np.max([part.width for part in parts], axis=0) if plan is not first.plan else first.width,
             Toolpaths.joined(first.plan, [part.paths for part in parts]),
             Areas.merged([part.inside for part in parts]),
             np.sum([part.lost for part in parts], axis=0),

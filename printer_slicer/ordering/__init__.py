@@ -20,12 +20,12 @@ from printer_slicer.ordering.nearby import begun_nearby, begun_toward_seams
 from printer_slicer.ordering.route import routed
 from printer_slicer.ordering.scarf import scarfed
 from printer_slicer.ordering.seams import with_seams
-from printer_slicer.ordering.spiral import spiralled, turns_of_spiral
+from printer_slicer.ordering.spiral import for_spiral, spiralled, turns_of_spiral
 from printer_slicer.ordering.units import Units, inner_loops, units_of
 from printer_slicer.ordering.walls import clustered
 from printer_slicer.profile import Profile
 
-__all__ = ["order"]
+__all__ = ["for_spiral", "order"]
 
 
 def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:

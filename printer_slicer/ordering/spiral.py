@@ -8,6 +8,7 @@ nothing on the first turn, and a last turn at the top ends with nothing.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -15,13 +16,27 @@ from printer_slicer.errors import PartError
 from printer_slicer.geometry.areas import consecutive
 from printer_slicer.model import Float, Int, Role, Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
-from printer_slicer.profile import Profile
+from printer_slicer.profile import Profile, profile_with
 
-__all__ = ["spiralled", "turns_of_spiral"]
+__all__ = ["for_spiral", "spiralled", "turns_of_spiral"]
+
+_SETTINGS: Final = {
+    "quality.perimeters": 1,
+    "quality.infill_density": 0,
+    "quality.top_thickness": 0,
+    "quality.min_sparse_area": 0,
+    "quality.extra_perimeters": False,
+    "quality.seam": "aligned",
+}
 
 _BLENDED = (
     3.0  # bead widths that the outline below may lie beside a place; farther off the way is not smoothed
 )
+
+
+def for_spiral(profile: Profile) -> Profile:
+    """The same profile; where it asks for a spiral, with the settings that a spiral is made with."""
+    return profile_with(profile, _SETTINGS) if profile.quality.spiral else profile
 
 
 def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:

@@ -24,7 +24,15 @@ from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.runs import run_bounds, steepest
 from printer_slicer.surface.shadow import Shadow, throw
 
-__all__ = ["Certificate", "Surface", "Worst", "certify", "layer_bounds", "read_surface"]
+__all__ = [
+    "Certificate",
+    "Surface",
+    "Worst",
+    "certificate_comments",
+    "certify",
+    "layer_bounds",
+    "read_surface",
+]
 
 _ROUNDING = 1e-7  # mm; less than this over a tolerance is the sum's rounding
 
@@ -192,6 +200,18 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         max(float(top[-1]) - surface.height, 0.0),
         surface.area,
         _worst(surface, plan, rising, falling, missing),
+    )
+
+
+def certificate_comments(certificate: Certificate) -> tuple[str, ...]:
+    """What is proven, as comments of a G-code file."""
+    worst = certificate.worst
+    return (
+        f"layer heights = {len(set(certificate.plan.height.tolist()))}",
+        f"certified error [mm] = {certificate.max_error:.4f}",
+        f"certified error attained = layer {worst.layer + 1}, z {worst.z:.4g}, {worst.kind}",
+        f"mean error [mm] = {certificate.mean_error:.4f}",
+        f"volume error [mm3] = {certificate.volume_error:.2f}",
     )
 
 

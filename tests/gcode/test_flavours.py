@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.jobs import Job, job_of
 from printer_slicer.model import Acceleration, Float, LayerPlan, PressureAdvance, Program, Role
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from printer_slicer.verdict import dry_run
 from tests.parts import plain, two_boxes

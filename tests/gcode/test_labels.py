@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.jobs import job_from, job_of
 from printer_slicer.model import Float, Int, Mesh, Role
-from printer_slicer.pipeline import Stages, gcode_of, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import joined, transformed
 from printer_slicer.profile import Profile
+from printer_slicer.stages import Stages
 from printer_slicer.verdict import dry_run
 from tests.mesh_io.tiny_files import item, mesh_xml, model_xml, three_mf, write
 from tests.parts import box, box_with_hole, cone, plain, profile

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from printer_slicer.pipeline import gcode_of, slice_part
+from printer_slicer.gcode_text import gcode_of
+from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import load_profile
 from tests.parts import box
 

@@ -9,7 +9,7 @@ import shapely
 
 from printer_slicer import bead
 from printer_slicer.model import Areas, Float, LayerPlan, Mesh, Regions, Role, Toolpaths
-from printer_slicer.pipeline import Stages
+from printer_slicer.stages import Stages
 from tests.parts import box, joined, shape
 
 __all__ = [

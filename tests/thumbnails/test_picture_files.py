@@ -14,7 +14,8 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.pipeline import gcode_of, slice_stages
+from printer_slicer.gcode_text import gcode_of
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.thumbnails import png_bytes, qoi_bytes, render, thumbnail_lines
 from printer_slicer.thumbnails.shading import Picture
 from tests.parts import box, plain, sphere

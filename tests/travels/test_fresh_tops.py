@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.model import LayerPlan, Mesh, Role, Sections, Toolpaths
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
 from tests.parts import box, joined, plain, profile, shapely
 from tests.travels.places import sections_of, way

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.model import LayerPlan, Mesh, Role, leaves
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.stages import Stages
 from tests.parts import box_with_hole, plain, prism, shapely
 
 

@@ -8,17 +8,21 @@ progress, and what macros say at each layer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from printer_slicer.curves import merged
+from printer_slicer.extrusion import extrude
 from printer_slicer.extrusion.rows import rows_of
 from printer_slicer.extrusion.timing import move_seconds
 from printer_slicer.geometry.areas import distinct, run_begins
-from printer_slicer.model import Bool, Float, Program, Role, Toolpaths, Travels
+from printer_slicer.model import Bool, Float, Program, Role, Sections, Toolpaths, Travels
 from printer_slicer.profile import Profile
+from printer_slicer.travels import travel
 
-__all__ = ["LinkReport", "crowded", "crowded_paths", "paced"]
+__all__ = ["LinkReport", "crowded", "limit_link"]
 
 _AHEAD = 0.5  # of the moves that a firmware plans ahead are counted on
 _ROUNDS = 32
@@ -72,14 +76,40 @@ def _crowded(program: Program, profile: Profile, lines: Float) -> Bool:
     return np.asarray(np.cumsum(change)[:-1] > 0)
 
 
-def crowded_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
+_Moves = tuple[Toolpaths, Travels, Program]
+
+
+def limit_link(
+    moves: _Moves, printed: Sections, profile: Profile, profiles: Sequence[Profile]
+) -> tuple[Toolpaths, Travels, Program, LinkReport | None]:
+    """The same with moves that the link to the printer can carry: merged where they are short, then slowed down.
+
+    Args:
+        moves: paths in the order of printing, the ways between them, and their moves.
+        printed: the sections that the nozzle sees.
+        profile: `printer.link_lines_per_second`; where that is 0 nothing is changed, and there is no report.
+        profiles: those whose numbers the paths have.
+    """
+    toolpaths, travels, program = moves
+    rate = profile.printer.link_lines_per_second
+    busy = crowded(program, profile)
+    if not rate or not busy.any():
+        return *moves, LinkReport(rate) if rate else None
+    dense = _crowded_paths(toolpaths, travels, busy, profile)
+    toolpaths = merged(toolpaths, dense, profile.quality.link_tolerance)
+    travels = travel(toolpaths, printed, profile)
+    slower, report = _paced(extrude(toolpaths, travels, profile, profiles), program, busy, profile)
+    return toolpaths, travels, slower, report
+
+
+def _crowded_paths(paths: Toolpaths, travels: Travels, busy: Bool, profile: Profile) -> Bool:
     """(M,) the paths that moves `busy` (K,) belong to."""
     found = np.zeros(paths.n_paths, np.bool_)
     found[rows_of(paths, travels, profile).path[busy]] = True
     return found
 
 
-def paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tuple[Program, LinkReport]:
+def _paced(program: Program, before: Program, busy: Bool, profile: Profile) -> tuple[Program, LinkReport]:
     """The program slowed down until the link can follow, and what that and merging took.
 
     Args:

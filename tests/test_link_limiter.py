@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from printer_slicer.extrusion import move_seconds
+from printer_slicer.link_limiter import crowded
 from printer_slicer.model import LayerPlan, Program, Role
-from printer_slicer.pacing import crowded
-from printer_slicer.pipeline import Stages, slice_stages
+from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.stages import Stages
 from tests.parts import plain, shapely, sphere
 
 PLAN = LayerPlan.from_tops(np.arange(1, 13) * 0.25)

@@ -1,0 +1,81 @@
+"""Layer plans within a time budget that is held against the moves, not only against the planner's model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+import numpy as np
+
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning import plan_layers
+from printer_slicer.profile import Profile, profile_with
+from printer_slicer.stages import Stages
+from printer_slicer.strategies import Strategies, checked_plan
+from printer_slicer.surface import certify, read_surface
+
+__all__ = ["choose_plan"]
+
+_LONGEST: Final = 1e8  # s
+_ROUNDS: Final = 6  # of asking the planner
+
+
+class Slice(Protocol):
+    """As `pipeline.slice_planned`."""
+
+    def __call__(
+        self, part: Mesh, plan: LayerPlan, profile: Profile, *, strategies: Strategies
+    ) -> Stages: ...
+
+
+def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_planned: Slice) -> LayerPlan:
+    """The layer plan of the profile's planner; with `time_budget`, the most exact one whose moves keep to it.
+
+    The planner knows times from a model. It is asked for more or less until the moves agree; where no plan is quick
+    enough, the quickest is given. A planner from outside is asked once.
+
+    Args:
+        part: standing on z = 0.
+        profile: printer, material and quality.
+        strategies: may hold a planner.
+        slice_planned: makes the moves of a print with some layers.
+
+    Raises:
+        PartError: the part cannot be divided into layers.
+        StrategyError: the planner from outside gives what cannot be used.
+    """
+    if strategies.planner:
+        return checked_plan(strategies.planner(part, profile), part, profile, strategies.planner)
+
+    def seconds_of(plan: LayerPlan) -> float:
+        program = slice_planned(part, plan, profile, strategies=strategies).program
+        return float(move_seconds(program, profile).sum())
+
+    return _within_budget(part, profile, seconds_of)
+
+
+def _within_budget(part: Mesh, profile: Profile, seconds_of: Callable[[LayerPlan], float]) -> LayerPlan:
+    """The most exact plan of the planner whose moves take no longer than the budget, if there is one."""
+    plan, budget = plan_layers(part, profile), profile.dials.time_budget
+    if not budget:
+        return plan
+
+    asked, low, high = budget, 0.0, np.inf
+    tried: list[tuple[float, LayerPlan]] = []
+    for _ in range(_ROUNDS):
+        seconds = seconds_of(plan)
+        tried.append((seconds, plan))
+        if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
+            break
+        low, high = (asked, high) if seconds <= budget else (low, asked)
+        asked = (low + high) / 2 if low and high < np.inf else min(asked * 0.995 * budget / seconds, _LONGEST)
+        plan = plan_layers(part, profile_with(profile, {"quality.planner.time_budget": asked}))
+    if all(seconds > budget for seconds, _ in tried):
+        hurry = {"quality.planner.time_budget": 0, "quality.planner.objective": "time"}
+        plan = plan_layers(part, profile_with(profile, hurry))
+        tried.append((seconds_of(plan), plan))
+    within = [plan for seconds, plan in tried if seconds <= budget]
+    if not within:
+        return min(tried, key=lambda one: one[0])[1]
+    return min(within, key=lambda plan: certify(read_surface(part), plan).volume_error)

@@ -1,0 +1,95 @@
+"""Objects of one part on layers of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from printer_slicer.errors import UsageError
+from printer_slicer.gcode_text import gcode_of
+from printer_slicer.model import Item, LayerPlan, Mesh, Role, roles_with
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.stages import Stages
+from tests.parts import box, plain
+
+SIDE = 12.0
+PLANS = (
+    LayerPlan.from_tops(np.round(np.arange(1, 31) * 0.2, 6)),
+    LayerPlan.from_tops(np.round(np.arange(1, 21) * 0.3, 6)),
+)
+
+
+def two_objects() -> Mesh:
+    """Two cubes 6 mm high side by side."""
+    cubes = [box((SIDE, SIDE, 6.0), (20.0 * k, 0.0, 0.0)) for k in range(2)]
+    items = tuple(
+        Item(name, cube.bounds[0], cube.bounds[1], 12 * k, 12)
+        for k, (name, cube) in enumerate(zip(("thin", "thick"), cubes, strict=True))
+    )
+    return Mesh(np.concatenate([cube.triangles for cube in cubes]), "plate", items)
+
+
+@pytest.fixture(scope="module")
+def stages() -> Stages:
+    return slice_stages(two_objects(), plain(skirt_loops=0), plan=PLANS)
+
+
+def of_object(stages: Stages, k: int) -> np.ndarray:
+    """(M,) the paths of one of the objects."""
+    paths = stages.toolpaths
+    middle = np.array([paths.path(i)[:, 0].mean() for i in range(paths.n_paths)])
+    return np.flatnonzero((middle > np.mean(middle)) == bool(k))
+
+
+def test_layers_are_printed_in_the_order_of_their_tops(stages: Stages) -> None:
+    tops = np.unique(np.concatenate([plan.top for plan in PLANS]).round(6))
+
+    assert stages.plan.top == pytest.approx(tops)
+    assert (np.diff(stages.program.z_top) >= 0).all()
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_each_object_has_the_heights_and_tops_of_its_own_plan(stages: Stages, k: int) -> None:
+    own, paths = of_object(stages, k), stages.toolpaths
+    walls = own[np.isin(paths.role[own], (Role.OUTER_PERIMETER, Role.INNER_PERIMETER, Role.SOLID))]
+
+    assert np.unique(paths.z_top[own].round(6)) == pytest.approx(PLANS[k].top)
+    assert paths.height[walls] == pytest.approx(np.full(len(walls), PLANS[k].height[0]))
+    assert paths.z_top == pytest.approx(paths.plan.top[paths.layer])
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_each_object_holds_the_plastic_that_it_holds_alone(stages: Stages, k: int) -> None:
+    wanted = plain(skirt_loops=0)
+    alone = slice_stages(box((SIDE, SIDE, 6.0)), wanted, plan=PLANS[k]).program
+    program = stages.program
+    here = (program.xyz[:, 0] > program.xyz[:, 0].mean()) == bool(k)
+    laid = roles_with(is_part=True)[program.role]
+
+    assert program.filament[here & laid].sum() == pytest.approx(
+        alone.filament[roles_with(is_part=True)[alone.role]].sum(), rel=0.01
+    )
+
+
+def test_the_file_of_both_passes_the_check_against_the_model(stages: Stages) -> None:
+    text = gcode_of(stages.program, plain(skirt_loops=0))
+    heights = {float(line[8:]) for line in text.decode().splitlines() if line.startswith(";HEIGHT:")}
+
+    assert {0.2, 0.3} <= heights
+    assert all(round(z, 6) > 0 for z in stages.program.height[stages.program.role != Role.TRAVEL])
+
+
+def test_there_is_one_plan_for_each_object_or_one_for_all() -> None:
+    with pytest.raises(UsageError, match="3 layer plans for 2 objects"):
+        slice_stages(two_objects(), plain(), plan=(*PLANS, PLANS[0]))
+
+
+def test_plans_that_are_equal_make_the_same_moves_as_one() -> None:
+    wanted = plain()
+    together = slice_stages(two_objects(), wanted, plan=PLANS[0]).program
+    apart = slice_stages(
+        two_objects(), wanted, plan=(PLANS[0], LayerPlan.from_tops(np.array(PLANS[0].top)))
+    ).program
+
+    assert apart.filament_used == pytest.approx(together.filament_used, rel=1e-6)
+    assert np.array_equal(np.unique(apart.z_top), np.unique(together.z_top))
