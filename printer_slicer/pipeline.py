@@ -109,7 +109,7 @@ def slice_planned(
 
 
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = OURS) -> LayerPlan:
-    """The layer plan of a placed part; a time budget is held against the moves. Errors are those of `slice_stages`."""
+    """The layer plan of a placed part, within its time budget; arguments and errors are those of `slice_stages`."""
     return choose_plan(part, profile, strategies, slice_planned)
 
 

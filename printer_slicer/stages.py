@@ -101,7 +101,10 @@ class Stages(Drawn):
     link: LinkReport | None = None
     labels: Labels | None = None
     repairs: Repairs = field(default_factory=Repairs)
-    shift: Float = field(default_factory=lambda: frozen_array(np.zeros(3), np.float64, (3,)))
+    shift: Float = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shift", frozen_array(self.shift, np.float64, (3,)))
 
     def __repr__(self) -> str:
         values = ("part", "sections", "walls", "regions", "toolpaths", "travels", "program")

@@ -21,7 +21,7 @@ _LONGEST: Final = 1e8  # s
 _ROUNDS: Final = 6  # of asking the planner
 
 
-class Slice(Protocol):
+class _Slice(Protocol):
     """As `pipeline.slice_planned`."""
 
     def __call__(
@@ -29,7 +29,7 @@ class Slice(Protocol):
     ) -> Stages: ...
 
 
-def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_planned: Slice) -> LayerPlan:
+def choose_plan(part: Mesh, profile: Profile, strategies: Strategies, slice_planned: _Slice) -> LayerPlan:
     """The layer plan of the profile's planner; with `time_budget`, the most exact one whose moves keep to it.
 
     The planner knows times from a model. It is asked for more or less until the moves agree; where no plan is quick
