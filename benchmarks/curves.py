@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from benchmarks.scoring import Score
-from printer_slicer.geometry import Float
+from printer_slicer.arrays import Float
 from printer_slicer.model import LayerPlan
 
 __all__ = ["Frontier", "Row", "draw"]

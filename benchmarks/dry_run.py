@@ -22,9 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from printer_slicer.jobs import job_of
 from printer_slicer.model import Mesh
 from printer_slicer.profile import load_profile
+from printer_slicer.slice_jobs import job_of
 
 __all__ = ["main", "wavy_vase"]
 
@@ -40,7 +40,7 @@ SETTINGS = {
 _MEMORY = """
 import gc, json, re, sys
 from pathlib import Path
-from printer_slicer.jobs import job_from
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.profile import load_profile
 from printer_slicer.verdict import dry_run
 

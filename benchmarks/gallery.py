@@ -23,8 +23,9 @@ import numpy as np
 import shapely
 
 from printer_slicer import cli
+from printer_slicer.arrays import Float
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.model import Float, Mesh
+from printer_slicer.model import Mesh
 
 __all__ = ["ENTRIES", "Entry", "commands", "main", "write_part"]
 

@@ -35,9 +35,9 @@ from benchmarks.processes import RunError, run
 from benchmarks.prusa_rule import HeightLimits, adaptive_profile, model_xml, stack_profile, write_3mf
 from benchmarks.prusa_settings import prusa_settings
 from printer_slicer import bead
+from printer_slicer.arrays import Float
 from printer_slicer.commands import told_by
 from printer_slicer.gcode import read_moves
-from printer_slicer.geometry import Float
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.motion.machine import limits_of

@@ -15,7 +15,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 
-from printer_slicer.geometry import Float
+from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
 
 __all__ = ["HeightLimits", "adaptive_profile", "model_xml", "stack_profile", "write_3mf"]

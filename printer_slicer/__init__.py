@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from printer_slicer.geometry import Areas, Polylines
     from printer_slicer.healing import repair
     from printer_slicer.infill import Infill, InfillTask
-    from printer_slicer.jobs import Job, job_from, job_of
+    from printer_slicer.jobs import Job
     from printer_slicer.mesh_io import LIMITS, Limits, Model, export_stl, load_mesh, load_model
     from printer_slicer.model import (
         LayerPlan,
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
         Program,
         Regions,
         Repairs,
-        Role,
         Sections,
         Toolpaths,
         Travels,
@@ -45,6 +44,8 @@ if TYPE_CHECKING:
     from printer_slicer.placing import Placement, joined, place, transformed
     from printer_slicer.printing import Controls, Done, print_job
     from printer_slicer.profile import Profile, load_profile, profile_with
+    from printer_slicer.roles import Role
+    from printer_slicer.slice_jobs import job_from, job_of
     from printer_slicer.stages import Stages
     from printer_slicer.strategies import Strategies
     from printer_slicer.surface import Certificate, certify, read_surface
@@ -74,7 +75,7 @@ _HOMES = {
     "Program": "model",
     "Regions": "model",
     "Repairs": "model",
-    "Role": "model",
+    "Role": "roles",
     "Sections": "model",
     "Stages": "stages",
     "Strategies": "strategies",
@@ -90,8 +91,8 @@ _HOMES = {
     "dry_run": "verdict",
     "export_stl": "mesh_io",
     "gcode_of": "gcode_text",
-    "job_from": "jobs",
-    "job_of": "jobs",
+    "job_from": "slice_jobs",
+    "job_of": "slice_jobs",
     "joined": "placing",
     "load_mesh": "mesh_io",
     "load_model": "mesh_io",

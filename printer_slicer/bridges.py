@@ -8,11 +8,9 @@ from functools import partial
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
-    Bool,
-    Float,
-    Int,
     Lines,
     Pieces,
     difference,

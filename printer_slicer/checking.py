@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool
 from printer_slicer.errors import PartError, UsageError
-from printer_slicer.geometry import Areas, Bool, difference, offset_open
+from printer_slicer.geometry import Areas, difference, offset_open
 from printer_slicer.ledger import (
     Beads,
     Deposit,
@@ -32,8 +33,8 @@ from printer_slicer.ledger import (
 from printer_slicer.ledger.zones import footprint
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.placing import Placement
+from printer_slicer.progress import Report, quiet
 from printer_slicer.slicing import cut
-from printer_slicer.stages import Report, quiet
 
 __all__ = ["Asked", "Check", "check_gcode", "placed_sections", "read_deposit"]
 

@@ -9,16 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from printer_slicer.geometry import (
-    Areas,
-    Float,
-    difference,
-    normalize,
-    offset,
-    offset_open,
-    rings_around,
-    union,
-)
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, rings_around, union
 from printer_slicer.model import Sections
 from printer_slicer.profile import Profile
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.errors import PartError
-from printer_slicer.geometry import frozen_array
 from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.model import Bool, Float, Int, Mesh, Sections
+from printer_slicer.model import Mesh, Sections
 
 __all__ = ["Deviation", "measure_deviation"]
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, window_intersection
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Areas, window_intersection
 from printer_slicer.model import LayerPlan
 
 __all__ = ["area_savings", "divide", "last_layers", "within"]

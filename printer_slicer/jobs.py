@@ -1,42 +1,38 @@
-"""A model or a G-code file as a job: the lines to send, and what is known about them."""
+"""A job: the lines to send, and what is known about them. Nothing here knows of the slicer."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from printer_slicer.commands import Told, lines_of, read_text, refuse_unsendable, told_by
 from printer_slicer.deposition import UnsupportedTracker, marks_of
+from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of, spoken
-from printer_slicer.gcode_text import gcode_of
-from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import LayerPlan, Mesh, Program, Repairs
+from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
-from printer_slicer.pipeline import slice_stages
-from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.policy import Finding, check_names, scan, sentence
 from printer_slicer.profile import Profile
 from printer_slicer.saving import save
 from printer_slicer.showing import Card, Drawn
-from printer_slicer.stages import Report, Stages, quiet
-from printer_slicer.strategies import OURS, Strategies
+
+if TYPE_CHECKING:
+    from printer_slicer.model import LayerPlan, Program, Repairs
 
 __all__ = [
     "GCODE_SUFFIXES",
     "Job",
     "is_gcode",
-    "job_from",
-    "job_of",
     "job_of_file",
     "job_of_text",
+    "judge_text",
 ]
 
-_ASKED_FOR = frozenset({"wait"})  # of a job that is sliced here: its pauses are the settings'
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
 
@@ -68,7 +64,7 @@ class Job(Drawn):
     program: Program | None = None
     marks: Mapping[int, int] = field(default_factory=dict)
     roles: Mapping[int, str] = field(default_factory=dict)
-    repairs: Repairs = field(default_factory=Repairs)
+    repairs: Repairs | None = None
     findings: tuple[Finding, ...] = ()
     allowed: frozenset[str] = frozenset()
 
@@ -125,25 +121,6 @@ def is_gcode(path: Path) -> bool:
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
-def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bool = False) -> Job:
-    """The job that prints a model (sliced now) or a G-code file (as it is).
-
-    Args:
-        path: of the file.
-        profile: printer, material and quality.
-        report: is told the name of each stage as it begins.
-        strict: whether a mesh that needs repair is refused.
-
-    Raises:
-        PrinterSlicerError: the file cannot be read, sliced or sent.
-    """
-    if is_gcode(path):
-        report("reading")
-        return job_of_file(path, profile)
-    report("loading")
-    return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
-
-
 def job_of_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
     """The job that a G-code file is.
 
@@ -155,44 +132,7 @@ def job_of_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
     Raises:
         PrinterSlicerError: the file cannot be read or sent.
     """
-    return _judged(path.name, read_text(path), profile, streamed=streamed)
-
-
-def job_of(  # noqa: PLR0913 - every choice has a usual value
-    part: Mesh | Stages,
-    profile: Profile,
-    *,
-    name: str = "",
-    placement: Placement = IN_THE_MIDDLE,
-    report: Report = quiet,
-    strict: bool = False,
-    strategies: Strategies = OURS,
-) -> Job:
-    """The job that prints a part, sliced now or before.
-
-    Args:
-        part: as a mesh, or what `slice_stages` made of it; then `placement`, `report` and `strict` had their time.
-        profile: what it is sliced with.
-        name: what to call the job; empty: as the part.
-        placement: where the part is put.
-        report: is told the name of each stage as it begins.
-        strict: whether a mesh that needs repair is refused.
-        strategies: functions from outside in place of ours.
-
-    Raises:
-        PrinterSlicerError: it cannot be sliced.
-    """
-    stages = (
-        part
-        if isinstance(part, Stages)
-        else slice_stages(
-            part, profile, placement=placement, report=report, strict=strict, strategies=strategies
-        )
-    )
-    report("writing")
-    text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
-    job = _judged(name or stages.part.name, text, profile, flavour=strategies.flavour)
-    return replace(job, program=stages.program, allowed=_ASKED_FOR, repairs=stages.repairs)
+    return judge_text(path.name, read_text(path), profile, streamed=streamed)
 
 
 def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, float], flavour: str) -> Job:
@@ -215,10 +155,21 @@ def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, 
     return tally.job(name, text, told)
 
 
-def _judged(
+def judge_text(
     name: str, text: bytes, profile: Profile, *, streamed: bool = True, flavour: Dialect | None = None
 ) -> Job:
-    """The job that a text is, with what is found in it."""
+    """The job that a text is, with what is found in it.
+
+    Args:
+        name: what to call it.
+        text: the G-code.
+        profile: what it is judged by.
+        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
+        flavour: whose meanings commands have; the printer's where it is not given.
+
+    Raises:
+        UsageError: there is nothing in it, or something that can never be sent.
+    """
     printer = profile.printer
     told = _told(name, text, streamed=streamed)
     pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])

@@ -13,8 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry.areas import distinct
-from printer_slicer.model import Bool, Float, Int, Item, Labels, LayerPlan, Mesh, Program, roles_with
+from printer_slicer.arrays import Bool, Float, Int, distinct
+from printer_slicer.model import Item, Labels, LayerPlan, Mesh, Program
+from printer_slicer.roles import roles_with
 
 __all__ = ["labels_of"]
 

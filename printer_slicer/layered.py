@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model import LayerPlan
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.places import heights_of

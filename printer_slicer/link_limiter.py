@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, distinct, run_begins
 from printer_slicer.curves import merged
 from printer_slicer.extrusion import extrude
 from printer_slicer.extrusion.rows import rows_of
 from printer_slicer.extrusion.timing import move_seconds
-from printer_slicer.geometry.areas import distinct, run_begins
-from printer_slicer.model import Bool, Float, Program, Role, Sections, Toolpaths, Travels
+from printer_slicer.model import Program, Sections, Toolpaths, Travels
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from printer_slicer.travels import travel
 
 __all__ = ["LinkReport", "crowded", "limit_link"]

@@ -8,12 +8,13 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from printer_slicer.arrays import Int
 from printer_slicer.compensation import compensated
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layered import Layered, by_layer
-from printer_slicer.model import Int, Item, LayerPlan, Mesh, Regions, Sections, Toolpaths, Walls
+from printer_slicer.model import Item, LayerPlan, Mesh, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import graded
 from printer_slicer.profile import Profile
 from printer_slicer.profile.places import for_object, objects_of

@@ -11,18 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from printer_slicer.geometry import (
-    Areas,
-    Bool,
-    Float,
-    Int,
-    depths,
-    difference,
-    offset,
-    rings_around,
-    window_intersection,
-)
-from printer_slicer.geometry.areas import boxes, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, Int, boxes, distinct, run_begins
+from printer_slicer.geometry import Areas, depths, difference, offset, rings_around, window_intersection
 from printer_slicer.geometry.depth import near_outlines
 from printer_slicer.geometry.planes import spread
 from printer_slicer.model import Sections, Toolpaths

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, intersection, normalize
-from printer_slicer.geometry.areas import consecutive
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.crossing import crossings_of, join_rings
 from printer_slicer.geometry.pieces import pieces_of
-from printer_slicer.model import Float, Int, Mesh
+from printer_slicer.model import Mesh
 
 __all__ = ["Overlap", "find_collisions", "find_overlaps"]
 

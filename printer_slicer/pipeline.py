@@ -21,14 +21,15 @@ from printer_slicer.ordering import for_spiral, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile
+from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.slicing import section_repairs
-from printer_slicer.stages import Choices, Report, Stages, quiet, require_part
+from printer_slicer.stages import Choices, Stages, require_part
 from printer_slicer.strategies import OURS, Strategies, checked_program
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 
-__all__ = ["Report", "Stages", "plan_part", "quiet", "slice_part", "slice_planned", "slice_stages"]
+__all__ = ["plan_part", "slice_part", "slice_planned", "slice_stages"]
 
 
 def slice_stages(  # noqa: PLR0913 - every choice has a usual value

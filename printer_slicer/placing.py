@@ -12,11 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import LARGEST, blocks
 from printer_slicer.mesh_io.units import SPOKEN
-from printer_slicer.model import Float, Item, Mesh
+from printer_slicer.model import Item, Mesh
 from printer_slicer.profile import Printer
 
 __all__ = ["IN_THE_MIDDLE", "Placement", "joined", "place", "transformed"]

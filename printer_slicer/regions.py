@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.bridges import bridges_over, over_sparse
 from printer_slicer.geometry import (
     difference,
@@ -31,7 +32,7 @@ from printer_slicer.geometry import (
     window_intersections,
 )
 from printer_slicer.layered import Layered, by_layer
-from printer_slicer.model import Areas, Bool, Float, Int, LayerPlan, Regions, Sections, Walls
+from printer_slicer.model import Areas, LayerPlan, Regions, Sections, Walls
 from printer_slicer.profile import Profile
 
 __all__ = ["classify"]

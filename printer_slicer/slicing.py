@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int, placed
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry import Areas, Float, Int, difference, normalize, offset, simplify, union
-from printer_slicer.geometry.areas import placed
+from printer_slicer.geometry import Areas, difference, normalize, offset, simplify, union
 from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
 from printer_slicer.geometry.crossing import Crossings, crossings_of
 from printer_slicer.geometry.joints import cycles

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypedDict
 
 import numpy as np
 
+from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.errors import MeshError, UsageError
-from printer_slicer.geometry import frozen_array
 from printer_slicer.link_limiter import LinkReport
 from printer_slicer.model import (
-    Float,
     Labels,
     LayerPlan,
     Mesh,
@@ -27,13 +26,11 @@ from printer_slicer.model import (
 from printer_slicer.naming import kind_of
 from printer_slicer.placing import Placement
 from printer_slicer.profile import Profile
+from printer_slicer.progress import Report
 from printer_slicer.showing import Drawn
 from printer_slicer.strategies import Strategies
 
-__all__ = ["Choices", "Report", "Stages", "quiet", "require_part"]
-
-Report = Callable[[str], None]
-"""Called with the name of each stage as it begins."""
+__all__ = ["Choices", "Stages", "require_part"]
 
 
 class Choices(TypedDict, total=False):
@@ -44,10 +41,6 @@ class Choices(TypedDict, total=False):
     report: Report
     strict: bool
     strategies: Strategies
-
-
-def quiet(stage: str) -> None:
-    """A `Report` that says nothing."""
 
 
 def require_part(mesh: object, profile: object) -> None:

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from printer_slicer.model import Areas, Float, LayerPlan, Mesh
+from printer_slicer.arrays import Float
+from printer_slicer.model import Areas, LayerPlan, Mesh
 from printer_slicer.profile import Profile, load_profile
 
 __all__ = [

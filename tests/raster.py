@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from scipy import ndimage
 
-from printer_slicer.geometry import Areas, Bool, Float
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.geometry import Areas
 from printer_slicer.model import Toolpaths
 from tests.parts import shape
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float, normalize
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, normalize
 
 __all__ = ["areas", "box", "clean_areas", "rectilinear_areas", "rectilinear_rings", "star_rings"]
 

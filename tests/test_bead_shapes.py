@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.extrusion import extrude
-from printer_slicer.model import Areas, LayerPlan, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
+from printer_slicer.roles import Role
 from printer_slicer.travels import travel
 from tests.parts import plain
 

@@ -14,15 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
+from printer_slicer.arrays import Bool
 from printer_slicer.checking import Asked, Check, check_gcode
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import write_gcode
-from printer_slicer.geometry import Bool
 from printer_slicer.ledger import Limits, Purpose, Rules
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.model import LayerPlan, Mesh, Program, Role
+from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import Placement
+from printer_slicer.roles import Role
 from tests.parts import box, box_with_hole, plain, sphere
 from tests.test_values import arrays
 from tests.waiting import LAST_RESORT

@@ -10,8 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import Float, LayerPlan, Mesh, Sections
+from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.planning import plan_layers
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, read_surface

@@ -7,14 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.commands import told_by
 from printer_slicer.curves import curved
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Float, LayerPlan, Role, Toolpaths
+from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.parts import box, cone, plain, shapely, sphere
 
 PLAN = LayerPlan.from_tops(np.array([0.2]))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference
 from printer_slicer.ledger import ledger_of, overlapping, stack_of
-from printer_slicer.model import Float, Mesh, Role
+from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import (
     box,

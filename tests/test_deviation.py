@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.deviation import Deviation, measure_deviation
 from printer_slicer.errors import PartError
-from printer_slicer.geometry import Areas, Float
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import Outlines, distance_to_segments
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import cut

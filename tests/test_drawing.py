@@ -18,15 +18,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from printer_slicer.arrays import Float
 from printer_slicer.drawing import draw_layer, draw_plan, layer_picture
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Text
 from printer_slicer.drawing.colours import height_colours
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import Areas, Float, LayerPlan, Mesh, Program, Role, Sections
+from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Sections
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, load_profile
+from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, read_surface
 from tests.parts import box as box_part

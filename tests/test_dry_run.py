@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from printer_slicer.cli.verdicts import verdict_facts
 from printer_slicer.errors import ProfileError, VerificationError
-from printer_slicer.jobs import Job, job_from
+from printer_slicer.jobs import Job
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.profile import Profile, load_profile, profile_paths, profile_with
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.events import Accepted, Event, Finished, Identified
 from printer_slicer.verdict import Comparison, Verdict, dry_run, front_end_of, machine_of
 

@@ -9,23 +9,13 @@ import numpy as np
 import pytest
 
 from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude, move_seconds
-from printer_slicer.model import (
-    Areas,
-    Bool,
-    Fan,
-    Float,
-    Heat,
-    LayerPlan,
-    Mesh,
-    Program,
-    Role,
-    Sections,
-    Toolpaths,
-)
+from printer_slicer.model import Areas, Fan, Heat, LayerPlan, Mesh, Program, Sections, Toolpaths
 from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
 from tests.parts import (

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 
 from printer_slicer.feasibility import Feasibility, Link, feasibility
 from printer_slicer.gcode import read_moves
-from printer_slicer.jobs import Job, job_from
+from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.tally import Report
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 from printer_slicer.verdict import front_end_of, machine_of

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.model import Mesh, Role
+from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import box, box_with_hole, plain
 

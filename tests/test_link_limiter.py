@@ -7,9 +7,10 @@ import pytest
 
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.link_limiter import crowded
-from printer_slicer.model import LayerPlan, Program, Role
+from printer_slicer.model import LayerPlan, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import plain, shapely, sphere
 

@@ -10,10 +10,12 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Bool, Float, normalize
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.geometry import Areas, normalize
 from printer_slicer.geometry.voronoi import medial_axis
-from printer_slicer.model import LayerPlan, Role, Sections, Walls
+from printer_slicer.model import LayerPlan, Sections, Walls
 from printer_slicer.perimeters import fill_narrow, lay_walls
+from printer_slicer.roles import Role
 from tests.parts import plain, shape, shapely
 from tests.raster import PITCH, Raster, raster
 from tests.strategies import box, clean_areas

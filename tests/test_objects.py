@@ -7,8 +7,9 @@ import pytest
 
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Item, LayerPlan, Mesh, Role, roles_with
+from printer_slicer.model import Item, LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
 from tests.parts import box, plain
 

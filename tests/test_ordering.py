@@ -10,12 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.adhesion import adhesion_paths
+from printer_slicer.arrays import Float
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import Areas, Float, LayerPlan, Mesh, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, LayerPlan, Mesh, Sections, Toolpaths
 from printer_slicer.ordering import order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
+from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
 from tests.parts import (
     box,

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from printer_slicer.model import Areas, Fan, Float, LayerPlan, Mesh, Program, Role, Sections, Toolpaths
+from printer_slicer.arrays import Float
+from printer_slicer.model import Areas, Fan, LayerPlan, Mesh, Program, Sections, Toolpaths
 from printer_slicer.overhangs import graded
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_part
+from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
 from tests.parts import box, joined, layers, plain, shape, shapely, sphere
 from tests.strategies import clean_areas

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from printer_slicer import bead
+from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.model import Float, LayerPlan, Mesh, Role, Sections, Walls
+from printer_slicer.model import LayerPlan, Mesh, Sections, Walls
 from printer_slicer.perimeters import lay_walls
+from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
 from tests.parts import (
     box,

@@ -15,9 +15,10 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.model import LayerPlan, Mesh, Program, Role
+from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from tests.parts import (
     box,
     box_with_hole,
@@ -400,9 +401,9 @@ print(hashlib.sha256(gcode_of(slice_part(load_mesh(Path(sys.argv[1])), profile),
 
 
 def test_the_estimate_in_the_header_is_the_time_of_all_moves() -> None:
+    from printer_slicer.durations import spoken
     from printer_slicer.extrusion import move_seconds
-    from printer_slicer.gcode import spoken
-    from printer_slicer.jobs import job_of
+    from printer_slicer.slice_jobs import job_of
 
     bare = profile(start_gcode="", end_gcode="")
     program = slice_part(box(), bare)

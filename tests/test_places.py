@@ -12,9 +12,10 @@ from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, s
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.layered import by_layer
 from printer_slicer.ledger import ledger_of, stack_of
-from printer_slicer.model import Heat, Item, LayerPlan, Role
+from printer_slicer.model import Heat, Item, LayerPlan
 from printer_slicer.objects import split_objects
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 FILAMENT = np.pi * 1.75**2 / 4  # mm²
 SIDE = 16.0  # mm

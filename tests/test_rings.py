@@ -9,8 +9,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.compensation import compensated
-from printer_slicer.geometry import Areas, Float, difference, intersection, normalize, offset_open, union
+from printer_slicer.geometry import Areas, difference, intersection, normalize, offset_open, union
 from printer_slicer.geometry.engine import using_engine
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.infill import PATTERNS

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.deposition.purposes import Purpose, purposes_of_roles
-from printer_slicer.model import ROLES, Phase, Role, roles_with
 from printer_slicer.profile import load_profile
+from printer_slicer.roles import ROLES, Phase, Role, roles_with
 
 PACKAGE = Path(__file__).parents[1] / "printer_slicer"
 

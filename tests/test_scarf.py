@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import LayerPlan, Program, Role, Toolpaths
+from printer_slicer.model import LayerPlan, Program, Toolpaths
 from printer_slicer.ordering.scarf import scarfed
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.parts import box, cone, plain, sphere
 
 PLAN = LayerPlan.from_tops(np.array([0.3, 0.5, 0.8, 0.9]))

@@ -10,9 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
+from printer_slicer.arrays import Float
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import Areas, Float, LayerPlan, Regions, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.ordering import order
+from printer_slicer.roles import Role
 from tests.parts import plain, shape, shapely
 from tests.strategies import clean_areas
 

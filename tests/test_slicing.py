@@ -10,10 +10,11 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.model import Float, LayerPlan, Mesh, Sections
+from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import contours, cut, open_places
 from tests.parts import (
     box,

@@ -8,9 +8,10 @@ import pytest
 from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PartError
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import LayerPlan, Mesh, Program, Role
+from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import box, box_with_hole, plain, two_boxes
 

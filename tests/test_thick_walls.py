@@ -11,16 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.ledger import Beads, findings, ledger_of, stack_of
 from printer_slicer.ledger.raster import Window, filled, mean_around
-from printer_slicer.model import Areas, Bool, Float, Int, LayerPlan, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
 from printer_slicer.overhangs import graded
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
+from printer_slicer.roles import Role
 from printer_slicer.thick_walls import SAME_PLACE, thickened
 from printer_slicer.thick_walls.stretches import cut, spans_between, spans_within
 from tests.parts import box, box_with_hole, layers, plain, shape, shapely, sphere, step_pyramid

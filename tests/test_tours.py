@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.ordering.tours import shortened
 
 

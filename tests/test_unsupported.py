@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.deposition import describe, unsupported_of_program
-from printer_slicer.jobs import job_of
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import load_profile, profile_with
+from printer_slicer.slice_jobs import job_of
 from printer_slicer.verdict import dry_run
 from tests.cli.command_line import Outcome, typed
 from tests.mesh_io.tiny_files import binary_stl

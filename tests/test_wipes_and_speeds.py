@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.commands import told_by
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Acceleration, Bool, Float, LayerPlan, Program, Role
+from printer_slicer.model import Acceleration, LayerPlan, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from tests.parts import box, box_with_hole, plain, profile, sphere, two_boxes
 
 UNEVEN = LayerPlan.from_tops(np.cumsum([0.3, 0.1, 0.2, 0.3, 0.15, 0.25, 0.3, 0.1]))

@@ -14,6 +14,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.adhesion.ears import sharp_corners
 from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.arrays import Bool, Float, Int, lengths
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import (
     clip_outlines,
@@ -25,9 +26,9 @@ from printer_slicer.geometry import (
     rings_around,
     union,
 )
-from printer_slicer.geometry.areas import lengths
-from printer_slicer.model import Areas, Bool, Float, Int, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile, Quality
+from printer_slicer.roles import Role
 
 __all__ = ["brim_paths"]
 

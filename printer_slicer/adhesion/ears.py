@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.vectors import cross, dot
-from printer_slicer.model import Areas, Float, Int
+from printer_slicer.model import Areas
 
 __all__ = ["sharp_corners"]
 

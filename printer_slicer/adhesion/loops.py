@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int, LayerPlan, Role, Toolpaths
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["on_bed", "paths_of"]
 

@@ -14,10 +14,12 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, PlanError
 from printer_slicer.geometry import chain_rows, hatch, offset
-from printer_slicer.model import Areas, Float, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["on_raft", "raft_heights", "raft_paths"]
 

@@ -8,9 +8,11 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.adhesion.loops import on_bed, paths_of
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import convex_hull, offset, simplify
-from printer_slicer.model import Areas, Float, Int, Role, Sections, Toolpaths
+from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["skirt_paths"]
 

@@ -10,8 +10,9 @@ from typing import Any, Final
 from printer_slicer.cli.common import profile_facts, profile_from
 from printer_slicer.cli.policy import finding_facts, finding_lines, refused
 from printer_slicer.commands import lines_of
+from printer_slicer.durations import spoken
 from printer_slicer.feasibility import Feasibility, Link, Stretch, feasibility
-from printer_slicer.gcode import FLAVOURS, read_moves, spoken
+from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.jobs import Job, job_of_file
 from printer_slicer.motion.machine import limits_of
 

@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Final
 
 from printer_slicer.cli.common import visible
-from printer_slicer.gcode import spoken
+from printer_slicer.durations import spoken
 
 __all__ = ["Milestones"]
 

@@ -9,11 +9,23 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
-__all__ = ["add_models", "attached", "box_of"]
+from printer_slicer.errors import UsageError
+
+__all__ = ["add_models", "attached", "box_of", "refuse_model_flags"]
 
 UNITS: Final = ("mm", "cm", "m", "inch", "foot", "micron")
 _WITH_SIGN: Final = ("--rotate", "--center", "--box", "--range")
 """Flags whose values may begin with a minus sign, which argparse takes for a flag."""
+_USUAL: Final = {
+    "units": None,
+    "scale": None,
+    "rotate": None,
+    "center": None,
+    "as_placed": False,
+    "drop": True,
+    "fuse": False,
+}
+"""Flags of models as they are where nobody sets them."""
 _SMALLEST_BOX: Final = 0.01  # mm
 
 
@@ -157,3 +169,23 @@ def box_of(text: str) -> tuple[tuple[float, float], tuple[float, float]]:
             f"{text!r}: less than {_SMALLEST_BOX:g} mm wide or high; expected {example}"
         )
     return (x0, y0), (x1, y1)
+
+
+def refuse_model_flags(arguments: argparse.Namespace) -> None:
+    """G-code is printed as it is, and alone.
+
+    Raises:
+        UsageError: a flag wants to change it, or there is more than one file.
+    """
+    if len(arguments.models) > 1:
+        raise UsageError(
+            f"{arguments.models[0]}: G-code is printed alone, but there are {len(arguments.models)} files",
+            remedy="slice several models together, or print one file after the other",
+        )
+    given = [name for name, usual in _USUAL.items() if getattr(arguments, name) != usual]
+    if given:
+        flag = "--no-drop" if given[0] == "drop" else f"--{given[0].replace('_', '-')}"
+        raise UsageError(
+            f"{arguments.models[0]}: {flag} has no meaning for G-code, which is printed as it is",
+            remedy="leave it out, or give the model",
+        )

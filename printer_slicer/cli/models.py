@@ -15,7 +15,7 @@ import numpy as np
 from printer_slicer.cli.colours import coloured
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.memory import keep_memory
-from printer_slicer.errors import PartError, UsageError
+from printer_slicer.errors import PartError
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, joined, transformed
@@ -25,19 +25,10 @@ if TYPE_CHECKING:
     from printer_slicer.model import Mesh, Repairs
     from printer_slicer.profile import Printer
 
-__all__ = ["Plate", "plate_from", "plate_name", "refuse_model_flags", "repaired_plate", "warn"]
+__all__ = ["Plate", "plate_from", "plate_name", "repaired_plate", "warn"]
 
 _IN_THE_AIR = 0.01  # mm
 _MOST_TOLD = 3
-_MODEL_FLAGS = {
-    "units": None,
-    "scale": None,
-    "rotate": None,
-    "center": None,
-    "as_placed": False,
-    "drop": True,
-    "fuse": False,
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,26 +209,6 @@ def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh])
 def plate_name(paths: Sequence[Path]) -> str:
     """What to call models in messages."""
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
-
-
-def refuse_model_flags(arguments: argparse.Namespace) -> None:
-    """G-code is printed as it is, and alone.
-
-    Raises:
-        UsageError: a flag wants to change it, or there is more than one file.
-    """
-    if len(arguments.models) > 1:
-        raise UsageError(
-            f"{arguments.models[0]}: G-code is printed alone, but there are {len(arguments.models)} files",
-            remedy="slice several models together, or print one file after the other",
-        )
-    given = [name for name, usual in _MODEL_FLAGS.items() if getattr(arguments, name) != usual]
-    if given:
-        flag = "--no-drop" if given[0] == "drop" else f"--{given[0].replace('_', '-')}"
-        raise UsageError(
-            f"{arguments.models[0]}: {flag} has no meaning for G-code, which is printed as it is",
-            remedy="leave it out, or give the model",
-        )
 
 
 def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from printer_slicer.importing.report import Imported, Refused
 
 __all__ = ["OwnSettings", "own_settings", "provenance"]
 
@@ -46,7 +49,9 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
         UsageError: it is a pipe.
     """
     from printer_slicer.errors import ProfileError, UsageError
-    from printer_slicer.importing import NoSettingsError, Refused, import_profiles
+    from printer_slicer.importing.embedded import NoSettingsError
+    from printer_slicer.importing.native import is_native, native_profiles
+    from printer_slicer.importing.report import Refused
 
     if path.is_fifo():  # what is read of it here, nobody would judge
         raise UsageError(
@@ -54,7 +59,7 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
             remedy="pipe it into stdin and name -, or write it to a file",
         )
     try:
-        found = import_profiles(path)
+        found = native_profiles(path) if is_native(path) else _foreign(path)
     except NoSettingsError:
         return _of_named_machine(path, folders)
     except (OSError, ValueError):  # an invalid file name
@@ -64,6 +69,13 @@ def own_settings(path: Path, folders: Sequence[Path] = ()) -> OwnSettings:
         return OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
     refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, Refused)]
     return OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
+
+
+def _foreign(path: Path) -> Sequence[Imported | Refused]:
+    """Read the profiles in G-code of another slicer."""
+    from printer_slicer.importing import import_profiles
+
+    return import_profiles(path)
 
 
 def _of_named_machine(path: Path, folders: Sequence[Path]) -> OwnSettings:

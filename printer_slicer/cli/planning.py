@@ -22,8 +22,8 @@ from printer_slicer.cli.facts import (
 from printer_slicer.cli.milestones import Milestones
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.cli.projects import with_projects
+from printer_slicer.durations import spoken
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.gcode import spoken
 from printer_slicer.healing import refuse_repaired
 from printer_slicer.model import LayerPlan, Mesh, Repairs, Sections
 from printer_slicer.pipeline import plan_part, slice_part

@@ -19,7 +19,7 @@ from printer_slicer.cli.common import (
     stages,
     write_file,
 )
-from printer_slicer.cli.models import plate_from, plate_name, refuse_model_flags
+from printer_slicer.cli.model_flags import refuse_model_flags
 from printer_slicer.cli.policy import (
     finding_facts,
     insist_on_policy,
@@ -28,7 +28,6 @@ from printer_slicer.cli.policy import (
     refused,
 )
 from printer_slicer.cli.progress import progress
-from printer_slicer.cli.projects import with_projects
 from printer_slicer.cli.simulating import (
     faults_of,
     firmware_of,
@@ -38,10 +37,10 @@ from printer_slicer.cli.simulating import (
     violation_lines,
 )
 from printer_slicer.cli.verdicts import verdict_facts, verdict_text
+from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.gcode import spoken
-from printer_slicer.jobs import Job, is_gcode, job_from, job_of
-from printer_slicer.stages import quiet
+from printer_slicer.jobs import Job, is_gcode, job_of_file
+from printer_slicer.progress import quiet
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
@@ -95,7 +94,7 @@ def print_command(arguments: argparse.Namespace) -> int:
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
     first = f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion"
     say(arguments, "\n  ".join([first, *_repaired(job)]))
-    if arguments.json and job.repairs.count:
+    if arguments.json and job.repairs is not None and job.repairs.count:
         print(json.dumps({"event": "repaired", "repairs": _repair_facts(job)}), flush=True)
     job = insist_on_policy(arguments, job)
     if arguments.port == _SIMULATED:
@@ -127,10 +126,12 @@ def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tup
     """The job that the files of the command line make, and what is known about models, for JSON."""
     if _has_gcode(arguments):
         refuse_model_flags(arguments)
-        return job_from(arguments.models[0], profile, report=report, strict=arguments.strict), {
-            "models": [],
-            "warnings": [],
-        }
+        report("reading")
+        return job_of_file(arguments.models[0], profile), {"models": [], "warnings": []}
+    from printer_slicer.cli.models import plate_from, plate_name
+    from printer_slicer.cli.projects import with_projects
+    from printer_slicer.slice_jobs import job_of
+
     report("loading")
     mesh, plate = plate_from(arguments, profile.printer, report)
     profile, plate = with_projects(arguments, profile, mesh, plate)
@@ -253,7 +254,7 @@ def _insist(verdict: Verdict) -> None:
 
 def _repair_facts(job: Job) -> list[dict[str, Any]]:
     """What was put right in the part; what tells it is loaded only then."""
-    if not job.repairs.count:
+    if job.repairs is None or not job.repairs.count:
         return []
     from printer_slicer.cli.facts import repair_facts
 
@@ -262,7 +263,7 @@ def _repair_facts(job: Job) -> list[dict[str, Any]]:
 
 def _repaired(job: Job) -> list[str]:
     """The same for people."""
-    if not job.repairs.count:
+    if job.repairs is None or not job.repairs.count:
         return []
     from printer_slicer.cli.facts import repair_sentences
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.policy import finding_lines, refused_findings
-from printer_slicer.gcode import spoken
+from printer_slicer.durations import spoken
 from printer_slicer.jobs import Job
 from printer_slicer.policy import sentence
 

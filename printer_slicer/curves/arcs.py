@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.curves.lines import Lines, stretches
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Bool, Float, Int, Toolpaths
+from printer_slicer.model import Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
 from printer_slicer.profile import Profile
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import run_begins
-from printer_slicer.model import Bool, Float, Int, Toolpaths
+from printer_slicer.arrays import Bool, Float, Int, run_begins
+from printer_slicer.model import Toolpaths
 
 __all__ = ["Fits", "Lines", "stretches"]
 

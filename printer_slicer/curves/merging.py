@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Int, consecutive
 from printer_slicer.curves.lines import Lines, stretches
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Bool, Int, Toolpaths
+from printer_slicer.model import Toolpaths
 
 __all__ = ["merged"]
 

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.deposition.marks import Marks, Mishap
-from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.motion.flow import flow_of
 
 __all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "Laid", "runs_of"]

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.arrays import Int
 from printer_slicer.deposition.purposes import Purpose, purpose_of
-from printer_slicer.geometry import Int
 
 __all__ = ["Marks", "Mishap", "marks_of"]
 

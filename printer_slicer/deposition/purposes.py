@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Int
-from printer_slicer.model import ROLES
+from printer_slicer.arrays import Int
+from printer_slicer.roles import ROLES
 
 __all__ = ["Purpose", "purpose_of", "purposes_of_roles"]
 

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Bool, Float, Int, consecutive
 
 __all__ = ["CELL", "Cut", "Plate", "Relief", "cut_up"]
 

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.deposition.batches import NOTHING, Laid, runs_of
 from printer_slicer.deposition.marks import Marks
 from printer_slicer.deposition.purposes import Purpose, purposes_of_roles
 from printer_slicer.deposition.relief import Cut, Relief, cut_up
-from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Program, Role
 from printer_slicer.profile import Printer, Profile
+from printer_slicer.roles import Role
+
+if TYPE_CHECKING:
+    from printer_slicer.model import Program
 
 __all__ = [
     "MIN_REPORTED_LENGTH",

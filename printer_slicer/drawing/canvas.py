@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import UsageError
-from printer_slicer.model import Float
 from printer_slicer.saving import save
 from printer_slicer.thumbnails import png_bytes
 

@@ -11,7 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.model import ROLES, Float, Role
+from printer_slicer.arrays import Float
+from printer_slicer.roles import ROLES, Role
 
 __all__ = ["CALM", "ROLE_COLOURS", "WARNING", "height_colours", "mixed", "shaded"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.model import Float
+from printer_slicer.arrays import Float
 
 __all__ = ["Panel", "ZAxis", "marks"]
 

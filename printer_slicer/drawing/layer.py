@@ -7,9 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Box, Line, Picture, Shape, Text, text_width
 from printer_slicer.drawing.colours import ROLE_COLOURS
-from printer_slicer.model import Float, Int, Program, Role
+from printer_slicer.model import Program
+from printer_slicer.roles import Role
 
 __all__ = ["draw_layer", "layer_picture"]
 

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, text_width
-from printer_slicer.geometry import Areas, Float, intersection, stroked
+from printer_slicer.geometry import Areas, intersection, stroked
 from printer_slicer.ledger import Finding, Ledger, Purpose, overlapping
 
 __all__ = ["material_picture"]

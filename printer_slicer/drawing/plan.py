@@ -8,13 +8,14 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, text_width
 from printer_slicer.drawing.colours import WARNING, height_colours
 from printer_slicer.drawing.frame import Panel, ZAxis
 from printer_slicer.drawing.legend import draw_legend, legend_height
 from printer_slicer.drawing.side import draw_error, draw_front, draw_grid, draw_heights, z_axis
 from printer_slicer.drawing.stack import draw_stack
-from printer_slicer.model import Float, LayerPlan, Sections
+from printer_slicer.model import LayerPlan, Sections
 from printer_slicer.surface import Certificate
 
 __all__ = ["draw_plan"]

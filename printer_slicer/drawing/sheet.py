@@ -9,12 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text, text_width
 from printer_slicer.drawing.colours import ROLE_COLOURS, mixed, shaded
 from printer_slicer.drawing.frame import marks
-from printer_slicer.geometry import Areas, Float, Int, intersection
+from printer_slicer.geometry import Areas, intersection
 from printer_slicer.ledger import Purpose, Sheet
-from printer_slicer.model import Role
+from printer_slicer.roles import Role
 
 __all__ = ["View", "sheet_picture"]
 

@@ -7,10 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Box, Fill, Line, Shape, Text, text_width
 from printer_slicer.drawing.colours import WARNING, mixed, shaded
 from printer_slicer.drawing.frame import Panel, ZAxis, marks
-from printer_slicer.model import Areas, Float, LayerPlan, Sections
+from printer_slicer.model import Areas, LayerPlan, Sections
 from printer_slicer.surface import Certificate
 
 __all__ = ["draw_error", "draw_front", "draw_grid", "draw_heights", "z_axis"]

@@ -16,11 +16,12 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Fill, Line, Shape
 from printer_slicer.drawing.colours import shaded
 from printer_slicer.drawing.frame import Panel, marks
 from printer_slicer.geometry import simplify
-from printer_slicer.model import Areas, Float, Int, Sections
+from printer_slicer.model import Areas, Sections
 
 __all__ = ["draw_stack"]
 

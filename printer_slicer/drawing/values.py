@@ -10,24 +10,15 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Raster, Shape, Strokes, Text, text_width
 from printer_slicer.drawing.card import card
 from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
 from printer_slicer.drawing.frame import marks
 from printer_slicer.errors import UsageError
-from printer_slicer.model import (
-    Areas,
-    Float,
-    Int,
-    LayerPlan,
-    Mesh,
-    Program,
-    Regions,
-    Role,
-    Sections,
-    Toolpaths,
-)
+from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Sections, Toolpaths
 from printer_slicer.naming import kind_of
+from printer_slicer.roles import Role
 from printer_slicer.showing import Card, Drawn
 from printer_slicer.surface import Certificate
 from printer_slicer.thumbnails import render

@@ -24,9 +24,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Int
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.exports.rounding import Rounded, on_grid
-from printer_slicer.geometry import Int
 from printer_slicer.model import Sections
 
 __all__ = ["CLI_UNITS", "write_cli"]

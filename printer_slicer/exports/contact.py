@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import distance_to_segments
 from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.planes import spread

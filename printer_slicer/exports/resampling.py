@@ -35,10 +35,10 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.errors import UsageError
 from printer_slicer.exports.contact import clearance, contacts
-from printer_slicer.geometry import Areas, Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import distance_to_segments
 
 __all__ = ["resample", "smooth"]

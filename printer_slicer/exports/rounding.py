@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry import Areas, Bool, Int
-from printer_slicer.geometry.areas import consecutive, frozen_array
+from printer_slicer.arrays import Bool, Int, consecutive, frozen_array
+from printer_slicer.geometry import Areas
 
 __all__ = ["Rounded", "in_float32", "on_grid"]
 

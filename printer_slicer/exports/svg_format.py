@@ -20,9 +20,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Int
 from printer_slicer.errors import UsageError
 from printer_slicer.exports.rounding import Rounded, on_grid
-from printer_slicer.geometry import Int
 from printer_slicer.model import LayerPlan, Sections
 
 __all__ = ["SVG_DIGITS", "write_svg", "write_svgs"]

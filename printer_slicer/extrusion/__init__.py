@@ -11,25 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.extrusion.accelerating import acceleration_events
 from printer_slicer.extrusion.beads import beads_of, speeds_of
 from printer_slicer.extrusion.cooling import fans, slowed
 from printer_slicer.extrusion.rows import APPROACH, rows_of
 from printer_slicer.extrusion.timing import known_as, move_seconds
-from printer_slicer.model import (
-    Event,
-    Float,
-    Heat,
-    Int,
-    Program,
-    Role,
-    ToolChange,
-    Toolpaths,
-    Travels,
-    is_perimeter,
-    roles_with,
-)
+from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
+from printer_slicer.roles import Role, is_perimeter, roles_with
 
 __all__ = ["extrude", "move_seconds"]
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import ROLES, Acceleration, Float, Int, Program, Role
+from printer_slicer.arrays import Float, Int
+from printer_slicer.model import Acceleration, Program
 from printer_slicer.profile import Printer, Profile
+from printer_slicer.roles import ROLES, Role
 
 __all__ = ["acceleration_events", "accelerations_of"]
 

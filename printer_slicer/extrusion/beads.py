@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.arrays import Float, Int
 from printer_slicer.extrusion.rows import Kind, Rows
-from printer_slicer.model import ROLES, Float, Int, Role, Toolpaths, is_perimeter, roles_with
+from printer_slicer.model import Toolpaths
 from printer_slicer.profile import Profile, Speeds
+from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
 
 __all__ = ["SHARES", "Beads", "beads_of", "speeds_of"]
 

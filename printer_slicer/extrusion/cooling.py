@@ -7,10 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion.beads import SHARES
 from printer_slicer.extrusion.timing import move_seconds, timed_again
-from printer_slicer.model import ROLES, Bool, Event, Fan, Float, Int, Program, Role, roles_with
+from printer_slicer.model import Event, Fan, Program
 from printer_slicer.profile import Material, Profile
+from printer_slicer.roles import ROLES, Role, roles_with
 
 __all__ = ["fans", "slowed"]
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion.wiping import Wipes, wipes_of
-from printer_slicer.model import Bool, Float, Int, Toolpaths, Travels, leaves
+from printer_slicer.model import Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
 
 __all__ = ["APPROACH", "Kind", "Rows", "rows_of"]

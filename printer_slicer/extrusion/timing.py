@@ -6,9 +6,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.extrusion.accelerating import accelerations_of
-from printer_slicer.geometry import frozen_array
-from printer_slicer.model import Float, Int, Program
+from printer_slicer.model import Program
 from printer_slicer.motion.blocks import Limits
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.whole import durations

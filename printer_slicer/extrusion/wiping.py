@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Float, Int, Toolpaths, Travels
+from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.model import Toolpaths, Travels
 from printer_slicer.profile import Profile
 
 __all__ = ["Wipes", "wipes_of"]

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from printer_slicer.gcode.dialect import Dialect
-    from printer_slicer.gcode.flavours import FLAVOURS, write_gcode
+    from printer_slicer.gcode.flavours import FLAVOURS
     from printer_slicer.gcode.labels import LABEL_WORDS
     from printer_slicer.gcode.moves import Moves, Timer, changed_limits
     from printer_slicer.gcode.reader import pieces_of, read_moves
-    from printer_slicer.gcode.summary import spoken
+    from printer_slicer.gcode.writer import write_gcode
 
 __all__ = [
     "FLAVOURS",
@@ -26,7 +26,6 @@ __all__ = [
     "changed_limits",
     "pieces_of",
     "read_moves",
-    "spoken",
     "write_gcode",
 ]
 
@@ -39,8 +38,7 @@ _HOMES: Final = {
     "changed_limits": "moves",
     "pieces_of": "reader",
     "read_moves": "reader",
-    "spoken": "summary",
-    "write_gcode": "flavours",
+    "write_gcode": "writer",
 }
 
 

@@ -7,9 +7,11 @@ from math import pi
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.macros import Value
-from printer_slicer.model import Float, Program, Role
+from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
+from printer_slicer.roles import Role
 
 __all__ = ["layer_facts", "print_facts"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, Limits
 from printer_slicer.motion.stopwatch import Stopwatch, Wanted
 

@@ -10,28 +10,16 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, distinct, numbered, run_begins
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, stop_notes
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
-from printer_slicer.geometry.areas import distinct, numbered, run_begins
 from printer_slicer.macros import Template, Value, number, read_template
-from printer_slicer.model import (
-    ROLES,
-    Acceleration,
-    Bool,
-    Event,
-    Fan,
-    Float,
-    Heat,
-    Int,
-    PressureAdvance,
-    Program,
-    Role,
-    ToolChange,
-)
+from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
 from printer_slicer.profile import Profile
+from printer_slicer.roles import ROLES, Role
 
 __all__ = [
     "TYPE_NAMES",

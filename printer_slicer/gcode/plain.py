@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 
 __all__ = ["LETTERS", "Plain", "plain_moves"]
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.model import Float
+from printer_slicer.arrays import Float
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.counting import Counting
 

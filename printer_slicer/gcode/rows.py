@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import run_begins
-from printer_slicer.model import Bool, Int, Program, Role
+from printer_slicer.arrays import Bool, Int, run_begins
+from printer_slicer.model import Program
+from printer_slicer.roles import Role
 
 __all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "Rows", "rows_of"]
 

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode.reading import State, follow_line
-from printer_slicer.model import Float, Int
 
 __all__ = ["follow_plain"]
 

@@ -19,13 +19,14 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry.areas import numbered
+from printer_slicer.arrays import numbered
+from printer_slicer.durations import spoken
 from printer_slicer.macros import number
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
 from printer_slicer.version import VERSION
 
-__all__ = ["first_lines", "last_lines", "spoken"]
+__all__ = ["first_lines", "last_lines"]
 
 _DATE: Final = " on %Y-%m-%d at %H:%M:%S UTC"
 
@@ -100,12 +101,3 @@ def _common_settings(program: Program, profile: Profile) -> Mapping[str, str]:
         "printer_settings_id": printer.name,
         "printer_model": printer.model or printer.name,
     }
-
-
-def spoken(seconds: float) -> str:
-    """A duration as `1d 2h 3m 4s`, without leading zeros."""
-    total = round(seconds)
-    parts = [(total // 86400, "d"), (total // 3600 % 24, "h"), (total // 60 % 60, "m"), (total % 60, "s")]
-    while len(parts) > 1 and parts[0][0] == 0:
-        parts.pop(0)
-    return " ".join(f"{count}{unit}" for count, unit in parts)

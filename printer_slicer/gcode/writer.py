@@ -9,8 +9,10 @@ from itertools import chain, pairwise
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode.dialect import Dialect, fan_line
 from printer_slicer.gcode.facts import print_facts
+from printer_slicer.gcode.flavours import FLAVOURS
 from printer_slicer.gcode.labels import Mark, definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import (
     Writing,
@@ -25,11 +27,11 @@ from printer_slicer.gcode.reader import read_moves
 from printer_slicer.gcode.rows import Rows, rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
 from printer_slicer.macros import Value
-from printer_slicer.model import Float, Int, Labels, Program
+from printer_slicer.model import Labels, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
 
-__all__ = ["Told", "write_program"]
+__all__ = ["Told", "write_gcode", "write_program"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,3 +190,33 @@ def _body(writing: Writing, spelt: _Spelt) -> Iterator[bytes]:
     between = [rows.text[begin:end] for begin, end in pairwise(places)]
     yield from chain.from_iterable(zip(between, map(texts.__getitem__, order.tolist()), strict=True))
     yield rows.text[places[-1] :]
+
+
+def write_gcode(  # noqa: PLR0913 - what else is known of a program
+    program: Program,
+    profile: Profile,
+    seconds: Float | None = None,
+    facts: Sequence[str] = (),
+    *,
+    comments: Sequence[str] = (),
+    labels: Labels | None = None,
+    flavour: Dialect | None = None,
+    made: datetime | None = None,
+) -> bytes:
+    """Write a program in the printer's dialect, with the settings as comments.
+
+    Args:
+        program: the moves.
+        profile: the profile it was sliced with, including the macros.
+        seconds: (K,) modelled time of each move; what needs it is left out if it is not known.
+        facts: further facts for the header.
+        comments: lines to insert after the first one.
+        labels: which moves belong to which object.
+        flavour: overrides that of the profile.
+        made: date in UTC for the first line; None: no date.
+
+    Raises:
+        ProfileError: a macro cannot be evaluated.
+    """
+    dialect = flavour or FLAVOURS[profile.printer.flavour]
+    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels, made))

@@ -7,7 +7,7 @@ run both.
 """
 
 from printer_slicer.geometry.anchoring import anchor
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, frozen_array
+from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.clipping import clip_lines
 from printer_slicer.geometry.depth import depths
 from printer_slicer.geometry.engine import (
@@ -35,9 +35,6 @@ from printer_slicer.geometry.sweeping import swept
 
 __all__ = [
     "Areas",
-    "Bool",
-    "Float",
-    "Int",
     "Lines",
     "Pieces",
     "Polygons",
@@ -51,7 +48,6 @@ __all__ = [
     "crossings",
     "depths",
     "difference",
-    "frozen_array",
     "hatch",
     "intersection",
     "normalize",

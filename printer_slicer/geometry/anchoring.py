@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import (
-    Areas,
+from printer_slicer.arrays import (
     Bool,
     Float,
     Int,
@@ -17,6 +16,7 @@ from printer_slicer.geometry.areas import (
     previous_around,
     run_begins,
 )
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.blunting import blunted, reach_of_corner
 from printer_slicer.geometry.joints import chain_steps
 from printer_slicer.geometry.polylines import Polylines

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Float, Int
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.inside import crossed, rings_around
 from printer_slicer.geometry.polylines import Polylines
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, boxes, consecutive
+from printer_slicer.arrays import Bool, Float, Int, boxes, consecutive
+from printer_slicer.geometry.areas import Areas
 
 __all__ = ["Boxes"]
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Areas, Float, Int, boxes
+from printer_slicer.arrays import Float, Int, boxes
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.mitering import mitered
 from printer_slicer.geometry.polygons import (
     CLEARANCE,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_begins
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.polylines import Polylines
 from printer_slicer.geometry.vectors import cross

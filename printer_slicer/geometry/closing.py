@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.inside import any_crossing
 from printer_slicer.geometry.planes import spread, with_others_around
 

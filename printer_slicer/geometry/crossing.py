@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, placed
+from printer_slicer.arrays import Bool, Float, Int, placed
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.joints import Index, cycles, welded
 from printer_slicer.geometry.planes import directed_keys, keys_of, spread
 from printer_slicer.geometry.vectors import cross

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import cross, dot, nearest_share
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Bool, Float, Int, following_around, run_begins
+from printer_slicer.arrays import Bool, Float, Int, following_around, run_begins
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["Diagram", "diagram_of"]

@@ -16,8 +16,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, per_layer
 from printer_slicer.errors import UsageError
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct, per_layer
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows

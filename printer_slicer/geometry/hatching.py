@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, Lines, consecutive, per_layer
+from printer_slicer.arrays import Bool, Float, Int, consecutive, per_layer
+from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.joints import chain_ends
 
 __all__ = ["chain_rows", "columns", "hatch", "row_ends"]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from printer_slicer.geometry.areas import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry.areas import Areas
 
 __all__ = ["convex_hull"]
 

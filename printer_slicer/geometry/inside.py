@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, numbered
+from printer_slicer.arrays import Bool, Float, Int, consecutive, numbered
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 
 __all__ = ["any_crossing", "crossed", "crossing_shares", "crossings", "rings_around"]

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Float, Int, consecutive
+from printer_slicer.arrays import Float, Int, consecutive
 
 __all__ = [
     "Index",

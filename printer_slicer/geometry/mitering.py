@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Bool, Float, Int, following_around
+from printer_slicer.arrays import Bool, Float, Int, following_around
 from printer_slicer.geometry.polygons import MITER_LIMIT
 
 __all__ = ["mitered"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.inside import crossing_shares
 from printer_slicer.geometry.planar import SegmentTree
 from printer_slicer.geometry.vectors import nearest_share

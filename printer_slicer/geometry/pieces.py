@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Float, Int, frozen_array
+from printer_slicer.arrays import Float, Int, frozen_array
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.inside import rings_around
 

@@ -14,7 +14,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import (
     CLEARANCE,
     MITER_LIMIT,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.joints import linked, welded
 
 __all__ = [

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal, Protocol
 
-from printer_slicer.geometry.areas import Areas, Float, Int
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry.areas import Areas
 
 __all__ = [
     "CLEARANCE",

@@ -7,16 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import (
-    Areas,
-    Bool,
-    Float,
-    Int,
-    Lines,
-    consecutive,
-    frozen_array,
-    lengths,
-)
+from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, lengths
+from printer_slicer.geometry.areas import Areas, Lines
 
 __all__ = ["Polylines"]
 

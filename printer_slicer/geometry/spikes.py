@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Bool, Float, Int, consecutive, distinct
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 
 __all__ = ["is_spike", "without_spikes"]

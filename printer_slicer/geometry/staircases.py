@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Float, Lines, per_layer, run_begins
+from printer_slicer.arrays import Float, per_layer, run_begins
+from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.engine import normalize
 from printer_slicer.geometry.hatching import columns
 

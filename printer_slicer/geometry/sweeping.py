@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.engine import normalize
 
 __all__ = ["swept"]

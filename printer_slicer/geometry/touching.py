@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Float, Int, distinct
+from printer_slicer.arrays import Float, Int, distinct
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import cross, dot
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry.areas import Float
+from printer_slicer.arrays import Float
 
 __all__ = ["cross", "dot", "feet", "nearest_share", "norm"]
 

@@ -10,16 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry.areas import (
-    Areas,
-    Bool,
-    Float,
-    Int,
-    consecutive,
-    distinct,
-    frozen_array,
-    renumbered,
-)
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, frozen_array, renumbered
+from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.diagram import Diagram, diagram_of
 from printer_slicer.geometry.pieces import pieces_of
 from printer_slicer.geometry.polygons import STEPS_PER_MM

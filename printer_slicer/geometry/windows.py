@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from printer_slicer.geometry.areas import Int, distinct
+from printer_slicer.arrays import Int, distinct
 
 __all__ = ["intersect_windows"]
 

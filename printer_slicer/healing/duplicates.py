@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.joints import close_groups, linked
 from printer_slicer.geometry.planes import with_others_around
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.nesting import runs_around
-from printer_slicer.model import Bool, Float, Int, Repair
+from printer_slicer.model import Repair
 
 __all__ = ["drop_duplicates", "drop_sheets", "join_corners"]
 

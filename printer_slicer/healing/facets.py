@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.joints import linked, welded
 from printer_slicer.geometry.planes import corner_keys
-from printer_slicer.model import Bool, Float, Int
 
 __all__ = ["Facets"]
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import following_around
+from printer_slicer.arrays import Bool, Float, Int, following_around
 from printer_slicer.geometry.joints import cycles, linked, welded
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import dot, nearest_share
 from printer_slicer.healing.facets import Facets
-from printer_slicer.model import Bool, Float, Int, Repair
+from printer_slicer.model import Repair
 
 __all__ = ["CRACK", "fill_holes"]
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.vectors import feet
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
 from printer_slicer.healing.outward import enclosed_volume
-from printer_slicer.model import Bool, Float, Int, Repair
+from printer_slicer.model import Repair
 
 __all__ = ["drop_loose"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Float, Int
 
 __all__ = ["covers", "runs_around"]
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.joints import linked
 from printer_slicer.healing.facets import Facets
 from printer_slicer.healing.holes import CRACK
 from printer_slicer.healing.nesting import covers, runs_around
-from printer_slicer.model import Bool, Float, Int, Repair
+from printer_slicer.model import Repair
 
 __all__ = ["enclosed_volume", "face_outward"]
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry.joints import Index, linked, welded
 from printer_slicer.geometry.planes import edge_keys, keys_of
-from printer_slicer.model import Bool, Float
 
 __all__ = ["is_sound"]
 

@@ -1,10 +1,19 @@
-"""Profiles of other slicers: read, converted, with an account of what was taken, approximated and left."""
+"""Profiles of other slicers: read, converted, with an account of what was taken, approximated and left.
 
-from printer_slicer.importing.embedded import NoSettingsError
-from printer_slicer.importing.importing import Wanted, import_profiles
-from printer_slicer.importing.report import Imported, Left, Note, Refused, Taken
-from printer_slicer.importing.safety import Ceilings
-from printer_slicer.importing.writing import names_of_files, profile_text
+Names are imported when they are first used: who reads G-code of this program needs few of them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from printer_slicer.importing.embedded import NoSettingsError
+    from printer_slicer.importing.importing import Wanted, import_profiles
+    from printer_slicer.importing.report import Imported, Left, Note, Refused, Taken
+    from printer_slicer.importing.safety import Ceilings
+    from printer_slicer.importing.writing import names_of_files, profile_text
 
 __all__ = [
     "Ceilings",
@@ -19,3 +28,26 @@ __all__ = [
     "names_of_files",
     "profile_text",
 ]
+
+_HOMES: Final = {
+    "Ceilings": "safety",
+    "Imported": "report",
+    "Left": "report",
+    "NoSettingsError": "embedded",
+    "Note": "report",
+    "Refused": "report",
+    "Taken": "report",
+    "Wanted": "importing",
+    "import_profiles": "importing",
+    "names_of_files": "writing",
+    "profile_text": "writing",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name on first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found: object = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = found
+    return found

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
+from printer_slicer.arrays import Int
 from printer_slicer.geometry import Polylines
 from printer_slicer.infill.concentric import concentric_lines
 from printer_slicer.infill.cubic import cubic_lines
@@ -22,7 +23,7 @@ from printer_slicer.infill.task import Pattern
 from printer_slicer.infill.thick import groups_of
 from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.layered import by_layer
-from printer_slicer.model import Int, Regions, Toolpaths
+from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
 
 __all__ = ["PATTERNS", "Infill", "InfillTask", "Pattern", "infill_paths"]

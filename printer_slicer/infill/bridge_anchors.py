@@ -6,18 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import (
-    Areas,
-    Float,
-    Lines,
-    Pieces,
-    difference,
-    hatch,
-    offset,
-    offset_open,
-    row_ends,
-)
-from printer_slicer.geometry.areas import run_begins
+from printer_slicer.arrays import Float, run_begins
+from printer_slicer.geometry import Areas, Lines, Pieces, difference, hatch, offset, offset_open, row_ends
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags
 
 __all__ = ["HatchGrids", "extensions_to_walls", "join_bridge_lines"]

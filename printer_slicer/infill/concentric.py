@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Polylines, clip_outlines, difference, offset
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.geometry import Areas, Polylines, clip_outlines, difference, offset
 from printer_slicer.infill.task import Task
 
 __all__ = ["concentric_lines"]

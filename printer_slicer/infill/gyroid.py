@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int, Polylines
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.geometry import Polylines
 from printer_slicer.infill.task import Task
 from printer_slicer.infill.waves import Waves, wave_lines
 

@@ -14,11 +14,9 @@ from functools import partial
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, consecutive, run_begins
 from printer_slicer.geometry import (
     Areas,
-    Bool,
-    Float,
-    Int,
     Polylines,
     clip_lines,
     difference,
@@ -27,7 +25,6 @@ from printer_slicer.geometry import (
     offset,
     union,
 )
-from printer_slicer.geometry.areas import consecutive, run_begins
 from printer_slicer.geometry.joints import chain_ends, chain_steps
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.trees import AT_WALL, Tree, Wall, grown, retracted, rooted, within

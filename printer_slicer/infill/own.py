@@ -8,8 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import StrategyError
-from printer_slicer.geometry import Float, Polylines, clip_lines
+from printer_slicer.geometry import Polylines, clip_lines
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.naming import kind_of, name_of
 from printer_slicer.profile import Profile

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, Polylines
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.infill.turns import room_beyond
 
 __all__ = ["extend_ends"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Polylines, hatch
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Polylines, hatch
 from printer_slicer.infill.task import Task
 
 __all__ = ["rectilinear_lines"]

@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.bridges import over_sparse
 from printer_slicer.geometry import (
     Areas,
-    Bool,
-    Float,
-    Int,
     Lines,
     Pieces,
     Polylines,
@@ -30,7 +28,6 @@ from printer_slicer.geometry import (
     stroked,
     union,
 )
-from printer_slicer.geometry.areas import distinct
 from printer_slicer.model import Regions
 from printer_slicer.profile import Profile
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import (
     Areas,
-    Float,
-    Int,
     Lines,
     Pieces,
     difference,
@@ -22,8 +21,9 @@ from printer_slicer.geometry import (
 from printer_slicer.infill.bridge_anchors import HatchGrids, extensions_to_walls, join_bridge_lines
 from printer_slicer.infill.narrow import beads_amid
 from printer_slicer.infill.turns import LONGEST_TURN, Zigzags, zigzags
-from printer_slicer.model import LayerPlan, Role, Toolpaths, roles_with
+from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role, roles_with
 
 __all__ = ["Beads", "rows_in"]
 

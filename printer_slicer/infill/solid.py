@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Float, Int, Pieces, pieces_of
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Pieces, pieces_of
 from printer_slicer.infill.narrow import along_narrow
 from printer_slicer.infill.rows import Beads, rows_in
 from printer_slicer.infill.strips import strip_paths
-from printer_slicer.model import LayerPlan, Regions, Role, Toolpaths
+from printer_slicer.model import LayerPlan, Regions, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["solid_paths"]
 

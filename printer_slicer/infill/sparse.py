@@ -11,14 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, Int, Polylines, anchor, difference, offset
-from printer_slicer.geometry.areas import distinct
+from printer_slicer.arrays import Float, Int, distinct
+from printer_slicer.geometry import Areas, Polylines, anchor, difference, offset
 from printer_slicer.infill.own import insist_on_density
 from printer_slicer.infill.perimeter_overlap import extend_ends
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.infill.thick import fillings
-from printer_slicer.model import Regions, Role, Toolpaths
+from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["Layout", "bare_lines", "laid_out", "sparse_paths"]
 

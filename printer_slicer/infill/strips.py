@@ -8,21 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import (
-    Areas,
-    Bool,
-    Float,
-    Int,
-    Pieces,
-    difference,
-    offset,
-    offset_open,
-    outlines_within,
-    stroked,
-)
-from printer_slicer.geometry.areas import lengths
-from printer_slicer.model import LayerPlan, Regions, Role, Toolpaths
+from printer_slicer.arrays import Bool, Float, Int, lengths
+from printer_slicer.geometry import Areas, Pieces, difference, offset, offset_open, outlines_within, stroked
+from printer_slicer.model import LayerPlan, Regions, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["strip_paths"]
 

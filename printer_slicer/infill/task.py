@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, Polylines, frozen_array, hatch
+from printer_slicer.arrays import Float, Int, frozen_array
+from printer_slicer.geometry import Areas, Polylines, hatch
 from printer_slicer.model import Regions
 
 __all__ = ["Pattern", "Task", "families"]

@@ -10,16 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import (
-    Areas,
-    Float,
-    Int,
-    difference,
-    frozen_array,
-    offset_open,
-    window_intersection,
-)
-from printer_slicer.geometry.areas import run_begins
+from printer_slicer.arrays import Float, Int, frozen_array, run_begins
+from printer_slicer.geometry import Areas, difference, offset_open, window_intersection
 from printer_slicer.grouping import area_savings, divide, last_layers, within
 from printer_slicer.model import LayerPlan
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines
-from printer_slicer.geometry.areas import run_begins
+from printer_slicer.arrays import Bool, Float, Int, run_begins
+from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.geometry.clipping import clipped
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.geometry.planar import SegmentTree

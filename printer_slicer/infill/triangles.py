@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Polylines
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Polylines
 from printer_slicer.infill.task import Task, families
 
 __all__ = ["triangle_lines"]

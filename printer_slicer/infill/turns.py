@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Lines, row_ends
-from printer_slicer.geometry.areas import consecutive, following_around, previous_around
+from printer_slicer.arrays import Bool, Float, Int, consecutive, following_around, previous_around
+from printer_slicer.geometry import Areas, Lines, row_ends
 
 __all__ = ["LONGEST_TURN", "Zigzags", "room_beyond", "zigzags"]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, Polylines, clip_lines, frozen_array
-from printer_slicer.geometry.areas import boxes, consecutive
+from printer_slicer.arrays import Bool, Float, Int, boxes, consecutive, frozen_array
+from printer_slicer.geometry import Areas, Polylines, clip_lines
 
 __all__ = ["Waves", "wave_lines"]
 

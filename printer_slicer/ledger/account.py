@@ -8,16 +8,8 @@ from typing import Final
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import (
-    Areas,
-    Bool,
-    Float,
-    difference,
-    frozen_array,
-    offset,
-    offset_open,
-    union,
-)
+from printer_slicer.arrays import Bool, Float, frozen_array
+from printer_slicer.geometry import Areas, difference, offset, offset_open, union
 from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.fill import Fill, overlap_cells, rasterised
 from printer_slicer.ledger.ground import Air

@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.deposition.purposes import Purpose, purposes_of_roles
 from printer_slicer.gcode import Moves
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.model import Program, Role
+from printer_slicer.model import Program
+from printer_slicer.roles import Role
 
 __all__ = ["Beads", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
 

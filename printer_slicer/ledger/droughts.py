@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.deposition.batches import COMMAND, END, FED, NOTHING, START
-from printer_slicer.geometry import Bool, Float
 from printer_slicer.ledger.executed import Drought
 
 __all__ = ["Droughts"]

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, frozen_array, normalize
+from printer_slicer.arrays import Bool, Float, frozen_array
+from printer_slicer.geometry import Areas, normalize
 from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.ground import Air, Ground, air_of
 from printer_slicer.ledger.raster import Window, cell_for, cells_covered, filled, mean_around, rows_of

@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_begins
 from printer_slicer.ledger.beads import Beads
 from printer_slicer.ledger.raster import Window, highest_around
 from printer_slicer.ledger.zones import lines_of

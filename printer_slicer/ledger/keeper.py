@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.deposition.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
 from printer_slicer.deposition.marks import Marks
 from printer_slicer.deposition.relief import Relief
-from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.ledger.droughts import Droughts
 from printer_slicer.ledger.executed import Account, Layer
 from printer_slicer.ledger.mishaps import DEEP, Watch

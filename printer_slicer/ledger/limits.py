@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, difference, intersection, offset, offset_open
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
 from printer_slicer.ledger.account import Ledger
 
 __all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]

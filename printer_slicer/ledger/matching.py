@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int
-from printer_slicer.geometry.areas import boxes
+from printer_slicer.arrays import Bool, Float, Int, boxes
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.ledger.beads import Beads, Purpose, spread_out
 from printer_slicer.ledger.stack import Stack

@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Int
 from printer_slicer.deposition.batches import NOTHING, Batch
 from printer_slicer.deposition.marks import Marks, Mishap
 from printer_slicer.deposition.relief import Cut, Relief, cut_up
 from printer_slicer.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
-from printer_slicer.geometry import Int
 
 __all__ = ["DEEP", "Watch"]
 

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Float, Int, consecutive, frozen_array
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import Outlines
 
 __all__ = ["OutlineError", "outline_error", "sampled"]

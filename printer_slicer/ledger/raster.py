@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, Lines, hatch
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.geometry import Areas, Lines, hatch
 from printer_slicer.ledger.beads import Beads
 
 __all__ = ["Window", "cell_for", "cells_covered", "filled", "highest_around", "mean_around", "rows_of"]

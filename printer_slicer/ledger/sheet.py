@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.ledger.beads import Beads, Purpose
 from printer_slicer.ledger.stack import Stack
 from printer_slicer.ledger.text import Deposit

@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
 from printer_slicer.ledger.beads import Beads, Purpose, beads_of, median_of
 from printer_slicer.model import Program
 

@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.deposition.purposes import Purpose, purpose_of
 from printer_slicer.gcode import Moves, read_moves
-from printer_slicer.geometry import Float, Int, frozen_array
 from printer_slicer.ledger.beads import Beads, beads_of_moves
 from printer_slicer.stream.framing import strip
 

@@ -6,11 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
-    Bool,
-    Float,
-    Int,
     difference,
     normalize,
     offset,

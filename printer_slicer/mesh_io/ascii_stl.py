@@ -13,9 +13,9 @@ from printer_slicer.mesh_io.limits import check_facets
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 
 if TYPE_CHECKING:
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.files import Source
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float
 
 __all__ = ["looks_like_ascii_stl", "read_ascii_stl"]
 

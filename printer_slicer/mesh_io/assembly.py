@@ -16,8 +16,8 @@ from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float, Int
 
 __all__ = ["Body", "Shelf", "Use", "assembled", "shares", "turned_over"]
 

@@ -14,9 +14,10 @@ from printer_slicer.mesh_io.soundness import BLOCK, COPY_AGAIN, EXPORT_AGAIN, LA
 if TYPE_CHECKING:
     import os
 
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.files import Source
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float, Mesh
+    from printer_slicer.model import Mesh
 
 __all__ = ["announces_its_size", "export_stl", "read_binary_stl"]
 

@@ -22,8 +22,8 @@ from printer_slicer.mesh_io.units import UNITS
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float
 
 __all__ = ["FAULTS", "check_extensions", "read_glb", "read_scene", "reason_of"]
 

@@ -20,8 +20,8 @@ from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float
 
 __all__ = ["read_gltf"]
 

@@ -22,9 +22,9 @@ from printer_slicer.mesh_io.tables import NUMBER, numbers_in
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.files import Source
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float, Int
 
 __all__ = ["read_obj"]
 

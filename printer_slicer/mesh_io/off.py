@@ -21,8 +21,8 @@ from printer_slicer.mesh_io.tables import Body, Bytes, Column, Element, Property
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float, Int
 
 __all__ = ["read_off"]
 

@@ -13,8 +13,8 @@ from printer_slicer.mesh_io.soundness import COPY_AGAIN
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float
 
 __all__ = ["read_other"]
 

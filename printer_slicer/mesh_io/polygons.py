@@ -12,8 +12,8 @@ from printer_slicer.mesh_io.limits import check_facets
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float, Int
 
 __all__ = ["triangulated", "whole"]
 

@@ -21,7 +21,7 @@ from printer_slicer.model import Item, Mesh
 if TYPE_CHECKING:
     import os
 
-    from printer_slicer.model import Float
+    from printer_slicer.arrays import Float
 
 __all__ = ["FORMATS", "Model", "load_mesh", "load_model"]
 

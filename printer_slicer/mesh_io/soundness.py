@@ -14,7 +14,7 @@ from printer_slicer.model import Mesh
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from printer_slicer.model import Float
+    from printer_slicer.arrays import Float
 
 __all__ = ["BLOCK", "COPY_AGAIN", "EXPORT_AGAIN", "LARGEST", "blocks", "sound"]
 

@@ -17,8 +17,8 @@ from printer_slicer.mesh_io.glb import read_glb
 from printer_slicer.mesh_io.soundness import COPY_AGAIN
 
 if TYPE_CHECKING:
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float
 
 __all__ = ["STEP_ANGLE", "STEP_TOLERANCE", "read_step"]
 

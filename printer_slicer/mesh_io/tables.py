@@ -18,7 +18,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from printer_slicer.model import Int
+    from printer_slicer.arrays import Int
 
 __all__ = ["NUMBER", "Body", "Bytes", "Column", "Element", "Property", "Words", "numbers_in", "read_table"]
 

@@ -25,9 +25,9 @@ from printer_slicer.mesh_io.units import UNITS, named_unit
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.archive import Archive
     from printer_slicer.mesh_io.limits import Limits
-    from printer_slicer.model import Float
 
 __all__ = ["read_three_mf"]
 

@@ -10,7 +10,7 @@ from printer_slicer.errors import MeshError, UsageError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from printer_slicer.model import Float
+    from printer_slicer.arrays import Float
 
 __all__ = ["SPOKEN", "UNITS", "checked_unit", "likely_unit", "named_unit", "unit_advice"]
 

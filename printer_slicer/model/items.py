@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Int, frozen_array
+from printer_slicer.arrays import Float, Int, frozen_array
 
 __all__ = ["Item", "Labels"]
 

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.errors import PlanError
-from printer_slicer.geometry import Areas, Bool, Float, Int, frozen_array
+from printer_slicer.geometry import Areas
 from printer_slicer.showing import Drawn
 
 __all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]

@@ -8,8 +8,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.errors import MeshError
-from printer_slicer.geometry import Float, frozen_array
 from printer_slicer.model.items import Item
 from printer_slicer.showing import Drawn
 

@@ -9,10 +9,18 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
-from printer_slicer.geometry.areas import consecutive, distinct, following_around, lengths
+from printer_slicer.arrays import (
+    Bool,
+    Float,
+    Int,
+    consecutive,
+    distinct,
+    following_around,
+    frozen_array,
+    lengths,
+)
 from printer_slicer.model.layers import LayerPlan
-from printer_slicer.model.roles import Role
+from printer_slicer.roles import Role
 from printer_slicer.showing import Drawn
 
 __all__ = [

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int, frozen_array
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.model.paths import Toolpaths
 
 __all__ = ["Travels", "leaves"]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, frozen_array
+from printer_slicer.arrays import Float, frozen_array
+from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.paths import Toolpaths
 from printer_slicer.showing import Drawn

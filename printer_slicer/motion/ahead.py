@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Float
+from printer_slicer.arrays import Float
 from printer_slicer.motion.whole import Blocks, ramp_times, running_least
 
 __all__ = ["seconds_ahead"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Float
+from printer_slicer.arrays import Float
 
 __all__ = ["ENOUGH", "flow_of"]
 

@@ -14,7 +14,7 @@ import numpy as np
 from printer_slicer.motion.whole import Course, course_of
 
 if TYPE_CHECKING:
-    from printer_slicer.geometry import Bool, Float
+    from printer_slicer.arrays import Bool, Float
     from printer_slicer.motion.blocks import Limits
 
 __all__ = ["Stopwatch", "Wanted"]

@@ -15,7 +15,7 @@ from printer_slicer.motion.blocks import SHORTEST, SLOWEST, SMALL_LENGTH, SMALL_
 from printer_slicer.motion.rules import SAME
 
 if TYPE_CHECKING:
-    from printer_slicer.geometry import Bool, Float, Int
+    from printer_slicer.arrays import Bool, Float, Int
     from printer_slicer.motion.blocks import Limits
 
 __all__ = [

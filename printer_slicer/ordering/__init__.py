@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Int, consecutive
 from printer_slicer.geometry import rings_around
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Areas, Bool, Int, Sections, Toolpaths
+from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.ordering.breaking import broken
 from printer_slicer.ordering.loops import closed_up
 from printer_slicer.ordering.nearby import begun_nearby, begun_toward_seams

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import boxes
+from printer_slicer.arrays import Bool, Float, Int, boxes
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.model import Bool, Float, Int, Toolpaths
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops
 
 __all__ = ["aligned"]

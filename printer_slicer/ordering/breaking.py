@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Bool, Float, Int, Phase, Toolpaths, roles_with
+from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import first_least
+from printer_slicer.roles import Phase, roles_with
 
 __all__ = ["broken"]
 

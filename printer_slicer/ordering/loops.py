@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive, following_around
+from printer_slicer.arrays import Float, Int, consecutive, following_around
 from printer_slicer.geometry.vectors import nearest_share, norm
-from printer_slicer.model import Float, Int, Toolpaths
+from printer_slicer.model import Toolpaths
 
 __all__ = ["Loops", "begun_at", "closed_up", "first_least"]
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Int, Toolpaths, is_perimeter
+from printer_slicer.arrays import Int
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.ordering.seams import outer_loops
 from printer_slicer.profile import Profile
+from printer_slicer.roles import is_perimeter
 
 __all__ = ["begun_nearby", "begun_toward_seams"]
 

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.ordering.tours import shortened
 from printer_slicer.ordering.units import Units
 

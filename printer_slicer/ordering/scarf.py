@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Float, Int, Role, Toolpaths
+from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["scarfed"]
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Float, Int, Role, Toolpaths
+from printer_slicer.arrays import Float, Int
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.alignment import aligned
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["outer_loops", "with_seams"]
 

@@ -12,11 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.errors import PartError
-from printer_slicer.geometry.areas import consecutive
-from printer_slicer.model import Float, Int, Role, Toolpaths
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.profile import Profile, profile_with
+from printer_slicer.roles import Role
 
 __all__ = ["for_spiral", "spiralled", "turns_of_spiral"]
 

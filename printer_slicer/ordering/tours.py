@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive, distinct
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 
 __all__ = ["shortened"]
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.model import ROLES, Bool, Float, Int, Phase, Role, Toolpaths
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.walls import Clusters
 from printer_slicer.profile import Profile
+from printer_slicer.roles import ROLES, Phase, Role
 
 __all__ = ["Units", "inner_loops", "units_of"]
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.nearest import distance_to_segments
-from printer_slicer.model import Bool, Float, Int, Toolpaths
+from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.loops import Loops, begun_at
 from printer_slicer.ordering.seams import outer_loops
 from printer_slicer.profile import Profile

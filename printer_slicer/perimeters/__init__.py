@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
+from printer_slicer.arrays import Bool
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
 from printer_slicer.layered import by_layer
-from printer_slicer.model import Bool, Sections, Toolpaths, Walls
+from printer_slicer.model import Sections, Toolpaths, Walls
 from printer_slicer.perimeters.shells import Filled, fill_narrow, fill_pieces, shell
 from printer_slicer.perimeters.widening import widen_inner
 from printer_slicer.profile import Profile

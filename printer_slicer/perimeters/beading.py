@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Int
+from printer_slicer.arrays import Float, Int
 
 __all__ = ["Beading"]
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import numbered
+from printer_slicer.arrays import Bool, Float, Int, numbered
 from printer_slicer.geometry.joints import linked
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import Graph, crossings, low_and_high

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import cross, dot, feet, norm
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Float, Int
-from printer_slicer.geometry.areas import consecutive, renumbered
+from printer_slicer.arrays import Float, Int, consecutive, renumbered
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 

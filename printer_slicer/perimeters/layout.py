@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import numbered
+from printer_slicer.arrays import Bool, Float, Int, numbered
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import distinct, lengths, run_begins
+from printer_slicer.arrays import Bool, Float, Int, distinct, lengths, run_begins
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int, normalize, offset, simplify
-from printer_slicer.geometry.areas import distinct
+from printer_slicer.arrays import Bool, Float, Int, distinct
+from printer_slicer.geometry import Areas, normalize, offset, simplify
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import linked
 from printer_slicer.geometry.vectors import norm

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, offset, offset_open
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, offset, offset_open
 
 __all__ = ["ordinary_loops"]
 

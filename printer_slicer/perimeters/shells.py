@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Bool, Float, Int, Pieces
-from printer_slicer.model import LayerPlan, Role, Toolpaths, reordered
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import Areas, Pieces
+from printer_slicer.model import LayerPlan, Toolpaths, reordered
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.narrow import Narrow, fill_narrow_places
 from printer_slicer.perimeters.ordinary import ordinary_loops
 from printer_slicer.perimeters.thinning import kept_points
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 
 __all__ = ["Filled", "fill_narrow", "fill_pieces", "shell"]
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int
-from printer_slicer.geometry.areas import following_around, previous_around
+from printer_slicer.arrays import Bool, Float, Int, following_around, previous_around
 from printer_slicer.geometry.vectors import dot, norm
 
 __all__ = ["kept_points"]

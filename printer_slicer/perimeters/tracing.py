@@ -11,8 +11,8 @@ from functools import reduce
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Bool, Float, Int
-from printer_slicer.geometry.areas import consecutive, distinct, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, run_begins
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.vectors import cross, feet, norm

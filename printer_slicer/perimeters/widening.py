@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.model import Float, Role, Toolpaths
+from printer_slicer.arrays import Float
+from printer_slicer.model import Toolpaths
+from printer_slicer.roles import Role
 
 __all__ = ["widen_inner"]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry import frozen_array
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.slabs import BESIDE
-from printer_slicer.model import Bool, Float, Int, Mesh
+from printer_slicer.model import Mesh
 from printer_slicer.planning.lattice import Lattice, Row, event_planes, rows_of
 from printer_slicer.planning.path import Graph
 from printer_slicer.planning.seconds import LayerTimes

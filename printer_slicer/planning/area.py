@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.crossing import section_areas
-from printer_slicer.model import Bool, Float, Int, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import AreaPlanner, Profile
 from printer_slicer.surface.flats import find_flats

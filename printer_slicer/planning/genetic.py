@@ -20,7 +20,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.model import Bool, Int, LayerPlan, Mesh
+from printer_slicer.arrays import Bool, Int
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.slopes import Slopes, cusp_height, thickest_within
 from printer_slicer.planning.steps import Steps
 from printer_slicer.planning.stretches import event_planes, next_plane, ways_up

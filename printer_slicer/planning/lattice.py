@@ -15,7 +15,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int, Mesh
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.model import Mesh
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import find_flats, read_surface

@@ -6,7 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, Int, Mesh
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.model import Mesh
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import borders_of, reaches
 from printer_slicer.planning.steps import Steps, tolerances

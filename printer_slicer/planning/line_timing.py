@@ -13,9 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.arrays import Float, following_around
 from printer_slicer.geometry import Areas
-from printer_slicer.geometry.areas import following_around
-from printer_slicer.model import Float
 from printer_slicer.motion.rules import Limits
 from printer_slicer.motion.whole import durations
 

@@ -28,8 +28,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PlanError
-from printer_slicer.model import Float, Int, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.levels import ODD, Level, levels_of, underrated

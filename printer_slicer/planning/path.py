@@ -16,8 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import frozen_array
-from printer_slicer.model import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
 
 __all__ = [
     "Graph",

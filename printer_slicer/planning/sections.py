@@ -7,10 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float, following_around
 from printer_slicer.geometry import Areas, simplify
-from printer_slicer.geometry.areas import following_around
 from printer_slicer.geometry.crossing import crossings_of, join_rings
-from printer_slicer.model import Float
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.model import Bool, Int, Mesh
+from printer_slicer.arrays import Bool, Int
+from printer_slicer.model import Mesh
 from printer_slicer.planning.lattice import Lattice, borders_of
 from printer_slicer.planning.path import NeighbourLimits
 from printer_slicer.planning.steps import Steps

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PlanError
-from printer_slicer.model import Float, Int, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.profile import Profile
 
 __all__ = ["Steps", "fill", "tolerances"]

@@ -24,7 +24,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from printer_slicer.model import Int, LayerPlan, Mesh
+from printer_slicer.arrays import Int
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.slopes import Slopes, cusp_height
 from printer_slicer.planning.steps import Steps
 from printer_slicer.planning.stretches import can_be_filled, event_planes, walk, ways_up

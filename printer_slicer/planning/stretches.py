@@ -17,7 +17,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from printer_slicer.model import Int, Mesh
+from printer_slicer.arrays import Int
+from printer_slicer.model import Mesh
 from printer_slicer.planning.slopes import nearest_step
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.surface.flats import find_flats

@@ -8,7 +8,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from printer_slicer.model import Bool, Mesh
+from printer_slicer.arrays import Bool
+from printer_slicer.model import Mesh
 from printer_slicer.planning.lattice import FINE
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.profile import HeightRange, Profile

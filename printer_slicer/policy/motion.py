@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.deposition import UnsupportedTracker, describe
 from printer_slicer.gcode import Moves
-from printer_slicer.geometry import Bool, Float
 from printer_slicer.motion.flow import ENOUGH, flow_of
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.policy.findings import Finding

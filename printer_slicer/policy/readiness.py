@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.gcode import Moves
-from printer_slicer.geometry import Bool, Float
 from printer_slicer.own_macros import starts_prints
 from printer_slicer.policy.findings import Finding
 from printer_slicer.policy.words import Command

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.jobs import Job
-from printer_slicer.model import Float
 from printer_slicer.printing.setup import Setup
 
 __all__ = ["approach_from", "laid_points"]

@@ -16,9 +16,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from printer_slicer.geometry import frozen_array
+from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.geometry.slabs import BESIDE
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.showing import Drawn
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.runs import run_bounds, steepest

@@ -24,11 +24,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry import frozen_array
-from printer_slicer.geometry.areas import distinct
+from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
 from printer_slicer.geometry.joints import welded
 from printer_slicer.geometry.planes import edge_keys, keys_of
-from printer_slicer.model import Bool, Float, Int, Mesh
+from printer_slicer.model import Mesh
 from printer_slicer.surface.envelope import Envelope
 
 __all__ = ["Contacts", "find_contacts"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Float, Int
+from printer_slicer.arrays import Float, Int
 
 __all__ = ["handed_down", "level_of", "note", "painted"]
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.surface.covers import handed_down, level_of, note
 
 __all__ = ["Envelope"]

@@ -6,7 +6,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from printer_slicer.model import Float, Mesh
+from printer_slicer.arrays import Float
+from printer_slicer.model import Mesh
 
 __all__ = ["SMALLEST_FLAT", "find_flats"]
 

@@ -22,8 +22,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.slabs import BESIDE
-from printer_slicer.model import Float, Int
 from printer_slicer.surface.contacts import Contacts
 from printer_slicer.surface.covers import painted
 

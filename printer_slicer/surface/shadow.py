@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import frozen_array
+from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Float, Int, Mesh
+from printer_slicer.model import Mesh
 
 __all__ = ["Shadow", "throw"]
 

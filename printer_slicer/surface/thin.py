@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference
-from printer_slicer.model import Float, Sections
+from printer_slicer.model import Sections
 from printer_slicer.surface.certificate import Surface
 
 __all__ = ["thin_areas"]

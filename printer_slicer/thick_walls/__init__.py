@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Bool, Int, Pieces, rings_around
-from printer_slicer.geometry.areas import numbered
+from printer_slicer.arrays import Bool, Int, numbered
+from printer_slicer.geometry import Areas, Pieces, rings_around
 from printer_slicer.grouping import area_savings, divide, last_layers, within
-from printer_slicer.model import LayerPlan, Regions, Role, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from printer_slicer.thick_walls.bands import SAME_PLACE, Bands, bands_of, common
 from printer_slicer.thick_walls.stretches import Spans, cut, spans_between, spans_within
 

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import (
     Areas,
-    Float,
-    Int,
     Pieces,
     difference,
     offset,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry import Areas, Float, Int, Polylines, frozen_array
-from printer_slicer.geometry.areas import consecutive, run_begins
+from printer_slicer.arrays import Float, Int, consecutive, frozen_array, run_begins
+from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.geometry.clipping import spans
 from printer_slicer.model import Toolpaths
 

@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.geometry import Float, Int
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Float, Int, consecutive
 
 __all__ = ["Picture", "pictures"]
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Int
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Bool, Int, Sections, Toolpaths, Travels, leaves
+from printer_slicer.model import Sections, Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
 from printer_slicer.travels.avoiding import rerouted
 from printer_slicer.travels.routes import Routes, straight

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.model import Areas, Float, Int
+from printer_slicer.model import Areas
 from printer_slicer.profile import Profile
 from printer_slicer.travels.graphs import Asked
 from printer_slicer.travels.ground import Ground

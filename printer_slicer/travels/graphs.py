@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive, run_begins
+from printer_slicer.arrays import Bool, Float, Int, consecutive, run_begins
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import cross
-from printer_slicer.model import Bool, Float, Int
 from printer_slicer.travels.ground import OFF, Ground
 from printer_slicer.travels.known import Known
 from printer_slicer.travels.shortest import Links, shortest

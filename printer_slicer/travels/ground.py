@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.vectors import cross
-from printer_slicer.model import Areas, Float, Int
+from printer_slicer.model import Areas
 
 __all__ = ["OFF", "Corners", "Ground"]
 

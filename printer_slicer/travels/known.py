@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive, distinct
-from printer_slicer.model import Bool, Int
+from printer_slicer.arrays import Bool, Int, consecutive, distinct
 
 __all__ = ["Known"]
 

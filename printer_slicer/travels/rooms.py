@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import offset, rings_around, simplify
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.vectors import feet
-from printer_slicer.model import Areas, Float, Int
+from printer_slicer.model import Areas
 from printer_slicer.travels.ground import OFF, Corners, Ground
 
 __all__ = ["Rooms", "abroad", "rooms_of"]

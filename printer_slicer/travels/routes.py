@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import consecutive
+from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Float, Int
 from printer_slicer.travels.graphs import Found
 from printer_slicer.travels.ground import Corners
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Float, Int
 from printer_slicer.travels.graphs import Asked, Found, cheapest, effort
 from printer_slicer.travels.ground import Ground
 from printer_slicer.travels.known import Known

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.nearest import Segments
 from printer_slicer.geometry.planes import spread
-from printer_slicer.model import Bool, Float, Int, Role, Toolpaths, roles_with
+from printer_slicer.model import Toolpaths
+from printer_slicer.roles import Role, roles_with
 from printer_slicer.travels.routes import Routes
 
 __all__ = ["over_top_skin"]

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from printer_slicer.geometry.areas import run_begins
-from printer_slicer.model import Float, Int
+from printer_slicer.arrays import Float, Int, run_begins
 
 __all__ = ["Links", "shortest"]
 

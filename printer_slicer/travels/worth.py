@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Float
+from printer_slicer.arrays import Float
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Printer, Profile
 

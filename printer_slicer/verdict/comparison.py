@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Int
+from printer_slicer.arrays import Int
 
 __all__ = ["SHOWN", "Comparison"]
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from printer_slicer.geometry import Float
+from printer_slicer.arrays import Float
 from printer_slicer.sim.leap import Leap
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter

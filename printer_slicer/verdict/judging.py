@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from printer_slicer.gcode import read_moves, spoken
+from printer_slicer.durations import spoken
+from printer_slicer.gcode import read_moves
 from printer_slicer.jobs import Job
 from printer_slicer.ledger.executed import Account
 from printer_slicer.profile import Profile

@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.ahead import seconds_ahead
 from printer_slicer.motion.rules import Block, Limits
 from printer_slicer.motion.whole import Blocks, corner_squares, make_blocks, moving_of

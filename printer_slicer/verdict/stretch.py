@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain import plain_moves
-from printer_slicer.geometry import Bool, Float, Int
 from printer_slicer.motion.rules import Limits
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.commands import run

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, normalize
-from printer_slicer.model import Float, LayerPlan, Role, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Sections, Toolpaths
+from printer_slicer.roles import Role
 from tests.parts import shape, shapely
 
 __all__ = ["disc", "foot", "lines", "plastic", "plate", "ring_of", "standing", "star"]

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.adhesion.ears import sharp_corners
+from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import using_engine
-from printer_slicer.model import Float, Role, Sections, Toolpaths
+from printer_slicer.model import Sections, Toolpaths
+from printer_slicer.roles import Role
 from tests.adhesion.plates import disc, foot, lines, plastic, plate, ring_of, standing, star
 from tests.parts import plain, shapely
 from tests.strategies import clean_areas

@@ -15,11 +15,12 @@ from printer_slicer.errors import PartError, PlanError, ProfileError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import using_engine
-from printer_slicer.jobs import job_of
-from printer_slicer.model import LayerPlan, Mesh, Role
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import Placement
 from printer_slicer.planning import PLANNERS
+from printer_slicer.roles import Role
+from printer_slicer.slice_jobs import job_of
 from printer_slicer.stages import Stages
 from printer_slicer.verdict import dry_run
 from tests.adhesion.plates import foot, lines, plastic, plate, ring_of, standing

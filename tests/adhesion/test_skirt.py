@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths
 from printer_slicer.geometry import Areas
-from printer_slicer.model import LayerPlan, Mesh, Role, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Mesh, Sections, Toolpaths
 from printer_slicer.pipeline import slice_part, slice_stages
+from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
 from tests.adhesion.plates import disc, lines, standing
 from tests.parts import (

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from printer_slicer.model import Float
+from printer_slicer.arrays import Float
 
 SVG = "{http://www.w3.org/2000/svg}"
 SLIC3R = "{http://slic3r.org/namespaces/slic3r}"

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas
 from printer_slicer.model import LayerPlan, Sections
 from tests.strategies import box, clean_areas
 

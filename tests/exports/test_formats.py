@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from printer_slicer.arrays import Float
 from printer_slicer.exports import in_float32, on_grid, write_cli, write_slc, write_svg, write_svgs
-from printer_slicer.geometry import Float
 from printer_slicer.model import Sections
 from tests.exports.readers import read_cli, read_slc, read_svg
 from tests.exports.stacks import frame, islands, of, sections, signed_area, uneven

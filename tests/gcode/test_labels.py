@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.jobs import job_from, job_of
-from printer_slicer.model import Float, Int, Mesh, Role
+from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import joined, transformed
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.stages import Stages
 from printer_slicer.verdict import dry_run
 from tests.mesh_io.tiny_files import item, mesh_xml, model_xml, three_mf, write

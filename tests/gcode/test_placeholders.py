@@ -10,9 +10,10 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import write_gcode
 from printer_slicer.gcode.facts import print_facts
 from printer_slicer.gcode.notes import macro_of
-from printer_slicer.model import Program, Role
+from printer_slicer.model import Program
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile, profile_with
+from printer_slicer.roles import Role
 from tests.parts import box, plain, profile
 
 

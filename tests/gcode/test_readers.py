@@ -20,9 +20,10 @@ import pytest
 
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Program, Role
+from printer_slicer.model import Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, profile_with
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from printer_slicer.version import VERSION
 from tests.parts import cone, profile

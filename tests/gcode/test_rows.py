@@ -10,8 +10,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.gcode.rows import rows_of
-from printer_slicer.model import Float, LayerPlan, Program, Role
+from printer_slicer.model import LayerPlan, Program
+from printer_slicer.roles import Role
 
 PLAN = LayerPlan.from_tops(np.array([0.2]))
 

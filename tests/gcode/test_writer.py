@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from printer_slicer.gcode import FLAVOURS, spoken, write_gcode
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.durations import spoken
+from printer_slicer.gcode import FLAVOURS, write_gcode
 from printer_slicer.gcode.notes import TYPE_NAMES
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Bool, Fan, Float, Heat, Int, LayerPlan, Program, Role
+from printer_slicer.model import Fan, Heat, LayerPlan, Program
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import FIRMWARES, Profile, profile_with, settings_table
+from printer_slicer.roles import Role
 from printer_slicer.version import VERSION
 from tests.parts import box, joined, profile, sphere, two_boxes
 from tests.tiny_gcode import Step, body, commands, steps

@@ -12,7 +12,8 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float, Polylines, anchor, hatch
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, Polylines, anchor, hatch
 from tests.parts import shape
 from tests.strategies import box, clean_areas
 

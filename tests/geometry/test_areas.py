@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Lines
-from printer_slicer.geometry.areas import (
+from printer_slicer.arrays import (
     boxes,
     consecutive,
     following_around,
@@ -19,6 +18,7 @@ from printer_slicer.geometry.areas import (
     previous_around,
     run_begins,
 )
+from printer_slicer.geometry import Areas, Lines
 from tests.strategies import areas, box
 
 

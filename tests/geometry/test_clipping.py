@@ -11,7 +11,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float, Polylines, clip_lines
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, Polylines, clip_lines
 from printer_slicer.geometry.clipper import load
 from printer_slicer.geometry.clipping import clipped, spans
 from tests.parts import shape

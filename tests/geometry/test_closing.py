@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Float, Int
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.closing import Chords, LooseEnds, close_by_chords, close_near
 
 seeds = st.integers(0, 2**32 - 1)

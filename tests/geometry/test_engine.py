@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry import (
     Areas,
-    Float,
     difference,
     intersection,
     normalize,

@@ -10,7 +10,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float, Int, Lines, chain_rows, hatch
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Areas, Lines, chain_rows, hatch
 from printer_slicer.geometry.planar import load
 from tests.strategies import box, clean_areas
 

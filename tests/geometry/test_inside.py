@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, crossed, crossings, rings_around
-from printer_slicer.model import Float, Int
 from tests.parts import shapely
 from tests.strategies import box, clean_areas
 

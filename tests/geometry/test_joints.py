@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from printer_slicer.geometry import Int
+from printer_slicer.arrays import Int
 from printer_slicer.geometry.joints import chain_ends, chain_steps, close_groups, cycles, linked, welded
 from printer_slicer.geometry.planes import corner_keys, with_others_around
 

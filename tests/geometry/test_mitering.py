@@ -8,7 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float, Int, normalize, offset
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Areas, normalize, offset
 from printer_slicer.geometry.clipper import combine, load
 from printer_slicer.geometry.mitering import mitered
 from printer_slicer.geometry.polygons import MITER_LIMIT

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry.areas import numbered
+from printer_slicer.arrays import numbered
 
 
 @given(st.lists(st.integers(-9, 9)))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from printer_slicer.geometry import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.spikes import is_spike, without_spikes
 from tests.strategies import box

@@ -8,7 +8,9 @@ import numpy as np
 import shapely
 
 from printer_slicer import bead
-from printer_slicer.model import Areas, Float, LayerPlan, Mesh, Regions, Role, Toolpaths
+from printer_slicer.arrays import Float
+from printer_slicer.model import Areas, LayerPlan, Mesh, Regions, Toolpaths
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import box, joined, shape
 

@@ -10,22 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import (
-    Areas,
-    Float,
-    difference,
-    normalize,
-    offset,
-    offset_open,
-    pieces_of,
-    stroked,
-)
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, pieces_of, stroked
 from printer_slicer.infill import infill_paths
 from printer_slicer.ledger import ledger_of, stack_of
-from printer_slicer.model import LayerPlan, Regions, Role, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.regions import classify
+from printer_slicer.roles import Role
 from tests.infill.stacks import solid_only
 from tests.parts import box, plain, sphere
 from tests.strategies import star_rings

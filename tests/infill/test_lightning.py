@@ -11,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, offset
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, offset
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import Mesh, Regions, Role, Toolpaths
+from printer_slicer.model import Mesh, Regions, Toolpaths
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.infill.stacks import WIDTH, rectangle, sparse_stack, volumes
 from tests.parts import box, layers, plain, shape, sphere, step_pyramid
 from tests.strategies import star_rings

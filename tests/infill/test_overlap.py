@@ -7,9 +7,9 @@ import pytest
 
 from printer_slicer import bead
 from printer_slicer.infill import PATTERNS
-from printer_slicer.model import Role
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import box_with_hole, plain, shapely
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from printer_slicer.geometry import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.gyroid import CHORD_ERROR, gyroid_lines
 from printer_slicer.infill.task import Task

@@ -10,13 +10,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, Polylines
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.resting import rested
 from printer_slicer.ledger import Purpose, ledger_of
 from printer_slicer.ledger.stack import stack_of
-from printer_slicer.model import LayerPlan, Mesh, Regions, Role
+from printer_slicer.model import LayerPlan, Mesh, Regions
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.infill.stacks import WIDTH, lengths, rectangle
 from tests.parts import plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import star_rings

@@ -8,7 +8,8 @@ import pytest
 from printer_slicer import bead
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import infill_paths
-from printer_slicer.model import Areas, Regions, Role
+from printer_slicer.model import Areas, Regions
+from printer_slicer.roles import Role
 from tests.infill.stacks import (
     SOLID_ROLES,
     UNEVEN,

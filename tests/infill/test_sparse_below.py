@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from printer_slicer.model import Float, Role, Toolpaths
+from printer_slicer.arrays import Float
+from printer_slicer.model import Toolpaths
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.parts import box, plain
 
 

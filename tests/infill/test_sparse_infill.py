@@ -9,13 +9,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
+from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.ledger import ledger_of, stack_of
-from printer_slicer.model import Float, Mesh, Role, Toolpaths
+from printer_slicer.model import Mesh, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
 from tests.infill.stacks import UNEVEN, WIDTH, lengths, outside, rectangle, slots, sparse_only, volumes
 from tests.parts import box, box_with_hole, layers, plain, prism, shape, sphere
 from tests.strategies import clean_areas, star_rings

@@ -10,13 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
+from printer_slicer.arrays import Float
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry import Areas, difference, intersection
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.thick import Fillings, fillings, groups_of
-from printer_slicer.model import Float, LayerPlan, Role
+from printer_slicer.model import LayerPlan
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.infill.stacks import rectangle, sparse_only, sparse_stack, volumes
 from tests.parts import box, case_study, layers, plain, sphere, step_pyramid
 from tests.strategies import rectilinear_areas

@@ -8,7 +8,8 @@ from math import pi
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas
 from printer_slicer.ledger import Beads, Purpose
 
 __all__ = ["WIDTH", "beads_along", "joined", "path", "sections", "solid", "square"]

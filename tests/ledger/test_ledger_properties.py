@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.geometry import Areas, Float, normalize
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, normalize
 from printer_slicer.ledger import Beads, Purpose, Rules, Stack, ledger_of, moved, stacked
 from tests.ledger.lines import WIDTH, beads_along, joined, sections, solid
 from tests.parts import shape, shapely

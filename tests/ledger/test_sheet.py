@@ -7,8 +7,8 @@ import pytest
 
 from printer_slicer.gcode import write_gcode
 from printer_slicer.ledger import Deposit, Levels, Sheet, beads_of_gcode, levels_of, sheet_of, stacked
-from printer_slicer.model import Role
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.ledger.lines import WIDTH, path
 from tests.parts import box, plain
 

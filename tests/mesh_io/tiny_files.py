@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from printer_slicer.model import Float
+from printer_slicer.arrays import Float
 
 __all__ = [
     "BOX",

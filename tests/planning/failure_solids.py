@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.model import Float, Mesh
+from printer_slicer.arrays import Float
+from printer_slicer.model import Mesh
 from tests.parts import case_study, joined, loft, sheared_prism
 
 __all__ = ["SOLIDS", "Solid", "cylinder", "draft", "flange", "hemisphere", "slot", "two_wedges"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.model import Bool, Float, LayerPlan, Mesh
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.profile import Profile
 from printer_slicer.surface.flats import find_flats
 from tests.parts import loft

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Bool, Float, LayerPlan, Mesh
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.seconds import LayerTimes
 from printer_slicer.planning.smoothness import STEP, STEP_RATIO

@@ -11,9 +11,10 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import PlanError, ProfileError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import plan_part, slice_part
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Bool
 from printer_slicer.errors import PlanError
-from printer_slicer.model import Bool, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float
 from printer_slicer.errors import PlanError
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.unkept import unkept_rules
 from printer_slicer.profile import HeightRange, Profile

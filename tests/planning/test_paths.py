@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Float, Int, Mesh
+from printer_slicer.arrays import Float, Int
+from printer_slicer.model import Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers

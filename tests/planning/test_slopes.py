@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Float, Int, Mesh
+from printer_slicer.arrays import Float, Int
+from printer_slicer.model import Mesh
 from printer_slicer.planning.slopes import Slopes, cusp_height, nearest_step, thickest_within
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Int
+from printer_slicer.arrays import Int
 from printer_slicer.planning.steps import Steps
 from printer_slicer.planning.stretches import event_planes, next_plane, walk, ways_up
 from tests.parts import box, profile, step_pyramid

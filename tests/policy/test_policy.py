@@ -17,12 +17,12 @@ from printer_slicer.cli import main
 from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.gcode import FLAVOURS
 from printer_slicer.gcode.reader import Reader
-from printer_slicer.jobs import job_from
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.policy import NAMES, Finding, check_names, insist, remedy_of, scan
 from printer_slicer.policy.letter_case import lower_case_fault
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_paths, profile_with
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.framing import strip
 from tests.waiting import LAST_RESORT
 

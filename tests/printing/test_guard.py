@@ -20,7 +20,6 @@ if sys.platform == "win32":
 
 from benchmarks.killing import of_job, served, start
 from printer_slicer.errors import PrintError
-from printer_slicer.jobs import job_from
 from printer_slicer.printing import print_job
 from printer_slicer.printing.guard import watch
 from printer_slicer.printing.journal import HEATERS_OFF, read_story
@@ -29,6 +28,7 @@ from printer_slicer.profile import load_profile
 from printer_slicer.sim.front_end import KLIPPER
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.verdict import front_end_of, machine_of
 from tests.waiting import Halting, hosts, until

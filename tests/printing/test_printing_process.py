@@ -28,12 +28,13 @@ from plugged import after, pluggable, served
 
 from benchmarks.killing import of_job, one_job
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
-from printer_slicer.jobs import Job, job_from
+from printer_slicer.jobs import Job
 from printer_slicer.printing import Controls, print_job, resume_print
 from printer_slicer.printing import shelf as shelves
 from printer_slicer.printing.door import ask_door
 from printer_slicer.printing.journal import read_story
 from printer_slicer.profile import load_profile
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.events import Accepted, Event, Note, Paused
 from printer_slicer.stream.serial_port import SerialPort
 

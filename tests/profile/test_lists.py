@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import ProfileError
-from printer_slicer.model import Float
 from printer_slicer.profile import OptimalPlanner, Profile, load_profile, profile_with, settings_text
 from printer_slicer.profile.lists import list_as_text, list_from_text
 from tests.cli.command_line import BOX, PARTS, Outcome, is_message, started, typed

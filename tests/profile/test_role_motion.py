@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Acceleration, Mesh, Role
+from printer_slicer.model import Acceleration, Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile, profile_with
+from printer_slicer.roles import Role
 from tests.parts import box, loft, two_boxes
 
 BARE = """

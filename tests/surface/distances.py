@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.model import Bool, Float, Int, LayerPlan, Mesh, Sections
+from printer_slicer.model import LayerPlan, Mesh, Sections
 from tests.parts import shapely
 
 __all__ = ["distance_to_mesh", "distance_to_triangles", "in_stack", "winding", "wrong_among", "wrong_points"]

@@ -16,9 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PartError
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import Float, Int, LayerPlan, Mesh, Sections
+from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, read_surface
 from tests.parts import box, joined, layers, loft, pyramid, sheared_prism, sphere

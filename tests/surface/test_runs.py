@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Float, Int, Mesh
+from printer_slicer.arrays import Float, Int
+from printer_slicer.model import Mesh
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.covers import painted
 from printer_slicer.surface.envelope import Envelope

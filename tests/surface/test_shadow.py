@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import Float, Mesh
+from printer_slicer.arrays import Float
+from printer_slicer.model import Mesh
 from printer_slicer.surface.shadow import Shadow, throw
 from tests.parts import box, cone, joined, pyramid, shapely, sheared_prism, sphere, step_pyramid, without
 

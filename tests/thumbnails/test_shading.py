@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from printer_slicer.model import Float, Mesh
+from printer_slicer.arrays import Float
+from printer_slicer.model import Mesh
 from printer_slicer.thumbnails import render
 from printer_slicer.thumbnails.shading import Picture, _pixels, _seen, pictures
 from tests.parts import box, joined, sphere

@@ -6,7 +6,8 @@ from math import pi
 
 import numpy as np
 
-from printer_slicer.model import Float, Mesh
+from printer_slicer.arrays import Float
+from printer_slicer.model import Mesh
 from tests.parts import box, joined, prism, without
 
 

@@ -16,9 +16,10 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.healing import repair
 from printer_slicer.mesh_io import FORMATS, load_mesh
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.slicing import cut
 from tests.parts import (
     box,

@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float
 from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.healing import repair
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.slicing import cut
 from tests.parts import box, joined, prism, profile

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.arrays import Float
 from printer_slicer.geometry.crossing import section_areas
 from printer_slicer.healing import repair
-from printer_slicer.model import Float, LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.slicing import cut
 from tests.parts import box, box_with_hole, case_study, cone, pyramid, sheared_prism, sphere, step_pyramid
 from tests.torture.bodies import ball, turned_body

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from printer_slicer.arrays import Float
 from printer_slicer.healing.soundness import is_sound
-from printer_slicer.model import Float
 from tests.parts import box, loft
 
 CORNERS, RINGS = 300, 120

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from printer_slicer.model import Areas, Float, LayerPlan, Role, Sections, Toolpaths, Travels, leaves
+from printer_slicer.arrays import Float
+from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths, Travels, leaves
+from printer_slicer.roles import Role
 from printer_slicer.travels import travel
 from tests.parts import profile, shapely
 

@@ -8,8 +8,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.model import LayerPlan, Mesh, Role, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Mesh, Sections, Toolpaths
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
 from tests.parts import box, joined, plain, profile, shapely

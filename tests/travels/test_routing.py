@@ -11,7 +11,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, Float
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas
 from printer_slicer.model import Sections
 from printer_slicer.travels import travel
 from printer_slicer.travels.graphs import Asked

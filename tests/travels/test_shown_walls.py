@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from printer_slicer.model import LayerPlan, Mesh, Role, leaves
+from printer_slicer.model import LayerPlan, Mesh, leaves
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from tests.parts import box_with_hole, plain, prism, shapely
 

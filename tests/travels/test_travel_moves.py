@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from printer_slicer.model import Role
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.roles import Role
 from tests.parts import box_with_hole, profile
 
 

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas
-from printer_slicer.model import LayerPlan, Role, Sections, Toolpaths
+from printer_slicer.model import LayerPlan, Sections, Toolpaths
+from printer_slicer.roles import Role
 from printer_slicer.travels import travel
 from printer_slicer.travels.worth import longest_worthwhile
 from tests.parts import profile, shape, shapely

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.jobs import job_from
 from printer_slicer.profile import load_profile
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.verdict import Fault, Verdict, dry_run
 
 PROFILE = load_profile("marlin_220", "pla", "standard")

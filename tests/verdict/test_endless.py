@@ -7,9 +7,9 @@ from random import Random  # noqa: TID251 - seeded
 
 import pytest
 
-from printer_slicer.jobs import job_from
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.faults import Fault, Faults
+from printer_slicer.slice_jobs import job_from
 from printer_slicer.verdict import dry_run
 
 PROFILE = load_profile("marlin_220", "pla", "standard", {})

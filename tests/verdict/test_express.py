@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.deposition.marks import Mishap
-from printer_slicer.jobs import Job, job_from, job_of
+from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile, load_profile, profile_with
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.stream.events import Accepted, Event, Finished
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.verdict import Verdict, dry_run, machine_of

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.cli import main
-from printer_slicer.jobs import job_from, job_of
 from printer_slicer.profile import load_profile, profile_with
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.verdict import Verdict, dry_run
 from tests.parts import box
 

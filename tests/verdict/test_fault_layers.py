@@ -6,9 +6,10 @@ import re
 from pathlib import Path
 from random import Random  # noqa: TID251 - seeded
 
-from printer_slicer.jobs import Job, job_from, job_of
+from printer_slicer.jobs import Job
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.faults import Fault, Faults
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.verdict import dry_run
 from tests.parts import box
 

@@ -9,10 +9,11 @@ from random import Random  # noqa: TID251 - one with a seed
 
 import pytest
 
-from printer_slicer.jobs import Job, job_from, job_of
+from printer_slicer.jobs import Job
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.faults import Fault as Trouble
 from printer_slicer.sim.faults import Faults
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.verdict import Fault, Verdict, dry_run
 from tests.parts import box
 from tests.verdict.test_planted_faults import BEAD, PROFILE, Lines, begin, found_in, next_line, sound

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.peers import Part, find_peers
-from printer_slicer.jobs import job_from, job_of
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.profile import Profile, load_profile
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.verdict import Verdict, dry_run
 from tests.parts import box, cone, sphere, step_pyramid, two_boxes
 from tests.waiting import LAST_RESORT

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from printer_slicer.jobs import job_of
 from printer_slicer.policy import scan
 from printer_slicer.profile import load_profile
+from printer_slicer.slice_jobs import job_of
 from printer_slicer.verdict import dry_run
 from tests.parts import box
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.jobs import job_from, job_of
 from printer_slicer.profile import load_profile
+from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.verdict import Fault, dry_run
 from tests.parts import box
 

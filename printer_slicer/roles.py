@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.geometry import Bool, Int
+from printer_slicer.arrays import Bool, Int
 
 __all__ = ["ROLES", "Phase", "Role", "RoleRow", "is_perimeter", "roles_with"]
 
