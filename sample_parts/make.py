@@ -17,8 +17,9 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.model import Float, Mesh
+from printer_slicer.model import Mesh
 
 SIDES: Final = 128
 """Sides of the cylinder and the cone."""
