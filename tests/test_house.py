@@ -15,6 +15,7 @@ import tokenize
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -100,7 +101,15 @@ TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
 BY_NAME = {name_of(path): tree for path, tree in TREES.items()}
 
 
-# Sizes
+# Sizes and names
+
+
+def test_test_files_have_names_of_their_own() -> None:
+    """Two of one name cannot be collected together."""
+    names = sorted(path.name for path in (ROOT / "tests").rglob("test_*.py"))
+
+    assert len(names) > 100
+    assert [one for one, after in pairwise(names) if one == after] == []
 
 
 def test_no_file_is_so_long_that_it_holds_more_than_one_idea() -> None:
