@@ -12,10 +12,10 @@ Names are imported when they are first used, so importing the package costs noth
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 from printer_slicer import showing
+from printer_slicer.lazy_names import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
     from printer_slicer.checking import Check, check_gcode
@@ -168,13 +168,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    """A public name, imported now."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"printer_slicer.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = _lazy_names(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -53,6 +53,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
     called = _names_of(part)
     named = objects_of(profile)
     _refuse_unknown(named, called)
+    _require_known_facets(part)
     own = [for_object(profile, tuple(name for name in named if name in names)) for names in called]
     return [_only(part, [item]) for item in part.items] or [part], list(plan), own
 
@@ -66,15 +67,24 @@ def _by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     _refuse_unknown(named, called)
     if len(called) == 1:
         return [(part, for_object(profile, called[0]))]
+    _require_known_facets(part)
+    own: dict[tuple[str, ...], list[Item]] = {}
+    for item, names in zip(part.items, called, strict=True):
+        own.setdefault(tuple(name for name in named if name in names), []).append(item)
+    return [(_only(part, items), for_object(profile, names)) for names, items in own.items()]
+
+
+def _require_known_facets(part: Mesh) -> None:
+    """Refuse a part of several objects if it is not known which facets are whose.
+
+    Raises:
+        UsageError: it was repaired.
+    """
     if not all(item.count for item in part.items):
         raise UsageError(
             f"{part.name}: needs repair, after which it is not known what belongs to which object",
             remedy="mend the models, or leave out the settings of objects",
         )
-    own: dict[tuple[str, ...], list[Item]] = {}
-    for item, names in zip(part.items, called, strict=True):
-        own.setdefault(tuple(name for name in named if name in names), []).append(item)
-    return [(_only(part, items), for_object(profile, names)) for names, items in own.items()]
 
 
 def _names_of(part: Mesh) -> list[set[str]]:

@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, intersection, normalize
 from printer_slicer.geometry.boxes import Boxes
-from printer_slicer.geometry.crossing import crossings_of, join_rings
+from printer_slicer.geometry.crossing import section_contours
 from printer_slicer.geometry.pieces import pieces_of
 from printer_slicer.model import Mesh
 
@@ -94,10 +94,7 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
 def _sections(part: Mesh, number: int, z: Float) -> Areas:
     """The solid sections of an object at heights (n,), mm."""
     item = part.items[number]
-    triangles = part.triangles[item.first : item.first + item.count]
-    return normalize(
-        Areas.following_on([join_rings(one, len(z)) for one in crossings_of(triangles, z)], len(z))
-    )
+    return normalize(section_contours(part.triangles[item.first : item.first + item.count], z))
 
 
 def _projection(mesh: Mesh, low: Float, high: Float) -> Areas:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -23,6 +23,7 @@ from printer_slicer.placing import Placement, joined, transformed
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
     from printer_slicer.model import Mesh, Repairs
+    from printer_slicer.overlaps import Overlap
     from printer_slicer.profile import Printer
 
 __all__ = ["Plate", "plate_from", "plate_name", "repaired_plate", "warn"]
@@ -163,21 +164,13 @@ def _refuse_overlaps(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
         return
     from printer_slicer.overlaps import find_overlaps
 
-    found = list(islice(find_overlaps(meshes), _MOST_TOLD + 1))
-    if not found:
-        return
     names = [path.name for path in dict.fromkeys(paths)]
     called = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    told = [
-        f"{called[one.second]} overlaps {called[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
-        + (f", the largest of {one.places} places" if one.places > 1 else "")
-        for one in found[:_MOST_TOLD]
-    ]
-    told += ["and more"] if len(found) > _MOST_TOLD else []
-    raise PartError(
-        f"{'; '.join(told)}, as their files place them",
-        remedy="slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
-    )
+    if overlapping := _describe_overlaps(find_overlaps(meshes), called):
+        raise PartError(
+            f"{overlapping}, as their files place them",
+            remedy="slice them separately with -o FOLDER/, move one in its file, or print them as one with --fuse",
+        )
 
 
 def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh]) -> None:
@@ -191,19 +184,22 @@ def _refuse_collisions(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh])
             continue
         from printer_slicer.overlaps import find_collisions
 
-        found = list(islice(find_collisions(mesh), _MOST_TOLD + 1))
-        if not found:
-            continue
-        told = [
-            f"{mesh.items[one.second].name} overlaps {mesh.items[one.first].name} "
-            f"by {one.width:.4g} x {one.depth:.4g} mm"
-            for one in found[:_MOST_TOLD]
-        ]
-        told += ["and more"] if len(found) > _MOST_TOLD else []
-        raise PartError(
-            f"{model['file']}: {'; '.join(told)}",
-            remedy="move them apart in the program that made the file, or print them as one with --fuse",
-        )
+        if overlapping := _describe_overlaps(find_collisions(mesh), [item.name for item in mesh.items]):
+            raise PartError(
+                f"{model['file']}: {overlapping}",
+                remedy="move them apart in the program that made the file, or print them as one with --fuse",
+            )
+
+
+def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str]) -> str:
+    """Describe the first overlaps of parts with these names; empty if there are none."""
+    found = list(islice(overlaps, _MOST_TOLD + 1))
+    described = [
+        f"{names[one.second]} overlaps {names[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
+        + (f", the largest of {one.places} places" if one.places > 1 else "")
+        for one in found[:_MOST_TOLD]
+    ]
+    return "; ".join([*described, *(["and more"] if len(found) > _MOST_TOLD else [])])
 
 
 def plate_name(paths: Sequence[Path]) -> str:

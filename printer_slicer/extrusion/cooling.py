@@ -31,9 +31,9 @@ def slowed(program: Program, profile: Profile) -> Program:
     pace = program.speed, move_seconds(program, profile)
     # What is slower already, a first layer say, is not made faster by the lower bound.
     floor = np.minimum(program.speed, material.min_speed)
-    round_of = np.where(program.role == Role.TRAVEL, -1, _SLOWED_IN[program.role])
+    extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWED_IN[program.role]
     for last in range(int(_SLOWED_IN.max()) + 1):
-        pace = _slowed(program, pace, floor, (round_of >= 0) & (round_of <= last), profile)
+        pace = _slowed(program, pace, floor, extrudes & (slowed_in <= last), profile)
     return program if pace[0] is program.speed else replace(program, speed=pace[0])
 
 

@@ -20,7 +20,7 @@ from printer_slicer.geometry.joints import Index, cycles, welded
 from printer_slicer.geometry.planes import directed_keys, keys_of, spread
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["Crossings", "crossings_of", "join_rings", "section_areas"]
+__all__ = ["Crossings", "crossings_of", "section_areas", "section_contours"]
 
 _SEGMENTS_AT_ONCE = 250_000  # what is held for them stays near the processor's caches
 _UInt = NDArray[np.uint64]
@@ -72,6 +72,15 @@ def section_areas(triangles: Float, planes: Float) -> Float:
         twice = cross(tail, head)
         total += np.bincount(part.plane[part.tail], weights=twice, minlength=len(planes)) / 2
     return total
+
+
+def section_contours(triangles: Float, planes: Float) -> Areas:
+    """Contours of the section at each of `planes` (P,) ascending, a layer per plane; they may overlap.
+
+    Open contours are closed from any end to any start.
+    """
+    n = len(planes)
+    return Areas.following_on([_join_rings(part, n) for part in crossings_of(triangles, planes)], n)
 
 
 def _by_planes(level: Index, n_planes: int) -> Iterator[tuple[Int, int, int]]:
@@ -203,7 +212,7 @@ def _rank(edge: Index, n_edges: int) -> Int:
     return rank
 
 
-def join_rings(part: Crossings, n_planes: int) -> Areas:
+def _join_rings(part: Crossings, n_planes: int) -> Areas:
     """Join the segments of several planes to rings; open contours are closed from any end to any start."""
     following = np.arange(len(part.xy))
     following[part.tail] = part.head

@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, following_around
 from printer_slicer.geometry import Areas, simplify
-from printer_slicer.geometry.crossing import crossings_of, join_rings
+from printer_slicer.geometry.crossing import section_contours
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
 
@@ -117,8 +117,7 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
     quality = profile.quality
     planes, z = _levels(surface, profile, _PLANES), _levels(surface, profile, _LEVELS)
     n = len(planes)
-    rings = Areas.following_on([join_rings(part, n) for part in crossings_of(surface.triangles, planes)], n)
-    contours = simplify(rings, quality.resolution)
+    contours = simplify(section_contours(surface.triangles, planes), quality.resolution)
     loops = np.bincount(contours.ring_layer, minlength=n).astype(np.float64)
     length, loops, extent, area = (
         np.interp(z, planes, values)

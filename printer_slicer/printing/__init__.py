@@ -1,12 +1,13 @@
 """Printing over a port: the job, its control by users, and its recovery after an interruption.
 
-Names are imported when they are first used: a process that only has a wish for another one's print needs none of them.
+Names are imported when they are first used: a process that only sends a command to another print needs none of them.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from printer_slicer.printing.controls import Controls
@@ -24,10 +25,4 @@ _HOMES = {
 __all__ = ["Controls", "Done", "Options", "print_job", "resume_print"]
 
 
-def __getattr__(name: str) -> object:
-    """Import a public name on first use."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazy_names(__name__, _HOMES)
