@@ -48,6 +48,9 @@ QUALITIES: Final = ("adaptive", "standard", "draft", "fine")
 ALLOWED: Final = ("unsupported", "in the air", "hang")
 """Words of findings that tell of a part that needs supports."""
 
+UNITS: Final = {"idler_riser": "inch", "octagonal_pocket": "m"}
+"""Units of models whose numbers are no millimetres."""
+
 Solid = trimesh.Trimesh
 Random = np.random.Generator
 
@@ -250,13 +253,14 @@ def judged(name: str, path: Path, folder: Path, turn: int) -> list[str]:
     """What the commands have against the G-code of a part, a line each."""
     gcode = folder / f"{name}.gcode"
     flags = ("--printer", MACHINES[turn % 10], "--material", MATERIALS[turn % 3])
-    code, facts = said("slice", path, *flags, "--quality", QUALITIES[turn % 4], "-o", gcode)
+    units = ("--units", UNITS.get(name, "mm"))
+    code, facts = said("slice", path, *flags, *units, "--quality", QUALITIES[turn % 4], "-o", gcode)
     if code:
         return [f"slice ended with {code}: {facts.get('error', '')[:200]}"]
     found = []
     for words in (
         ("check", gcode, *flags),
-        ("check", gcode, "--model", path, *flags),
+        ("check", gcode, "--model", path, *flags, *units),
         ("dry-run", gcode, *flags),
     ):
         code, facts = said(*words)

@@ -376,6 +376,30 @@ def test_a_pin_as_wide_as_long_gets_a_dot_of_its_own_volume() -> None:
     assert plastic(walls)[0] == pytest.approx(np.pi * 0.09, rel=0.12)
 
 
+@pytest.mark.parametrize("corners_around", [24, 32, 45, 60])
+def test_round_pins_of_any_size_get_the_plastic_of_their_volume(corners_around: int) -> None:
+    """Rounding of the corners leaves an axis of no length in the middle, which is a dot all the same."""
+    radii = np.arange(0.25, 1.5, 0.05)
+    sections = stack(*[[turned(circle(r, corners_around), 0.1 * k)] for k, r in enumerate(radii)])
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    share = (plastic(walls) + walls.inside.area()) / sections.solid.area()
+    # Less the rounded side of the outer bead.
+    assert (share > 1.0 - 0.05 / radii).all()
+    assert (share < 1.01).all()
+
+
+@pytest.mark.parametrize("size", [(0.5, 2.0), (0.6, 1.5), (0.8, 1.2), (1.2, 1.6), (1.3, 3.0)])
+def test_ends_of_short_walls_get_the_plastic_of_a_round_end(size: tuple[float, float]) -> None:
+    x, y = size
+    sections = stack([np.array([[0, 0], [x, 0], [x, y], [0, y]])])
+    walls = lay_walls(sections, plain(perimeters=2))
+
+    square = x * y - 2 * (x + y) * bead.side_loss(0.2)
+    rounded = square - 4 * (1 - np.pi / 4) * min(x / 2, WIDTH) ** 2
+    assert rounded * 0.98 < plastic(walls)[0] + walls.inside.area()[0] < square * 1.02
+
+
 # --- anything ---
 
 

@@ -16,9 +16,7 @@ from printer_slicer.ledger.account import Ledger
 __all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]
 
 _LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
-_DOTS: Final = (
-    2.0  # squares of the extrusion width: one short line missing or added at a tip is not a finding
-)
+_DOTS: Final = 2.0  # squares of the extrusion width that may be missing or added at tips, whatever the share
 _FAR: Final = np.inf
 
 
@@ -173,19 +171,15 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
 
 
 def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
-    """Missing and surplus material in the shell, if more than that of the shortest lines."""
+    """Missing and surplus material in the shell beyond what is let pass of it and that of the shortest lines."""
     fill, height, shell = ledger.fill.shell, ledger.stack.height, ledger.shell.area()
     width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
-    surplus, missing = (fill - min(limits.over, 1)) * shell, (max(limits.under, 1) - fill) * shell
+    surplus, missing = (fill - limits.over) * shell, (limits.under - fill) * shell
     least = _DOTS * width**2
-    over = (fill > limits.over) & (surplus > least)
+    over, under = surplus > least, missing > least
     if over.any():
-        surplus = surplus - _beside_fins(ledger, over, width)
-        over &= (surplus > least) & (surplus > (limits.over - 1) * shell)
-    for name, limit, broken in (
-        ("under", limits.under, (fill < limits.under) & (missing > least)),
-        ("over", limits.over, over),
-    ):
+        over &= surplus - _beside_fins(ledger, over, width) > least
+    for name, limit, broken in (("under", limits.under, under), ("over", limits.over, over)):
         yield _Kind(
             name,
             fill,

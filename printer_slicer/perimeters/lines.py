@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -152,10 +152,10 @@ def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
     order = np.flatnonzero(chosen)
     order = order[np.lexsort((rank[order], lowest[order]))]
     steps = _Chosen(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
-    lines = _polylines(layout, steps)
+    lines, tips = _polylines(layout, steps)
     short = lines.length() < _LEAST * lines.width[np.cumsum(lines.size) - 1]
-    outer = (lines.depth == 0) & (beading.loops > 0)
-    return lines.take(~short), lines.take(short & outer)
+    needed = ((lines.depth == 0) | tips.all(axis=0)) & (beading.loops > 0)
+    return _lengthened(lines.take(~short), tips[:, ~short]), lines.take(short & needed)
 
 
 def _as_dots(lines: Lines) -> Lines:
@@ -200,8 +200,11 @@ class _Chosen:
     met_after: Bool
 
 
-def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
-    """Lines through half-pieces that stand in order; ends at the side of another line are cut back."""
+def _polylines(layout: Layout, chosen: _Chosen) -> tuple[Lines, Bool]:
+    """Lines through half-pieces that stand in order, and (2, M) which begin and end where the axis does.
+
+    Ends at the side of another line are cut back. What is shorter than a rounding error is one point.
+    """
     graph, half, line = layout.graph, chosen.half, chosen.line
     begins = np.flatnonzero(run_begins(line))
     size = np.diff(np.append(begins, len(line)))
@@ -225,18 +228,35 @@ def _polylines(layout: Layout, chosen: _Chosen) -> Lines:
     new[1:] |= (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
     ring = chosen.closed[begins]
     new[end[ring]] = False
-    size = np.bincount(owner[new], minlength=len(size))
-    whole = size > 1
-    keep = new & whole[owner]
-    depth = layout.count[port[begins]] // 2
-    return Lines(
-        xy[keep],
-        width[keep],
-        size[whole],
-        graph.layer[graph.start[half[begins]]][whole],
-        depth[whole],
-        ring[whole],
+    lines = Lines(
+        xy[new],
+        width[new],
+        np.bincount(owner[new], minlength=len(size)),
+        graph.layer[graph.start[half[begins]]],
+        layout.count[port[begins]] // 2,
+        ring,
     )
+    return lines, _tips(layout)[np.stack([graph.start[half[begins]], graph.start[half[last] ^ 1]])]
+
+
+def _tips(layout: Layout) -> Bool:
+    """(N,) which points of the graph are ends of the axis; pieces that run into corners do not count."""
+    ports = layout.port[layout.used]
+    straight = (layout.point[ports] == layout.leader[ports]).all(axis=1)
+    ends = layout.graph.ends[layout.used][straight]
+    return np.asarray(np.bincount(ends.ravel(), minlength=len(layout.graph.xy)) == 1)
+
+
+def _lengthened(lines: Lines, tips: Bool) -> Lines:
+    """Add the volume of half a disc to lines of two points or more where they begin or end at tips (2, M)."""
+    last = np.cumsum(lines.size) - 1
+    xy = lines.xy.copy()
+    for free, end, inner in ((tips[0], last - lines.size + 1, 1), (tips[1], last, -1)):
+        end = end[free]
+        way = lines.xy[end] - lines.xy[end + inner]
+        way *= (np.pi / 8 * lines.width[end] / norm(way))[:, None]
+        xy[end] += way
+    return replace(lines, xy=xy)
 
 
 def _trimmed(xy: Float, width: Float, size: Int, before: Float, after: Float) -> tuple[Float, Float]:
