@@ -60,7 +60,26 @@ def overfilled(stages: Stages, profile: Profile) -> float:
     return float(sum(over)) / float(shell.area().sum())
 
 
-# Near the tip of a cone there is no room for whole loops: what lies there is over-filled as before.
+def dumbbell() -> Mesh:
+    """Two blocks and a neck with room for three beads, at whose ends only corners see each other."""
+    outline = [
+        (0, 0),
+        (8, 0),
+        (8, 4.3),
+        (9, 4.3),
+        (9, 0),
+        (17, 0),
+        (17, 10),
+        (9, 10),
+        (9, 5.65),
+        (8, 5.65),
+        (8, 10),
+        (0, 10),
+    ]
+    return prism(outline, 4)
+
+
+# Near the tip of a cone there is no room for whole loops; the bead of the neck ends in the loops that pass its ends.
 PARTS = [
     (box((20, 20, 10), (0, 0, 0)), 2e-4),
     (box_with_hole((24, 24, 5), (20, 20)), 2e-4),
@@ -69,6 +88,7 @@ PARTS = [
     (step_pyramid((30, 20, 10), (3, 3, 3)), 2e-4),
     (plate_with_bosses(), 2e-4),
     (sheared_prism(), 2e-4),
+    (dumbbell(), 2.5e-3),
 ]
 
 

@@ -197,7 +197,8 @@ def ways_of_parts(following: Int, count: Int) -> Int:
 def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxis:
     """The medial axis of sides, none of which are on the layers left out."""
     diagram = diagram_of(sides.points[:, 1:3], sides.piece)
-    chosen = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end >= 0))
+    places, edge = _bounded(diagram, sides.points, 2 * reach)
+    chosen = np.flatnonzero(diagram.primary & (edge >= 0).all(axis=1))
     cell = diagram.cell[chosen]
     site, place = diagram.side[cell], diagram.place[cell]
     points = sides.points.take(site, axis=0)
@@ -205,10 +206,10 @@ def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxi
     points[ends, :2] = points[ends, 1:3]
     points[ends, 2] = points[ends, 1]
     points[place == 1, 2:] = points[place == 1, 1:3]
-    vertex = np.stack([diagram.start[chosen], diagram.end[chosen]], axis=1)
+    vertex = edge.take(chosen, axis=0)
     halves = _Halves(
         vertex,
-        diagram.vertex.take(vertex.ravel(), axis=0).reshape(-1, 2, 2),
+        places.take(vertex.ravel(), axis=0).reshape(-1, 2, 2),
         place <= 2,
         points,
         sides.index[site, ends.astype(np.int64)],
@@ -222,6 +223,25 @@ def _axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> MedialAxi
     kept &= kept[twin]
     halves = halves.take(np.flatnonzero(kept))
     return _pieces(halves, _following(diagram, chosen[kept]), left_out, chord)
+
+
+def _bounded(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
+    """Vertices (V, 2) and both ends (E, 2) of edges; those that run far away end `length` mm after their beginning.
+
+    Only edges between two corners do. They are there where the sides beyond take no part.
+    """
+    edge = np.stack([diagram.start, diagram.end], axis=1)
+    if not np.isfinite(length):  # all sides take part: what runs far away lies outside
+        return diagram.vertex, edge
+    away = np.flatnonzero(diagram.primary & (diagram.start >= 0) & (diagram.end < 0))
+    away = away[(diagram.place[diagram.cell[np.stack([away, away ^ 1])]] <= 2).all(axis=0)]
+    cell = diagram.cell[np.stack([away, away ^ 1])]
+    left, right = points[diagram.side[cell], diagram.place[cell]]  # 1: where a side begins, 2: where it ends
+    across = left - right
+    way = np.column_stack([across[:, 1], -across[:, 0]])
+    way *= (length / np.maximum(norm(way), 1e-12))[:, None]
+    edge[away, 1] = edge[away ^ 1, 0] = len(diagram.vertex) + np.arange(len(away))
+    return np.concatenate([diagram.vertex, diagram.vertex[diagram.start[away]] + way]), edge
 
 
 def _within(halves: _Halves, twin: Int) -> Bool:

@@ -12,6 +12,7 @@ from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
+from printer_slicer.perimeters.graph import low_and_high
 from printer_slicer.perimeters.layout import Layout
 
 __all__ = ["Lines", "middle_lines"]
@@ -217,9 +218,12 @@ def _polylines(layout: Layout, chosen: _Chosen) -> tuple[Lines, Bool]:
     xy, width, end = np.zeros((n, 2)), np.zeros(n), last + np.arange(len(size)) + 1
     xy[slot], width[slot] = graph.xy.take(graph.start[half], axis=0), layout.width[-1, port]
     xy[end], width[end] = graph.xy[graph.start[half[last] ^ 1]], layout.width[-1, far[last]]
+    depth = layout.count[port[begins]] // 2
+    turned = _turned(layout)
+    stops = turned[depth, graph.start[half[begins]]], turned[depth, graph.start[half[last] ^ 1]]
     trim = [
-        np.where(chosen.met_before[begins], layout.width[-1, port[begins]] / 2, 0.0),
-        np.where(chosen.met_after[last], layout.width[-1, far[last]] / 2, 0.0),
+        np.where(chosen.met_before[begins] | stops[0], layout.width[-1, port[begins]] / 2, 0.0),
+        np.where(chosen.met_after[last] | stops[1], layout.width[-1, far[last]] / 2, 0.0),
     ]
     xy, width = _trimmed(xy, width, size + 1, trim[0], trim[1])
     owner = np.repeat(np.arange(len(size)), size + 1)
@@ -233,17 +237,27 @@ def _polylines(layout: Layout, chosen: _Chosen) -> tuple[Lines, Bool]:
         width[new],
         np.bincount(owner[new], minlength=len(size)),
         graph.layer[graph.start[half[begins]]],
-        layout.count[port[begins]] // 2,
+        depth,
         ring,
     )
     return lines, _tips(layout)[np.stack([graph.start[half[begins]], graph.start[half[last] ^ 1]])]
 
 
+def _turned(layout: Layout) -> Bool:
+    """(loops + 1, N) at which points of the graph loops of each level may turn around, across the axis."""
+    result = np.zeros((len(layout.active), len(layout.graph.xy)), np.bool_)
+    for level, active in enumerate(layout.active):
+        result[level, layout.graph.ends[active]] = True
+    return result
+
+
 def _tips(layout: Layout) -> Bool:
     """(N,) which points of the graph are ends of the axis; pieces that run into corners do not count."""
-    ports = layout.port[layout.used]
-    straight = (layout.point[ports] == layout.leader[ports]).all(axis=1)
-    ends = layout.graph.ends[layout.used][straight]
+    graph, other = layout.graph, layout.point[layout.port] != layout.leader[layout.port]
+    led = layout.used & other.any(axis=1)  # by a wider place: up from their lower ends, or down into corners
+    ends = np.append(
+        graph.ends[(layout.used | layout.wide) & ~led], low_and_high(graph.ends[led], graph.radius)[0]
+    )
     return np.asarray(np.bincount(ends.ravel(), minlength=len(layout.graph.xy)) == 1)
 
 
@@ -251,8 +265,7 @@ def _lengthened(lines: Lines, tips: Bool) -> Lines:
     """Add the volume of half a disc to lines of two points or more where they begin or end at tips (2, M)."""
     last = np.cumsum(lines.size) - 1
     xy = lines.xy.copy()
-    for free, end, inner in ((tips[0], last - lines.size + 1, 1), (tips[1], last, -1)):
-        end = end[free]
+    for end, inner in (((last - lines.size + 1)[tips[0]], 1), (last[tips[1]], -1)):
         way = lines.xy[end] - lines.xy[end + inner]
         way *= (np.pi / 8 * lines.width[end] / norm(way))[:, None]
         xy[end] += way
