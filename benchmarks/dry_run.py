@@ -42,7 +42,7 @@ import gc, json, re, sys
 from pathlib import Path
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.profile import load_profile
-from printer_slicer.verdict import dry_run
+from printer_slicer.inspection.dry_run.runner import dry_run
 
 def memory(name):
     status = Path("/proc/self/status").read_text()

@@ -23,12 +23,12 @@ from threading import Event as Flag
 from threading import Thread
 from time import monotonic
 
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.printing.journal import read_story
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.sim.switches import FrontEnd
-from printer_slicer.verdict import front_end_of, machine_of
 
 PRINTER = load_profile("marlin_220").printer
 OWN = ("M105", "M110", "M114", "M115", "M155", "M400")

@@ -24,11 +24,11 @@ from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer import bead
 from printer_slicer.arrays import Float
-from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.healing import repair
-from printer_slicer.ledger import Ledger, Rules
+from printer_slicer.inspection.coverage.account import Ledger, Rules
+from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place

@@ -28,14 +28,14 @@ from benchmarks.parts import options_of, parser_of, parts_of, profile_of
 from benchmarks.peers import CuraEngine, Part, PrusaSlicer, find_peers
 from benchmarks.processes import WORK, RunError, machine_note
 from printer_slicer.arrays import Float, Int
-from printer_slicer.checking import placed_sections, read_deposit
 from printer_slicer.commands import told_by
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, crossings
 from printer_slicer.healing import repair
-from printer_slicer.ledger.beads import beads_of_moves
+from printer_slicer.inspection.coverage.beads import beads_of_moves
+from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_part

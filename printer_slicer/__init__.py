@@ -18,7 +18,6 @@ from printer_slicer import showing
 from printer_slicer.lazy_names import lazy_names as _lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.checking import Check, check_gcode
     from printer_slicer.drawing import Picture, draw, draw_plan
     from printer_slicer.errors import PrinterSlicerError, StrategyError
     from printer_slicer.extrusion import move_seconds
@@ -27,6 +26,9 @@ if TYPE_CHECKING:
     from printer_slicer.geometry import Areas, Polylines
     from printer_slicer.healing import repair
     from printer_slicer.infill import Infill, InfillTask
+    from printer_slicer.inspection.coverage.model_check import Check, check_gcode
+    from printer_slicer.inspection.dry_run.judging import Verdict
+    from printer_slicer.inspection.dry_run.runner import dry_run
     from printer_slicer.jobs import Job
     from printer_slicer.mesh_io import LIMITS, Limits, Model, export_stl, load_mesh, load_model
     from printer_slicer.model import (
@@ -49,14 +51,13 @@ if TYPE_CHECKING:
     from printer_slicer.stages import Stages
     from printer_slicer.strategies import Strategies
     from printer_slicer.surface import Certificate, certify, read_surface
-    from printer_slicer.verdict import Verdict, dry_run
 
 _HOMES = {
     "FLAVOURS": "gcode",
     "LIMITS": "mesh_io",
     "Areas": "geometry",
     "Certificate": "surface",
-    "Check": "checking",
+    "Check": "inspection.coverage.model_check",
     "Controls": "printing",
     "Dialect": "gcode",
     "Done": "printing",
@@ -82,13 +83,13 @@ _HOMES = {
     "StrategyError": "errors",
     "Toolpaths": "model",
     "Travels": "model",
-    "Verdict": "verdict",
+    "Verdict": "inspection.dry_run.judging",
     "Walls": "model",
     "certify": "surface",
-    "check_gcode": "checking",
+    "check_gcode": "inspection.coverage.model_check",
     "draw": "drawing",
     "draw_plan": "drawing",
-    "dry_run": "verdict",
+    "dry_run": "inspection.dry_run.runner",
     "export_stl": "mesh_io",
     "gcode_of": "gcode_text",
     "job_from": "slice_jobs",

@@ -9,29 +9,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from printer_slicer.commands import Told, lines_of, read_text, refuse_unsendable, told_by
-from printer_slicer.deposition import UnsupportedTracker, marks_of
+from printer_slicer.commands import Told, lines_of, refuse_unsendable, told_by
+from printer_slicer.diagnostics import Finding, check_names, sentence
 from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, Dialect, Moves, Timer, pieces_of
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.gcode import FLAVOURS, Moves, Timer, pieces_of
 from printer_slicer.motion.rules import Limits
-from printer_slicer.policy import Finding, check_names, scan, sentence
-from printer_slicer.profile import Profile
 from printer_slicer.saving import save
 from printer_slicer.showing import Card, Drawn
 
 if TYPE_CHECKING:
     from printer_slicer.model import LayerPlan, Program, Repairs
 
-__all__ = [
-    "GCODE_SUFFIXES",
-    "Job",
-    "is_gcode",
-    "job_of_file",
-    "job_of_text",
-    "judge_text",
-]
+__all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "is_gcode", "job_of_text", "sendable"]
 
 GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
 
@@ -52,7 +42,7 @@ class Job(Drawn):
         roles: command index -> what comments call the beads from there on, as slicers write it.
         repairs: what was put right in the part, if the job was sliced here.
         findings: what a person should know, or must allow, before a printer gets it.
-        allowed: names of findings with which it is printed all the same, see `policy.NAMES`.
+        allowed: names of findings with which it is printed all the same, see `diagnostics.NAMES`.
     """
 
     name: str
@@ -121,20 +111,6 @@ def is_gcode(path: Path) -> bool:
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
-def job_of_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
-    """The job that a G-code file is.
-
-    Args:
-        path: of the file.
-        profile: what it is judged by.
-        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
-
-    Raises:
-        PrinterSlicerError: the file cannot be read or sent.
-    """
-    return judge_text(path.name, read_text(path), profile, streamed=streamed)
-
-
 def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, float], flavour: str) -> Job:
     """The job that a G-code text is, as it was looked at before: nothing is found in it.
 
@@ -148,43 +124,24 @@ def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, 
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.
     """
-    told = _told(name, text)
-    tally = _Tally(limits)
+    told = sendable(name, text)
+    tally = JobSummary(limits)
     for piece in pieces_of(told.commands, corner, FLAVOURS[flavour]):
         tally.add(piece)
     return tally.job(name, text, told)
 
 
-def judge_text(
-    name: str, text: bytes, profile: Profile, *, streamed: bool = True, flavour: Dialect | None = None
-) -> Job:
-    """The job that a text is, with what is found in it.
+def sendable(name: str, text: bytes, *, streamed: bool = True) -> Told:
+    """Return what a text holds that can be sent.
 
     Args:
-        name: what to call it.
+        name: of the job, for messages.
         text: the G-code.
-        profile: what it is judged by.
         streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
-        flavour: whose meanings commands have; the printer's where it is not given.
 
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.
     """
-    printer = profile.printer
-    told = _told(name, text, streamed=streamed)
-    pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
-    tally = _Tally(limits_of(printer))
-    marks = marks_of(told.commands, text, told.marks, told.roles)
-    tracker = UnsupportedTracker(printer, profile.material.filament_diameter, marks)
-    moves = map(tally.add, pieces)
-    findings = scan(told.commands, profile, moves=moves, marks=told.marks, whole=True, tracker=tracker)
-    lines = lines_of(text, [one.index for one in findings])
-    placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
-    return replace(tally.job(name, text, told), findings=placed)
-
-
-def _told(name: str, text: bytes, *, streamed: bool = True) -> Told:
-    """What a text holds that can be sent."""
     told = told_by(text)
     if not told.commands:
         raise UsageError(f"{name}: no commands in it", remedy="is it a G-code file?")
@@ -193,8 +150,12 @@ def _told(name: str, text: bytes, *, streamed: bool = True) -> Told:
     return told
 
 
-class _Tally:
-    """Time, heights and end of moves that come piece by piece."""
+class JobSummary:
+    """Time, heights and end of moves that come piece by piece.
+
+    Args:
+        limits: of the machine.
+    """
 
     def __init__(self, limits: Limits) -> None:
         self._timer = Timer(limits)
@@ -202,7 +163,7 @@ class _Tally:
         self._end = (0.0, 0.0, 0.0)
 
     def add(self, moves: Moves) -> Moves:
-        """The next piece; it is handed on."""
+        """Add the next piece, and hand it on."""
         self._timer.add(moves)
         self._heights |= dict.fromkeys(moves.heights())
         if len(moves.end):
@@ -211,7 +172,7 @@ class _Tally:
         return moves
 
     def job(self, name: str, text: bytes, told: Told) -> Job:
-        """The job that moves this way."""
+        """Return the job that makes these moves, without findings."""
         return Job(
             name,
             text,

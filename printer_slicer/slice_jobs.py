@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.jobs import Job, is_gcode, job_of_file, judge_text
+from printer_slicer.inspection.lint.lint_jobs import lint_file, lint_text
+from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
@@ -36,7 +37,7 @@ def job_from(path: Path, profile: Profile, *, report: Report = quiet, strict: bo
     """
     if is_gcode(path):
         report("reading")
-        return job_of_file(path, profile)
+        return lint_file(path, profile)
     report("loading")
     return job_of(load_mesh(path), profile, name=path.name, report=report, strict=strict)
 
@@ -74,5 +75,5 @@ def job_of(  # noqa: PLR0913 - every choice has a usual value
     )
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
-    job = judge_text(name or stages.part.name, text, profile, flavour=strategies.flavour)
+    job = lint_text(name or stages.part.name, text, profile, flavour=strategies.flavour)
     return replace(job, program=stages.program, allowed=_ASKED_FOR, repairs=stages.repairs)

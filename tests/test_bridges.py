@@ -12,8 +12,8 @@ from printer_slicer.arrays import Float
 from printer_slicer.bridges import bridge_angles
 from printer_slicer.geometry import Areas, hatch, offset_open, pieces_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.ledger import ledger_of
-from printer_slicer.ledger.stack import stack_of
+from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role

@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from printer_slicer.checking import Check, check_gcode
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, difference, offset, offset_open
-from printer_slicer.ledger import Finding
+from printer_slicer.inspection.coverage.limits import Finding
+from printer_slicer.inspection.coverage.model_check import Check, check_gcode
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile

@@ -7,7 +7,8 @@ import pytest
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference
-from printer_slicer.ledger import ledger_of, overlapping, stack_of
+from printer_slicer.inspection.coverage.account import ledger_of, overlapping
+from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile

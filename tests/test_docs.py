@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.readme import BLOCKS, written
+from printer_slicer.diagnostics import NAMES
 from printer_slicer.planning import PLANNERS
-from printer_slicer.policy import NAMES
 from printer_slicer.profile import load_profile
 from printer_slicer.stream.states import TRANSITIONS
 

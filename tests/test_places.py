@@ -10,8 +10,9 @@ from parts import box, joined, layers, plain, pyramid, step_pyramid
 
 from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, slice_stages, transformed
 from printer_slicer.errors import ProfileError, UsageError
+from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.layered import by_layer
-from printer_slicer.ledger import ledger_of, stack_of
 from printer_slicer.model import Heat, Item, LayerPlan
 from printer_slicer.objects import split_objects
 from printer_slicer.profile import Profile

@@ -17,6 +17,7 @@ from threading import Thread
 import pytest
 
 from printer_slicer.errors import Cancelled, PortError, PrintError
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.jobs import Job
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile
@@ -25,7 +26,6 @@ from printer_slicer.sim.pty_server import serve
 from printer_slicer.sim.tally import Report
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.events import Accepted, Event, Finished, Identified
-from printer_slicer.verdict import front_end_of, machine_of
 from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":

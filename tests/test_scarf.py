@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
 from printer_slicer.model import LayerPlan, Program, Toolpaths
 from printer_slicer.ordering.scarf import scarfed
 from printer_slicer.pipeline import slice_stages

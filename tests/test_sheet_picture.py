@@ -18,8 +18,10 @@ from printer_slicer import bead
 from printer_slicer.drawing import View, sheet_picture
 from printer_slicer.drawing.canvas import Fill, Line, Picture, Strokes, Text
 from printer_slicer.geometry import Areas
-from printer_slicer.ledger import Sheet, beads_of_gcode, levels_of, sheet_of, stacked
-from tests.ledger.lines import path
+from printer_slicer.inspection.coverage.sheet import Sheet, levels_of, sheet_of
+from printer_slicer.inspection.coverage.stack import stacked
+from printer_slicer.inspection.coverage.text import beads_of_gcode
+from tests.inspection.coverage.lines import path
 from tests.parts import shape, shapely
 from tests.strategies import clean_areas
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PartError
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
 from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.tally import Report
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.states import State
-from printer_slicer.verdict import front_end_of, machine_of
 
 JOB = [b"G28", b"M190 S60", b"M109 S215", *(b"G1 X%d F3000" % x for x in range(1, 50))]
 OFF = [b"M104 S0", b"M140 S0", b"M107"]

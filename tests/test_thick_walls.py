@@ -14,8 +14,11 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.ledger import Beads, findings, ledger_of, stack_of
-from printer_slicer.ledger.raster import Window, filled, mean_around
+from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.limits import findings
+from printer_slicer.inspection.coverage.raster import Window, filled, mean_around
+from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
 from printer_slicer.overhangs import graded
 from printer_slicer.perimeters import lay_walls

@@ -11,9 +11,10 @@ from printer_slicer.cli.common import profile_facts, profile_from
 from printer_slicer.cli.policy import finding_facts, finding_lines, refused
 from printer_slicer.commands import lines_of
 from printer_slicer.durations import spoken
-from printer_slicer.feasibility import Feasibility, Link, Stretch, feasibility
 from printer_slicer.gcode import FLAVOURS, read_moves
-from printer_slicer.jobs import Job, job_of_file
+from printer_slicer.inspection.dry_run.feasibility import Feasibility, Link, Stretch, feasibility
+from printer_slicer.inspection.lint.lint_jobs import lint_file
+from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
 
 __all__ = ["Looked", "look"]
@@ -38,7 +39,7 @@ def look(arguments: argparse.Namespace) -> Looked:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
-    job = job_of_file(arguments.gcode, profile).allowing(arguments.allow)
+    job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
     wrong = refused(job)
     facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
     lines = [

@@ -13,14 +13,16 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.checking import Asked, Check, check_gcode
 from printer_slicer.cli.beforehand import Looked, look
 from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write_file
 from printer_slicer.cli.inputs import refuse_other_text
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.commands import read_text
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.ledger import Finding, Ledger, Limits, Purpose, Rules
+from printer_slicer.inspection.coverage.account import Ledger, Rules
+from printer_slicer.inspection.coverage.limits import Finding, Limits
+from printer_slicer.inspection.coverage.model_check import Asked, Check, check_gcode
+from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.profile import load_profile
 
 __all__ = ["check_command"]

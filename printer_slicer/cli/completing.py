@@ -226,7 +226,7 @@ def _unfinished(prefix: str) -> _Words:
 
 
 def _allowed(prefix: str) -> _Words:
-    from printer_slicer.policy import NAMES
+    from printer_slicer.diagnostics import NAMES
 
     return _beginning(NAMES, prefix)
 

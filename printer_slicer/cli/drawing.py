@@ -9,14 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from printer_slicer.checking import placed_sections, read_deposit
 from printer_slicer.cli.common import Stages, check_writable, refuse_same, say, stages, visible, write_file
 from printer_slicer.cli.models import repaired_plate
 from printer_slicer.commands import read_text
 from printer_slicer.drawing import View, check_picture, picture_bytes, sheet_picture
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry import Areas
-from printer_slicer.ledger import Deposit, Levels, Match, Purpose, Sheet, Stack, levels_of, sheet_of
+from printer_slicer.inspection.coverage.matching import Match
+from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
+from printer_slicer.inspection.coverage.sheet import Levels, Sheet, levels_of, sheet_of
+from printer_slicer.inspection.coverage.stack import Stack
+from printer_slicer.inspection.coverage.text import Deposit
+from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.profile import load_profile
 
 __all__ = ["draw_command"]

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Note
+from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.macros import Value, read_template
-from printer_slicer.policy import scan
 from printer_slicer.profile import Profile, load_profile, profile_from, settings_of
 from printer_slicer.profile.reading import flatten
 

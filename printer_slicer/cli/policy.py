@@ -11,9 +11,10 @@ from dataclasses import asdict
 from typing import Any
 
 from printer_slicer.cli.common import visible
+from printer_slicer.diagnostics import Finding, check_names, insist, remedy_of, sentence
 from printer_slicer.errors import VerificationError
+from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.jobs import Job
-from printer_slicer.policy import Finding, check_names, insist, remedy_of, scan, sentence
 from printer_slicer.profile import Profile
 
 __all__ = [

@@ -39,15 +39,16 @@ from printer_slicer.cli.simulating import (
 from printer_slicer.cli.verdicts import verdict_facts, verdict_text
 from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.jobs import Job, is_gcode, job_of_file
+from printer_slicer.inspection.lint.lint_jobs import lint_file
+from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.progress import quiet
 
 if TYPE_CHECKING:
     from printer_slicer.cli.common import Stages
+    from printer_slicer.inspection.dry_run.judging import Verdict
     from printer_slicer.printing import Done
     from printer_slicer.profile import Profile
     from printer_slicer.sim.faults import Faults
-    from printer_slicer.verdict import Verdict
 
 __all__ = ["dry_run_command", "print_command", "print_with", "sim_command"]
 
@@ -127,7 +128,7 @@ def _job(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tup
     if _has_gcode(arguments):
         refuse_model_flags(arguments)
         report("reading")
-        return job_of_file(arguments.models[0], profile), {"models": [], "warnings": []}
+        return lint_file(arguments.models[0], profile), {"models": [], "warnings": []}
     from printer_slicer.cli.models import plate_from, plate_name
     from printer_slicer.cli.projects import with_projects
     from printer_slicer.slice_jobs import job_of
@@ -214,7 +215,7 @@ def _simulate(
     baud: int | None = None,
     faults: Faults | None = None,
 ) -> Verdict:
-    from printer_slicer.verdict import dry_run
+    from printer_slicer.inspection.dry_run.runner import dry_run
 
     chosen = getattr(arguments, "firmware", None)
     front_end = firmware_of(arguments, profile.printer) if chosen else None
@@ -235,7 +236,7 @@ def _simulate(
 def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
     from printer_slicer.drawing.canvas import picture_bytes
     from printer_slicer.drawing.rehearsal import Mark, rehearsal_picture
-    from printer_slicer.verdict import sentence
+    from printer_slicer.inspection.dry_run.faults import sentence
 
     assert verdict.account is not None
     found = [Mark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if not fault.harmless]
@@ -272,7 +273,9 @@ def _repaired(job: Job) -> list[str]:
 
 def sim_command(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
-    from printer_slicer.verdict import Comparison, judge, layer_counter
+    from printer_slicer.inspection.dry_run.comparison import Comparison
+    from printer_slicer.inspection.dry_run.judging import judge
+    from printer_slicer.inspection.dry_run.runner import layer_counter
 
     _look_at_sim_flags(arguments)
     faults = faults_of(arguments)

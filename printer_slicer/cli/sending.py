@@ -57,10 +57,10 @@ def _look(arguments: argparse.Namespace) -> None:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     from printer_slicer.cli.policy import insist_on_policy
-    from printer_slicer.jobs import job_of_file
+    from printer_slicer.inspection.lint.lint_jobs import lint_file
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
-    job = job_of_file(arguments.gcode, profile, streamed=False)
+    job = lint_file(arguments.gcode, profile, streamed=False)
     if not arguments.start:
         job = replace(job, findings=tuple(one for one in job.findings if one.name == "unsupported"))
     insist_on_policy(arguments, job, refusal="not sent")

@@ -31,8 +31,8 @@ _MOST = 64 * 1024 * 1024  # bytes of a file on the card
 
 def firmware_of(arguments: argparse.Namespace, printer: Printer) -> FrontEnd:
     """The firmware that was asked for, else the one that understands what the printer's profile writes."""
+    from printer_slicer.inspection.dry_run.machines import front_end_of
     from printer_slicer.sim.front_end import FRONT_ENDS
-    from printer_slicer.verdict import front_end_of
 
     return FRONT_ENDS[arguments.firmware] if arguments.firmware else front_end_of(printer)
 
@@ -94,9 +94,9 @@ def serve_printer(
     faults: Faults | None,
 ) -> Report:
     """Be a printer until Ctrl-C or SIGTERM; its account."""
+    from printer_slicer.inspection.dry_run.machines import machine_of
     from printer_slicer.sim.link import Cable
     from printer_slicer.sim.printer import SimulatedPrinter
-    from printer_slicer.verdict import machine_of
 
     firmware = firmware_of(arguments, profile.printer)
     files = _card(arguments)

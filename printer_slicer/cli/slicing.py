@@ -23,10 +23,10 @@ from printer_slicer.cli.facts import facts_of, sentences
 from printer_slicer.cli.models import plate_from, warn
 from printer_slicer.cli.projects import with_projects
 from printer_slicer.cli.unsupported import refuse_unsupported, unsupported_facts, unsupported_warnings
-from printer_slicer.deposition import unsupported_of_program
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile

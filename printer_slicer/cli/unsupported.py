@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from printer_slicer.deposition import Unsupported, describe
 from printer_slicer.errors import PartError
+from printer_slicer.inspection.deposition.unsupported import Unsupported, describe
 
 __all__ = ["refuse_unsupported", "unsupported_facts", "unsupported_warnings"]
 

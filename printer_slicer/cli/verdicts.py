@@ -12,14 +12,14 @@ import numpy as np
 
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.policy import finding_lines, refused_findings
+from printer_slicer.diagnostics import sentence
 from printer_slicer.durations import spoken
 from printer_slicer.jobs import Job
-from printer_slicer.policy import sentence
 
 if TYPE_CHECKING:
-    from printer_slicer.ledger.executed import Account
+    from printer_slicer.inspection.deposition.record import Account
+    from printer_slicer.inspection.dry_run.judging import Verdict
     from printer_slicer.profile import Profile
-    from printer_slicer.verdict import Verdict
 
 __all__ = ["verdict_facts", "verdict_text"]
 

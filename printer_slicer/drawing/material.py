@@ -11,7 +11,9 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, text_width
 from printer_slicer.geometry import Areas, intersection, stroked
-from printer_slicer.ledger import Finding, Ledger, Purpose, overlapping
+from printer_slicer.inspection.coverage.account import Ledger, overlapping
+from printer_slicer.inspection.coverage.limits import Finding
+from printer_slicer.inspection.deposition.purposes import Purpose
 
 __all__ = ["material_picture"]
 

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.deposition.relief import Plate
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text
 from printer_slicer.drawing.frame import Panel, marks
-from printer_slicer.ledger.executed import Account, Layer
+from printer_slicer.inspection.deposition.height_map import Plate
+from printer_slicer.inspection.deposition.record import Account, Layer
 
 __all__ = ["Mark", "rehearsal_picture"]
 

@@ -14,7 +14,8 @@ from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strok
 from printer_slicer.drawing.colours import ROLE_COLOURS, mixed, shaded
 from printer_slicer.drawing.frame import marks
 from printer_slicer.geometry import Areas, intersection
-from printer_slicer.ledger import Purpose, Sheet
+from printer_slicer.inspection.coverage.sheet import Sheet
+from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.roles import Role
 
 __all__ = ["View", "sheet_picture"]

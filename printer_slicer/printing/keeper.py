@@ -12,9 +12,9 @@ from threading import current_thread, main_thread
 from time import monotonic, time_ns
 from typing import Any, Unpack
 
+from printer_slicer.diagnostics import insist
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
-from printer_slicer.policy import insist
 from printer_slicer.printing import shelf as shelves
 from printer_slicer.printing import wishes
 from printer_slicer.printing.beside import answering, guarded_by, synced

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.adhesion import adhesion_paths, on_raft
 from printer_slicer.adhesion.raft import raft_heights
-from printer_slicer.checking import Asked, check_gcode
 from printer_slicer.errors import PartError, PlanError, ProfileError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import using_engine
+from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
+from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import Placement
@@ -22,7 +23,6 @@ from printer_slicer.planning import PLANNERS
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_of
 from printer_slicer.stages import Stages
-from printer_slicer.verdict import dry_run
 from tests.adhesion.plates import foot, lines, plastic, plate, ring_of, standing
 from tests.parts import box, case_study, cone, plain, profile, shapely, two_boxes
 from tests.strategies import clean_areas

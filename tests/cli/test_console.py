@@ -20,11 +20,11 @@ if sys.platform == "win32":
 
 from printer_slicer.cli.console import Talk
 from printer_slicer.errors import PortError, UsageError
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.stream.serial_port import open_port
-from printer_slicer.verdict import front_end_of, machine_of
 
 PRINTER = load_profile("marlin_220").printer
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.cli.command_line import BOX, PARTS, QUICK, is_message, typed
-from tests.ledger.lines import path
+from tests.inspection.coverage.lines import path
 
 SVG = "{http://www.w3.org/2000/svg}"
 

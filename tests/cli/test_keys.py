@@ -22,11 +22,11 @@ import termios
 
 from printer_slicer.cli.keys import HELP, Keyboard
 from printer_slicer.errors import UsageError
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.printing import Controls, wishes
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.verdict import front_end_of, machine_of
 
 ROOT = Path(__file__).parents[2]
 

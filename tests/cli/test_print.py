@@ -21,11 +21,11 @@ import serial
 from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, heard, is_message, process, started, typed
 
 from printer_slicer.commands import told_by
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.link import Cable, Damage
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.verdict import front_end_of, machine_of
 from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":

@@ -13,6 +13,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job
 from printer_slicer.model import Acceleration, LayerPlan, PressureAdvance, Program
 from printer_slicer.motion.machine import limits_of
@@ -20,7 +21,6 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_of
-from printer_slicer.verdict import dry_run
 from tests.parts import plain, two_boxes
 from tests.tiny_gcode import body, commands
 

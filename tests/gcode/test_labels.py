@@ -12,6 +12,7 @@ import pytest
 from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import joined, transformed
@@ -19,7 +20,6 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.stages import Stages
-from printer_slicer.verdict import dry_run
 from tests.mesh_io.tiny_files import item, mesh_xml, model_xml, three_mf, write
 from tests.parts import box, box_with_hole, cone, plain, profile
 from tests.tiny_gcode import commands

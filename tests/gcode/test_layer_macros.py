@@ -15,6 +15,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
 from printer_slicer.gcode.facts import layer_facts, print_facts
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.macros import Value, read_template
 from printer_slicer.macros.functions import FUNCTIONS
 from printer_slicer.model import Program
@@ -22,7 +23,6 @@ from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import settings_text
 from printer_slicer.slice_jobs import job_of
-from printer_slicer.verdict import dry_run
 from tests.parts import box, plain, profile
 from tests.tiny_gcode import commands
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from printer_slicer.gcode import FLAVOURS, read_moves, write_gcode
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import Limits
 from printer_slicer.pipeline import slice_part
@@ -16,7 +17,6 @@ from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
-from printer_slicer.verdict import front_end_of, machine_of
 from tests.parts import box, plain
 from tests.tiny_gcode import commands
 

@@ -13,7 +13,8 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, pieces_of, stroked
 from printer_slicer.infill import infill_paths
-from printer_slicer.ledger import ledger_of, stack_of
+from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages

@@ -14,8 +14,9 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.resting import rested
-from printer_slicer.ledger import Purpose, ledger_of
-from printer_slicer.ledger.stack import stack_of
+from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.stack import stack_of
+from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.model import LayerPlan, Mesh, Regions
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role

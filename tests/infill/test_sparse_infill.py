@@ -13,7 +13,8 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.infill import PATTERNS, infill_paths
-from printer_slicer.ledger import ledger_of, stack_of
+from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Mesh, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile

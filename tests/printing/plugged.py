@@ -15,9 +15,9 @@ from time import monotonic
 
 from benchmarks import killing
 from benchmarks.killing import PRINTER, of_job
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.sim.link import Cable
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.verdict import front_end_of, machine_of
 from tests.waiting import Halting
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.motion.rules import Axes
 from printer_slicer.printing import wishes
 from printer_slicer.printing.conductor import Conductor
@@ -27,7 +28,6 @@ from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
-from printer_slicer.verdict import machine_of
 
 PROFILE = load_profile("marlin_220", "pla", "standard")
 SETUP = setup_of(PROFILE)

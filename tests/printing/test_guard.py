@@ -20,6 +20,7 @@ if sys.platform == "win32":
 
 from benchmarks.killing import of_job, served, start
 from printer_slicer.errors import PrintError
+from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.printing import print_job
 from printer_slicer.printing.guard import watch
 from printer_slicer.printing.journal import HEATERS_OFF, read_story
@@ -30,7 +31,6 @@ from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.serial_port import open_port
-from printer_slicer.verdict import front_end_of, machine_of
 from tests.waiting import Halting, hosts, until
 
 MOVES = [f"G1 X{10 + i % 90} Y{10 + i % 7} E0.01 F600" for i in range(4000)]

@@ -10,6 +10,7 @@ from printed import HEAT, scribble, tower
 from rig import PROFILE, SETUP, Rig, warm, way
 
 from printer_slicer.errors import PrintError
+from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.jobs import job_of_text
 from printer_slicer.printing.journal import LOST
 from printer_slicer.printing.recovery import Recovery, recovery
@@ -17,7 +18,6 @@ from printer_slicer.printing.shelf import Place, Print, begin
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.stream.events import Finished
-from printer_slicer.verdict import machine_of
 
 
 class PowerLoss(Exception):  # noqa: N818

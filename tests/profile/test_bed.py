@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from printer_slicer import dry_run, job_of, load_mesh, load_profile, profile_with
-from printer_slicer.verdict import machine_of
+from printer_slicer.inspection.dry_run.machines import machine_of
 
 HEATED = "G28\nM104 S215\nM140 S60\nM190 S60\nM109 S215\nM200 D0\nM300 S440 P10\n"
 BESIDE = {"printer.start_gcode": f"{HEATED}G1 X-8 Y10 Z2 F3000\n"}

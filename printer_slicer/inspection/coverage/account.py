@@ -1,0 +1,201 @@
+"""The ledger itself: beads of all layers against the sections of the part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float, frozen_array
+from printer_slicer.geometry import Areas, difference, offset, offset_open, union
+from printer_slicer.inspection.coverage.beads import Beads, Purpose
+from printer_slicer.inspection.coverage.fill import Fill, overlap_cells, rasterised
+from printer_slicer.inspection.coverage.ground import Air
+from printer_slicer.inspection.coverage.outline import OutlineError, outline_error
+from printer_slicer.inspection.coverage.stack import Stack, through_layers
+from printer_slicer.inspection.coverage.zones import (
+    body_of,
+    exposed,
+    footprint,
+    shell_depth,
+    without_slits,
+)
+
+__all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
+
+_DOTS: Final = 3.0  # squares of the extrusion width: smaller islands may be missing
+
+
+_FAR: Final = 50.0  # mm
+_INNER: Final = 1.25  # extrusion widths: walls thicker than twice this have inner perimeters
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What is measured.
+
+    Attributes:
+        shell: mm from the outline that must be filled; None: as deep as the file's own perimeters reach.
+        skin: mm under and over air that must be filled; 0: the layer that is next to it.
+        slit: mm; narrower gaps between beads do not count as uncovered.
+        beyond: mm; what sticks out of the section by less does not count as outside.
+        too_often: times the material a place needs, from which on it overlaps.
+    """
+
+    shell: float | None = None
+    skin: float = 0.0
+    slit: float = 0.1
+    beyond: float = 0.1
+    too_often: float = 1.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ledger:
+    """What was laid, against what should be there; areas in mm², volumes in mm³, lengths in mm.
+
+    Attributes:
+        rules: by which it was measured.
+        stack: all beads in their layers.
+        of_part: (B,) which of them make up the part; the rest are supports, what lies beside it, and what is astray.
+        astray: (B,) which should make it up, but lie far from it; they are measured no further.
+        sections: of the part, one for each layer of the stack.
+        shell: where there must be no gap.
+        shell_depth: mm from the outline, as it was given or found.
+        covered: what the beads of the part cover.
+        uncovered: of the shell, but for slits.
+        outside: covered, but beyond the section.
+        outline: the distance of the outlines.
+        fill: overlap, and material in the shell.
+        air: stretches of beads over air.
+        volume: (L,) laid for the part; of beads that fill several layers, in each what fills it.
+        section_volume: (L,) of the sections as high as their layers.
+        by_purpose: (P,) laid for each `Purpose`.
+    """
+
+    rules: Rules
+    stack: Stack
+    of_part: Bool
+    astray: Bool
+    sections: Areas
+    shell: Areas
+    shell_depth: float
+    covered: Areas
+    uncovered: Areas
+    outside: Areas
+    outline: OutlineError
+    fill: Fill
+    air: Air
+    volume: Float
+    section_volume: Float
+    by_purpose: Float
+
+    def __post_init__(self) -> None:
+        n = self.stack.n_layers
+        for name in ("of_part", "astray"):
+            flags = frozen_array(getattr(self, name), np.bool_, (self.stack.beads.n_beads,))
+            object.__setattr__(self, name, flags)
+        for name in ("volume", "section_volume"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, (n,)))
+        object.__setattr__(self, "by_purpose", frozen_array(self.by_purpose, np.float64, (len(Purpose),)))
+
+    @property
+    def hanging(self) -> Float:
+        """(L,) mm of beads in the air that are no bridges."""
+        lost = ~self.air.bridge
+        return np.bincount(self.air.layer[lost], self.air.length[lost], self.stack.n_layers).astype(
+            np.float64
+        )
+
+
+def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Bool | None = None) -> Ledger:
+    """The ledger of beads against the sections of a part.
+
+    Args:
+        stack: the beads.
+        sections: where the part lies among them, one layer for each of the stack's.
+        rules: what is measured.
+        beside: (B,) beads that are known to be no part of it, besides those whose purpose says so.
+
+    Raises:
+        ValueError: the stacks have different numbers of layers.
+    """
+    if sections.n_layers != stack.n_layers:
+        raise ValueError(f"{stack.n_layers} layers of beads, {sections.n_layers} sections")
+    of_part, astray = _sorted_out(stack, sections, beside)
+    depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
+    open_to_air = exposed(sections, stack.top, stack.bottom, rules.skin)
+    # A spiral is a wall without skins, and without an inside.
+    open_to_air = open_to_air.of_layers(~stack.rising)
+    core = difference(offset(sections, -depth), open_to_air)
+    shell = difference(sections, core)
+    slabs, source = through_layers(stack)
+    covered = footprint(slabs, of_part[source])
+    body = body_of(covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4)
+    # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
+    inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
+    wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
+    inner = inner.of_layers(~stack.rising)
+    fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
+    own, laid = of_part[source], slabs.beads.volume
+    return Ledger(
+        rules=rules,
+        stack=stack,
+        of_part=of_part,
+        astray=astray,
+        sections=sections,
+        shell=shell,
+        shell_depth=depth,
+        covered=covered,
+        uncovered=offset_open(difference(shell, covered), rules.slit / 2),
+        outside=difference(covered, offset(sections, rules.beyond)),
+        outline=_outline(sections, body, stack, rules),
+        fill=fill,
+        air=air,
+        volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
+        section_volume=sections.area() * stack.height,
+        by_purpose=np.bincount(slabs.beads.purpose, laid, len(Purpose)).astype(np.float64),
+    )
+
+
+def _outline(sections: Areas, body: Areas, stack: Stack, rules: Rules) -> OutlineError:
+    """Measure the distance between the outlines of the part and of the print."""
+    part, printed = (without_slits(one, rules.slit) for one in (sections, body))
+    return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
+
+
+def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
+    """Return the part of each section that should be filled: all of it where inner perimeters fill the rounded sides.
+
+    Walls of one or two perimeters have no inner ones: there the gaps beside the rounded sides remain.
+    """
+    inside_sides = offset(sections, -bead.side_loss(stack.height))
+    width = stack.beads.usual_width
+    if depth < _INNER * width or stack.spiral:
+        return inside_sides
+    return union(inside_sides, offset_open(sections, _INNER * width))
+
+
+def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
+    """(B,) which beads make up the part, and which should but lie far from it."""
+    mine = ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (stack.layer >= 0)
+    mine &= True if beside is None else ~beside
+    astray = mine & _far_off(stack.beads, sections)
+    return mine & ~astray, astray
+
+
+def _far_off(beads: Beads, sections: Areas) -> Bool:
+    """(B,) which beads begin or end far from everything that is to be printed; of no part none does."""
+    if not sections.n_rings:
+        return np.zeros(beads.n_beads, np.bool_)
+    low, high = sections.xy.min(axis=0) - _FAR, sections.xy.max(axis=0) + _FAR
+    far = [((ends < low) | (ends > high)).any(axis=1) for ends in (beads.begin, beads.end)]
+    return np.asarray(far[0] | far[1])
+
+
+def overlapping(ledger: Ledger, layer: int) -> Areas:
+    """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
+    own = np.flatnonzero(ledger.of_part & (ledger.stack.layer == layer))
+    height = float(ledger.stack.height[layer])
+    return overlap_cells(ledger.stack.beads.take(own), height, ledger.rules.too_often, ledger.fill.cell)

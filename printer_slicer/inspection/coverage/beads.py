@@ -1,0 +1,182 @@
+"""What is laid: every bead of a program or of a file's moves, as columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Final
+
+import numpy as np
+
+from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.gcode import Moves
+from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
+from printer_slicer.model import Program
+from printer_slicer.roles import Role
+
+__all__ = ["Beads", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
+
+_NOTHING: Final = 1e-9  # mm³ or mm: less is rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beads:
+    """Straight beads in the order in which they are laid.
+
+    Attributes:
+        begin, end: (B, 2) mm, centre line.
+        z_top: (B,) mm, where the nozzle is at the end: the upper side of the bead.
+        rise: (B,) mm that z changes along the bead; 0 but for spirals and sloped seams.
+        height: (B,) mm, how thick the bead is; nan where it is not known yet.
+        area: (B,) mm² of cross-section, from the filament that is fed.
+        purpose: (B,) a `Purpose` each.
+        line: (B,) of the text, counted from 1; 0 where there is none.
+    """
+
+    begin: Float
+    end: Float
+    z_top: Float
+    rise: Float
+    height: Float
+    area: Float
+    purpose: Int
+    line: Int
+
+    def __post_init__(self) -> None:
+        n_beads = len(self.begin)
+        for name, dtype, shape in (
+            ("begin", np.float64, (-1, 2)),
+            ("end", np.float64, (n_beads, 2)),
+            ("z_top", np.float64, (n_beads,)),
+            ("rise", np.float64, (n_beads,)),
+            ("height", np.float64, (n_beads,)),
+            ("area", np.float64, (n_beads,)),
+            ("purpose", np.int64, (n_beads,)),
+            ("line", np.int64, (n_beads,)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @property
+    def n_beads(self) -> int:
+        """How many."""
+        return len(self.begin)
+
+    @property
+    def length(self) -> Float:
+        """(B,) mm in the plane."""
+        return np.asarray(np.hypot(*(self.end - self.begin).T))
+
+    @property
+    def volume(self) -> Float:
+        """(B,) mm³."""
+        return self.area * self.length
+
+    @property
+    def width(self) -> Float:
+        """(B,) mm, from area and height; see `bead.width_for_section`."""
+        return bead.width_for_section(self.area, self.height)
+
+    @property
+    def usual_width(self) -> float:
+        """Mm, of the bead in the middle of all length: files may have as many short turns as rows."""
+        return median_of(self.width, self.length)
+
+    def take(self, chosen: Int | Bool) -> Beads:
+        """Some of them, by index or by flags (B,)."""
+        return Beads(
+            self.begin[chosen],
+            self.end[chosen],
+            self.z_top[chosen],
+            self.rise[chosen],
+            self.height[chosen],
+            self.area[chosen],
+            self.purpose[chosen],
+            self.line[chosen],
+        )
+
+
+def median_of(values: Float, weights: Float) -> float:
+    """The value with half of the weight on either side; 0 of none."""
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0
+
+
+def spread_out(beads: Beads, count: int) -> tuple[Float, Int]:
+    """Points (count, 2) evenly along all beads, mm, and the bead of each."""
+    reached = np.cumsum(beads.length)
+    if not len(reached):
+        return np.zeros((0, 2)), np.zeros(0, np.int64)
+    place = (np.arange(count) + 0.5) / count * reached[-1]
+    bead = np.minimum(np.searchsorted(reached, place), len(reached) - 1)
+    share = 1 - (reached[bead] - place) / np.maximum(beads.length[bead], 1e-12)
+    return beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead], bead
+
+
+def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
+    """The beads of a program, and (B,) the index of the move that lays each.
+
+    Args:
+        program: the moves.
+        filament_diameter: mm.
+    """
+    laid = _laid(program.filament, np.zeros(program.n_moves, np.int64))
+    begin, end = program.start, program.xyz
+    length = np.hypot(*(end - begin)[:, :2].T)
+    kept = np.flatnonzero((program.role != Role.TRAVEL) & (laid > _NOTHING) & (length > _NOTHING))
+    beads = Beads(
+        begin=begin[kept, :2],
+        end=end[kept, :2],
+        z_top=end[kept, 2],
+        rise=(end - begin)[kept, 2],
+        height=program.height[kept],
+        area=laid[kept] * (pi * filament_diameter**2 / 4) / length[kept],
+        purpose=purposes_of_roles(program.role[kept]),
+        line=np.zeros(len(kept), np.int64),
+    )
+    return beads, kept
+
+
+def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Beads, Int, float]:
+    """The beads of moves, with unknown height and purpose.
+
+    A bead is laid where filament is fed in a move along x or y, less what was pulled back before and is only put back.
+
+    Args:
+        moves: of a file, or as a printer executed them.
+        filament_diameter: mm, or one (T,) for each tool.
+
+    Returns:
+        The beads, with the index of the command as their line; (B,) the move of each; and the volume that is laid
+        standing still, mm³.
+    """
+    diameter = np.atleast_1d(np.asarray(filament_diameter, np.float64))
+    section = pi * diameter[np.minimum(moves.tool, len(diameter) - 1)] ** 2 / 4
+    volume = _laid(moves.delta[:, 3], moves.tool) * section
+    length = np.hypot(*moves.delta[:, :2].T)
+    moving = (volume > _NOTHING) & (length > _NOTHING)
+    kept = np.flatnonzero(moving)
+    end = moves.end[kept, :2]
+    beads = Beads(
+        begin=end - moves.delta[kept, :2],
+        end=end,
+        z_top=moves.end[kept, 2],
+        rise=moves.delta[kept, 2],
+        height=np.full(len(kept), np.nan),
+        area=volume[kept] / length[kept],
+        purpose=np.full(len(kept), Purpose.UNKNOWN),
+        line=moves.line[kept],
+    )
+    return beads, kept, float(volume[~moving].sum())
+
+
+def _laid(fed: Float, tool: Int) -> Float:
+    """(K,) mm of filament that leave the nozzle: what is fed beyond the farthest that was fed before, by tool."""
+    laid = np.zeros(len(fed))
+    for one in np.unique(tool).tolist():
+        own = np.flatnonzero(tool == one)
+        # E is written with five decimals: sums of differences carry dust that must not become plastic.
+        reached = np.maximum.accumulate(np.maximum(np.round(np.cumsum(fed[own]), 7), 0.0))
+        laid[own] = np.diff(reached, prepend=0.0)
+    return laid

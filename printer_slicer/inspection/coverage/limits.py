@@ -1,0 +1,243 @@
+"""What is wrong according to a ledger: measurements beyond limits, with their places, the worst first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
+from printer_slicer.inspection.coverage.account import Ledger
+
+__all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]
+
+_LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
+_DOTS: Final = 2.0  # squares of the extrusion width that may be missing or added at tips, whatever the share
+_FAR: Final = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What is let pass in any layer.
+
+    Attributes:
+        uncovered: share of the shell.
+        outside: mm² beyond the section.
+        overlap: share of what is covered.
+        air: mm of one bead in the air.
+        under: material in the shell by what it needs, at least.
+        over: the same, at most.
+        outline: mm, 95th percentile of the distance of the outlines.
+    """
+
+    uncovered: float = 0.05
+    outside: float = 1.0
+    overlap: float = 0.10
+    air: float = 10.0
+    under: float = 0.90
+    over: float = 1.10
+    outline: float = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong, in one layer or in several that follow each other.
+
+    Attributes:
+        kind: the limit that is broken.
+        layer: the worst one, from 0.
+        first, last: all of them.
+        z: top of the worst layer, mm.
+        x, y: where it is worst, mm; nan for what holds for the whole layer.
+        line: of the G-code, near that place; 0 where there is none.
+        amount: as the limit counts.
+        limit: that is broken.
+        text: in words, without the place.
+    """
+
+    kind: str
+    layer: int
+    first: int
+    last: int
+    z: float
+    x: float
+    y: float
+    line: int
+    amount: float
+    limit: float
+    text: str
+
+    @property
+    def severity(self) -> float:
+        """How many times as bad as the limit allows; what is missing counts as the limit by the amount."""
+        if self.kind == "under":
+            return _FAR if self.amount <= 0 else self.limit / self.amount
+        return _FAR if self.limit <= 0 else self.amount / self.limit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kind:
+    """One measurement: (L,) amounts, which are broken, the limit, and how to say and where to find one."""
+
+    name: str
+    amount: Float
+    broken: Bool
+    limit: float
+    say: Callable[[int], str]
+    place: Callable[[int], tuple[float, float]]
+
+
+def findings(ledger: Ledger, limits: Limits = Limits()) -> tuple[Finding, ...]:
+    """Everything beyond the limits, the worst first."""
+    found = [one for kind in _kinds(ledger, limits) for one in _of_kind(ledger, kind)]
+    return tuple(sorted(found, key=lambda one: -one.severity))
+
+
+def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Finding]:
+    """One finding for each run of layers."""
+    broken = np.flatnonzero(kind.broken & ~ledger.stack.ramps)
+    if not len(broken):
+        return
+    cuts = [0, *(np.flatnonzero(np.diff(broken) > 1) + 1).tolist(), len(broken)]
+    for begin, end in pairwise(cuts):
+        run = broken[begin:end]
+        amount = kind.amount[run]
+        layer = int(run[(amount.argmin if kind.name == "under" else amount.argmax)()])
+        x, y = kind.place(layer)
+        yield Finding(
+            kind.name,
+            layer,
+            int(run[0]),
+            int(run[-1]),
+            float(ledger.stack.top[layer]),
+            x,
+            y,
+            line_near(ledger, layer, x, y),
+            float(kind.amount[layer]),
+            kind.limit,
+            kind.say(layer),
+        )
+
+
+def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
+    uncovered, shell, covered = ledger.uncovered.area(), ledger.shell.area(), ledger.covered.area()
+    share = uncovered / np.maximum(shell, 1e-9)
+    yield _Kind(
+        "uncovered",
+        share,
+        (share > limits.uncovered) & (uncovered > _LITTLE),
+        limits.uncovered,
+        lambda k: f"{uncovered[k]:.1f} mm2 of the shell are not covered, {share[k]:.0%} of it",
+        lambda k: largest_place(ledger.uncovered, k),
+    )
+    outside = ledger.outside.area()
+    yield _Kind(
+        "outside",
+        outside,
+        outside > limits.outside,
+        limits.outside,
+        lambda k: f"{outside[k]:.1f} mm2 are laid outside the section",
+        lambda k: largest_place(ledger.outside, k),
+    )
+    fill = ledger.fill
+    twice = fill.overlap / np.maximum(covered, 1e-9)
+    yield _Kind(
+        "overlap",
+        twice,
+        (twice > limits.overlap) & (fill.overlap > _LITTLE),
+        limits.overlap,
+        lambda k: (
+            f"{fill.overlap[k]:.1f} mm2 overlap, {twice[k]:.0%} of the layer, up to {fill.most[k]:.1f} times"
+        ),
+        lambda k: (float(fill.place[k, 0]), float(fill.place[k, 1])),
+    )
+    yield from _of_volume(ledger, limits)
+    yield _of_air(ledger, limits)
+    outline, size = ledger.outline, np.maximum(ledger.sections.area(), covered)
+    yield _Kind(
+        "outline",
+        outline.p95,
+        (outline.p95 > limits.outline) & (size > _LITTLE),
+        limits.outline,
+        lambda k: (
+            f"the outline is off by {outline.p95[k]:.2f} mm (95th percentile), {outline.largest[k]:.2f} mm at most"
+        ),
+        lambda k: (float(outline.place[k, 0]), float(outline.place[k, 1])),
+    )
+
+
+def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
+    """Missing and surplus material in the shell beyond what is let pass of it and that of the shortest lines."""
+    fill, height, shell = ledger.fill.shell, ledger.stack.height, ledger.shell.area()
+    width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
+    surplus, missing = (fill - limits.over) * shell, (limits.under - fill) * shell
+    least = _DOTS * width**2
+    over, under = surplus > least, missing > least
+    if over.any():
+        over &= surplus - _beside_fins(ledger, over, width) > least
+    for name, limit, broken in (("under", limits.under, under), ("over", limits.over, over)):
+        yield _Kind(
+            name,
+            fill,
+            broken,
+            limit,
+            lambda k: (
+                f"the shell holds {fill[k]:.0%} of the material it needs at {height[k]:.3g} mm of height"
+            ),
+            lambda _: (np.nan, np.nan),
+        )
+
+
+def _beside_fins(ledger: Ledger, layers: Bool, width: float) -> Float:
+    """(L,) mm² that lines cover beside fins narrower than themselves, by layer (L,)."""
+    sections = ledger.sections.of_layers(layers)
+    fins = difference(sections, offset_open(sections, width / 2))
+    beside = difference(ledger.covered.of_layers(layers), sections)
+    return intersection(beside, offset(fins, width)).area()
+
+
+def _of_air(ledger: Ledger, limits: Limits) -> _Kind:
+    """The longest bead of each layer in the air that is no bridge."""
+    air, n = ledger.air, ledger.stack.n_layers
+    lost = np.flatnonzero(~air.bridge)
+    lost = lost[np.argsort(air.length[lost], kind="stable")]
+    longest, which = np.zeros(n), np.full(n, -1)
+    longest[air.layer[lost]] = air.length[lost]  # the last one written is the longest
+    which[air.layer[lost]] = lost
+    total = ledger.hanging
+    return _Kind(
+        "air",
+        longest,
+        longest > limits.air,
+        limits.air,
+        lambda k: f"{total[k]:.1f} mm of beads in the air, one of {longest[k]:.1f} mm",
+        lambda k: (float(air.place[which[k], 0]), float(air.place[which[k], 1])),
+    )
+
+
+def largest_place(areas: Areas, layer: int) -> tuple[float, float]:
+    """The corner of the largest piece of a layer that is nearest to the middle of the piece, mm; nan without one."""
+    rings = list(areas.rings(layer))
+    if not rings:
+        return np.nan, np.nan
+    first, last = np.searchsorted(areas.ring_layer, [layer, layer + 1])
+    ring = rings[int(areas.ring_area()[first:last].argmax())]
+    middle = (ring.min(axis=0) + ring.max(axis=0)) / 2
+    x, y = ring[int(np.hypot(*(ring - middle).T).argmin())].tolist()
+    return x, y
+
+
+def line_near(ledger: Ledger, layer: int, x: float, y: float) -> int:
+    """The line of the G-code that lays the bead of a layer nearest to a place; its first where the place is nan."""
+    own = np.flatnonzero((ledger.stack.layer == layer) & ledger.of_part)
+    if not len(own):
+        return 0
+    if np.isnan(x):
+        return int(ledger.stack.beads.line[own[0]])
+    beads = ledger.stack.beads.take(own)
+    from_middle = np.hypot(*((beads.begin + beads.end) / 2 - (x, y)).T) - beads.length / 2
+    return int(beads.line[from_middle.argmin()])

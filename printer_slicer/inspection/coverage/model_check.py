@@ -1,0 +1,302 @@
+"""G-code of any slicer against its model: where the model lies in it, and the ledger of its material."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool
+from printer_slicer.errors import PartError, UsageError
+from printer_slicer.geometry import Areas, difference, offset_open
+from printer_slicer.inspection.coverage.account import Ledger, Rules, ledger_of
+from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.limits import Finding, Limits, findings
+from printer_slicer.inspection.coverage.matching import Match, apart, first_guess, fitted, moved
+from printer_slicer.inspection.coverage.stack import Stack, stacked
+from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
+from printer_slicer.inspection.coverage.zones import footprint
+from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.placing import Placement
+from printer_slicer.progress import Report, quiet
+from printer_slicer.slicing import cut
+
+__all__ = ["Asked", "Check", "check_gcode", "placed_sections", "read_deposit"]
+
+_RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer than what is printed
+_BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
+_DIFFERENT: Final = 1.0  # mm² by which those two differ where there is a flat
+_NEAR: Final = 3.0  # mm around the part: beads farther away make no layers
+_ROUNDED: Final = 0.01  # mm of heights in files
+_SEEN: Final = 1.0  # mm² printable in all missing layers together; a smaller tip may be missing
+_NEEDLE: Final = 1.0  # mm²; slicers print tips of this area, even if narrower than a usual line
+_FITS: Final = 0.5  # of the length of the outer perimeters: with less the file is of another part
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Check:
+    """What a G-code file lays, against its model.
+
+    Attributes:
+        name: of the file.
+        ledger: of its material.
+        match: where the model lies, and how well it fits; its shift is from where the mesh was.
+        matched: whether it was looked for; otherwise it was told.
+        z: mm that the model stands over where its mesh was.
+        part_top: z of the top of the part, mm.
+        findings: beyond the limits, the worst first.
+        problems: what is wrong with the whole, in words.
+        notes: what was taken for granted, in words.
+        deposit: as it was read.
+    """
+
+    name: str
+    ledger: Ledger
+    match: Match
+    matched: bool
+    z: float
+    part_top: float
+    findings: tuple[Finding, ...]
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+    deposit: Deposit
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is beyond its limit."""
+        return not (self.findings or self.problems)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How to check: what is measured and let pass, and what is known about the file.
+
+    Attributes:
+        rules: of the ledger.
+        limits: what is let pass.
+        filament_diameter: mm; None: as the file says.
+        placement: where the part is; None looks for it.
+    """
+
+    rules: Rules = field(default_factory=Rules)
+    limits: Limits = field(default_factory=Limits)
+    filament_diameter: float | None = None
+    placement: Placement | None = None
+
+
+USUAL: Final = Asked()
+
+
+def check_gcode(
+    text: bytes, mesh: Mesh, asked: Asked = USUAL, *, name: str = "G-code", report: Report = quiet
+) -> Check:
+    """Check a G-code text against the part it shall print.
+
+    Args:
+        text: of any slicer.
+        mesh: the part, repaired, scaled and turned, anywhere.
+        asked: how.
+        name: of the file, for messages.
+        report: is told the name of each stage as it begins.
+
+    Raises:
+        UsageError: the text lays nothing, or is no text.
+        PartError: the part cannot be cut.
+    """
+    report("reading")
+    deposit, stack = read_deposit(text, asked.filament_diameter, name)
+    report("matching")
+    part, stack, sections, match = _matched(mesh, deposit.beads, stack, asked.placement)
+    report("measuring")
+    ledger = ledger_of(stack, sections, asked.rules, apart(stack, sections))
+    return Check(
+        name,
+        ledger,
+        match,
+        asked.placement is None,
+        float(part.bounds[0, 2] - mesh.bounds[0, 2]),
+        part.height,
+        findings(ledger, asked.limits),
+        tuple(_problems(ledger, match, part)),
+        tuple(_notes(deposit, ledger)),
+        deposit,
+    )
+
+
+def read_deposit(text: bytes, filament_diameter: float | None, name: str) -> tuple[Deposit, Stack]:
+    """What a G-code text lays, and the layers of the part in it.
+
+    Args:
+        text: of any slicer.
+        filament_diameter: mm; None: as the file says.
+        name: of the file, for messages.
+
+    Raises:
+        UsageError: the text lays nothing, or is no text.
+    """
+    if text.startswith(b"GCDE"):
+        raise UsageError(
+            f"{name}: is binary G-code", remedy="export it as plain G-code, or convert it with bgcode"
+        )
+    deposit = beads_of_gcode(text, filament_diameter=filament_diameter)
+    stack = stacked(deposit.beads)
+    if not stack.n_layers:
+        raise UsageError(f"{name}: no beads of a part in it", remedy="is it G-code that extrudes?")
+    return deposit, stack
+
+
+def placed_sections(
+    mesh: Mesh, deposit: Deposit, stack: Stack, placement: Placement | None = None
+) -> tuple[Stack, Areas, Match]:
+    """The sections of a part where it lies among beads, and how well they fit.
+
+    Args:
+        mesh: the part, repaired, scaled and turned, anywhere.
+        deposit: the beads.
+        stack: the layers they are in.
+        placement: where the part is; None looks for it.
+
+    Returns:
+        The layers that the beads of the part have, which may be fewer than those of the file; a section for each; and
+        the shift from where the mesh was.
+
+    Raises:
+        PartError: the part cannot be cut.
+    """
+    _, stack, sections, match = _matched(mesh, deposit.beads, stack, placement)
+    return stack, sections, match
+
+
+def _matched(
+    mesh: Mesh, beads: Beads, stack: Stack, placement: Placement | None
+) -> tuple[Mesh, Stack, Areas, Match]:
+    """The part where it lies, the layers that it has there, its section in each, and how well that fits."""
+    part = _put(mesh, stack, placement)
+    pair = _cut_twice(part, stack)
+    match = _fit(stack, pair[0], look=placement is None)
+    part = part.moved((*match.shift, 0.0))
+    own = _around(part, beads)
+    again = stacked(beads, own)
+    if own.any() and not np.array_equal(again.top, stack.top):
+        # Beads beside the part made layers of their own, such as a line that primes the nozzle.
+        stack, pair = again, _cut_twice(part, again)
+    else:
+        pair = (moved(pair[0], match.shift), moved(pair[1], match.shift))
+    x, y = (part.bounds[0] - mesh.bounds[0])[:2].tolist()
+    return part, stack, _likelier(stack, *pair), replace(match, shift=(x, y))
+
+
+def _put(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
+    """The part where it was told to be, or, to be matched, on the raft or the bed with its corner over the origin."""
+    low, high = mesh.bounds
+    by = -low
+    if placement is not None and placement.as_placed:
+        by[:2] = 0.0
+    elif placement is not None and placement.center is not None:
+        by[:2] = np.asarray(placement.center) - (low + high)[:2] / 2
+    if placement is not None and not placement.drop:
+        by[2] = 0.0
+    else:
+        by[2] += stack.bottom[0]
+    return mesh.moved(by)
+
+
+def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
+    """The sections just under and just over the middle of each layer."""
+    middle = (stack.top + stack.bottom) / 2
+    low, high = (
+        cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_BESIDE, _BESIDE)
+    )
+    return low, high
+
+
+def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
+    """Where sections lie, or how well they fit where they are."""
+    if not look:
+        return replace(fitted(stack, sections, rounds=0), shift=(0.0, 0.0))
+    guess = first_guess(stack, sections)
+    match = fitted(stack, moved(sections, guess))
+    return replace(match, shift=(guess[0] + match.shift[0], guess[1] + match.shift[1]))
+
+
+def _around(part: Mesh, beads: Beads) -> Bool:
+    """(B,) the beads of a part that begin near its box."""
+    low, high = part.bounds[:, :2]
+    near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
+    return np.asarray(near) & ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+
+
+def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
+    """Of two sections of a layer, between which the part has a flat, the one that is more like what is printed.
+
+    A flat in the very middle of a layer may be printed either way.
+    """
+    doubtful = difference(low, high).area() + difference(high, low).area() > _DIFFERENT
+    if not doubtful.any():
+        return low
+    chosen = doubtful[stack.layer] & (stack.layer >= 0)
+    chosen &= ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+    printed = footprint(stack, chosen)
+    wrong = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
+    upper = doubtful & (wrong[1] < wrong[0])
+    return low.of_layers(~upper).merge(high.of_layers(upper))
+
+
+def _problems(ledger: Ledger, match: Match, part: Mesh) -> Iterator[str]:
+    """What is wrong with the whole."""
+    stack = ledger.stack
+    if match.share < _FITS:
+        yield (
+            f"only {match.share:.0%} of the outer perimeters lie where those of this model would: "
+            "is it the model that was sliced, as large and turned as it was?"
+        )
+    if ledger.astray.any():
+        lines = stack.beads.line[ledger.astray]
+        many = f"{len(lines)} beads lie" if len(lines) > 1 else "1 bead lies"
+        yield f"{many} far from the part, the first in line {lines[0]}"
+    over, height = part.height - float(stack.top[-1]), float(stack.height[-1])
+    if -over > height + _ROUNDED or _left_out(part, ledger, over):
+        where = "under" if over > 0 else "over"
+        yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
+
+
+def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
+    """Whether printable layers are missing above the last layer; the tips of needles are not printable."""
+    stack = ledger.stack
+    height = float(stack.height[-1])
+    if over <= height / 2 + _ROUNDED:
+        return False
+    count = max(int(over / height + 0.5), 1)
+    top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
+    try:
+        above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
+    except PartError:  # the tip is too slender to have a section
+        return False
+    width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
+    room = offset_open(above, width / 2).area().sum() > _SEEN
+    return bool(room or (over > height + _ROUNDED and above.area().sum() > _NEEDLE))
+
+
+def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:
+    """What was taken for granted, and what is no part of the part."""
+    stack = ledger.stack
+    if not deposit.diameter_known:
+        diameter = f"{deposit.diameter[0]:g} mm is assumed; --filament changes it"
+        yield f"the file does not tell the filament's diameter: {diameter}"
+    if (deposit.beads.purpose[ledger.of_part] == Purpose.UNKNOWN).all():
+        depth = "the shell is taken to be two beads deep; --shell changes it"
+        yield f"the file does not tell perimeters from infill: {depth}"
+    if stack.spiral:
+        yield "z rises along the beads: every turn is taken for a layer; the first and the last, a ramp, are not judged"
+    volume = stack.beads.volume
+    beside = float(volume[~ledger.of_part & (stack.beads.purpose != Purpose.SUPPORT)].sum())
+    if beside > 0.1:
+        yield f"{beside:.1f} mm3 lie beside the part (skirt, brim, priming)"
+    support = float(volume[stack.beads.purpose == Purpose.SUPPORT].sum())
+    if support > 0:
+        yield f"{support:.1f} mm3 are supports"
+    if deposit.standing > 0.1:
+        yield f"{deposit.standing:.1f} mm3 are laid while the nozzle stands still"

@@ -1,0 +1,145 @@
+"""Single layers of a file, with all that is laid in them: supports, rafts and what lies beside the part included."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.inspection.coverage.beads import Beads, Purpose
+from printer_slicer.inspection.coverage.stack import Stack
+from printer_slicer.inspection.coverage.text import Deposit
+
+__all__ = ["Levels", "Sheet", "levels_of", "sheet_of"]
+
+_LEVEL: Final = 0.004  # mm: heights of the nozzle closer than this are one layer, as in a stack
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Levels:
+    """The layers of a file: those of the part, and those that only supports and rafts have.
+
+    Attributes:
+        beads: with their heights.
+        level: (B,) layer of each; -1 for what lies beside the part where no layer is, such as a line that primes.
+        top: (L,) mm, ascending.
+        bottom: (L,) mm.
+        of_stack: (L,) the same layer in the stack of the part; -1 where there is none.
+    """
+
+    beads: Beads
+    level: Int
+    top: Float
+    bottom: Float
+    of_stack: Int
+
+    def __post_init__(self) -> None:
+        for name, dtype, shape in (
+            ("level", np.int64, (self.beads.n_beads,)),
+            ("top", np.float64, (-1,)),
+            ("bottom", np.float64, (len(self.top),)),
+            ("of_stack", np.int64, (len(self.top),)),
+        ):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), dtype, shape))
+
+    @property
+    def n_levels(self) -> int:
+        """How many."""
+        return len(self.top)
+
+    def at(self, z: float) -> int:
+        """The layer that holds a height over the bed, mm: the lower of two that meet there; -1 if none does."""
+        index = int(np.searchsorted(self.top, z - _LEVEL))
+        return index if z >= 0 and index < self.n_levels else -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sheet:
+    """What one layer holds, in the order in which it is laid.
+
+    Attributes:
+        number: of the layer, from 0.
+        count: of layers in the file.
+        top, height: mm.
+        beads: with their heights.
+        name: (B,) what the file calls each, as an index into `names`.
+        names: as the file writes them; empty for those it says nothing of.
+        travel: (T, 2, 2) mm, the ways of the nozzle to and between these beads.
+    """
+
+    number: int
+    count: int
+    top: float
+    height: float
+    beads: Beads
+    name: Int
+    names: tuple[str, ...]
+    travel: Float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", frozen_array(self.name, np.int64, (self.beads.n_beads,)))
+        object.__setattr__(self, "travel", frozen_array(self.travel, np.float64, (-1, 2, 2)))
+
+
+def levels_of(deposit: Deposit, stack: Stack) -> Levels:
+    """The layers of a file.
+
+    Args:
+        deposit: what it lays.
+        stack: the layers of the part in it.
+    """
+    beads, told = stack.beads, deposit.beads.height
+    loose = stack.layer < 0
+    more = _new_heights(beads.z_top[loose & (beads.purpose == Purpose.SUPPORT)], stack.top)
+    top = np.concatenate([stack.top, more])
+    if not len(top):
+        return Levels(beads, np.full(beads.n_beads, -1), top, top, np.zeros(0, np.int64))
+    order = np.argsort(top)
+    top = top[order]
+    of_stack = np.append(np.arange(stack.n_layers), np.full(len(more), -1))[order]
+    bottom = np.where(of_stack < 0, np.append(0.0, top[:-1]), np.append(stack.bottom, 0.0)[of_stack])
+    near = np.minimum(np.searchsorted(top, beads.z_top - _LEVEL), len(top) - 1)
+    hit = np.abs(top[near] - beads.z_top) <= 2 * _LEVEL
+    place = np.argsort(order)  # of what stood here before it was sorted
+    level = np.where(loose, np.where(hit, near, -1), place[stack.layer])
+    # A stack knows nothing of the thickness of what lies in none of its layers.
+    height = np.where(loose & np.isnan(told) & hit, (top - bottom)[near], beads.height)
+    return Levels(replace(beads, height=height), level, top, bottom, of_stack)
+
+
+def _new_heights(z: Float, known: Float) -> Float:
+    """The heights among `z` that are not known yet, those that differ by rounding only once."""
+    values = np.unique(np.round(z[z > _LEVEL], 4))
+    values = values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]]
+    if not len(known):
+        return np.asarray(values)
+    return np.asarray(values[np.abs(values[:, None] - known).min(axis=1) > 2 * _LEVEL])
+
+
+def sheet_of(deposit: Deposit, levels: Levels, number: int) -> Sheet:
+    """What one layer holds.
+
+    Args:
+        deposit: what the file lays.
+        levels: its layers.
+        number: which, from 0.
+
+    Raises:
+        ValueError: there is no such layer.
+    """
+    if not 0 <= number < levels.n_levels:
+        raise ValueError(f"layer {number} is not in the file, which has {levels.n_levels} layers")
+    mine: Bool = levels.level == number
+    leads = np.append(mine, False)[deposit.before]
+    return Sheet(
+        number=number,
+        count=levels.n_levels,
+        top=float(levels.top[number]),
+        height=float(levels.top[number] - levels.bottom[number]),
+        beads=levels.beads.take(mine),
+        name=deposit.name[mine],
+        names=deposit.names,
+        travel=deposit.travel[leads],
+    )

@@ -1,0 +1,145 @@
+"""Areas to compare: what the beads cover, and where they must leave no gap."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import (
+    Areas,
+    difference,
+    normalize,
+    offset,
+    offset_open,
+    stroked,
+    union,
+    window_intersection,
+)
+from printer_slicer.geometry.nearest import Outlines
+from printer_slicer.inspection.coverage.beads import Beads, Purpose, spread_out
+from printer_slicer.inspection.coverage.stack import Stack
+
+__all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "without_slits"]
+
+_JOINED: Final = 1e-3  # mm: the next bead of a path begins where the one before ended
+_SAME_WIDTH: Final = 0.002  # mm: beads whose widths differ by less are drawn with one pen
+_WIDEST: Final = 10.0  # mm
+_WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
+_POINTS: Final = 10_000  # enough to know a depth
+_FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
+_UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by less is upright
+
+
+def lines_of(beads: Beads, layer: Int) -> Int:
+    """(B,) number of the path of each bead: those of a layer that begin where the one before ended are one."""
+    new = np.diff(layer) != 0
+    new |= (np.abs(beads.begin[1:] - beads.end[:-1]) > _JOINED).any(axis=1)
+    return np.concatenate([np.zeros(min(beads.n_beads, 1), np.int64), np.cumsum(new)])
+
+
+def footprint(stack: Stack, chosen: Bool) -> Areas:
+    """The area that chosen beads (B,) cover in each layer: their outlines with round ends, united.
+
+    Widths are rounded to 0.002 mm, and places to 0.01 µm. No bead is wider than 10 mm, whatever is fed.
+    """
+    kept = np.flatnonzero(chosen & (stack.layer >= 0))
+    beads, layer = stack.beads.take(kept), stack.layer[kept]
+    width = np.clip(beads.width, _SAME_WIDTH, _WIDEST)
+    radius = np.round(width / _SAME_WIDTH) * (_SAME_WIDTH / 2)
+    path = lines_of(beads, layer)
+    first = np.flatnonzero(np.append(True, (np.diff(path) != 0) | (np.diff(radius) != 0))[: len(kept)])
+    size = np.diff(np.append(first, len(kept)))
+    # The points of a line are the beginning of its first bead and the ends of all.
+    place = np.arange(len(kept)) + np.searchsorted(first, np.arange(len(kept)), side="right")
+    xy = np.zeros((len(kept) + len(first), 2))
+    xy[place] = beads.end
+    xy[place[first] - 1] = beads.begin[first]
+    start = np.append(0, np.cumsum(size + 1))
+    return stroked(xy, start, layer[first], radius[first], stack.n_layers)
+
+
+def shell_depth(stack: Stack, sections: Areas) -> float:
+    """How deep the perimeters of a file reach into the part, mm; twice the usual width of a bead where none are told.
+
+    It goes by where their centre lines lie, not by what they hold: too little material does not make the shell thinner.
+    """
+    beads, layer = stack.beads, stack.layer
+    if stack.spiral:
+        return _thickness(stack, sections)
+    walls = np.flatnonzero(np.isin(beads.purpose, _WALLS) & (layer >= 0))
+    if not len(walls):
+        known = layer >= 0
+        return 2 * float(np.average(beads.width[known], weights=beads.length[known])) if known.any() else 1.0
+    place, bead = spread_out(beads.take(walls), _POINTS)
+    bead = walls[bead]
+    depth = Outlines(sections, place.min(axis=0) - 1, place.max(axis=0) + 1).distance(place, layer[bead])
+    near = depth < _FARTHEST
+    if not near.any():
+        return 1.0
+    outer = near & (beads.purpose[bead] == Purpose.OUTER_PERIMETER)
+    half = float(np.median(depth[outer] if outer.any() else beads.width[walls] / 2))
+    if not (beads.purpose[walls] == Purpose.INNER_PERIMETER).any():
+        return 2 * half
+    # Deeper ones stand in corners and narrow places only.
+    return float(np.quantile(depth[near], 0.9)) + half
+
+
+def _thickness(stack: Stack, sections: Areas) -> float:
+    """How thick the wall of a spiral is, mm: twice the depth of its centre line where the outline is upright.
+
+    Where the outline moves from turn to turn, what lies at the height of a bead is not what its section shows. If it
+    does so everywhere, the width of the beads tells more, unless it is greater.
+    """
+    beads, layer = stack.beads, stack.layer
+    turns = np.flatnonzero((layer >= 0) & stack.rising[layer])
+    place, bead = spread_out(beads.take(turns), _POINTS)
+    bead = turns[bead]
+    outlines = Outlines(sections, place.min(axis=0) - 1, place.max(axis=0) + 1)
+    own = layer[bead]
+    low, high = np.maximum(own - 1, 0), np.minimum(own + 1, stack.n_layers - 1)
+    under, depth, over = (outlines.distance(place, one) for one in (low, own, high))
+    near = (under < _FARTHEST) & (depth < _FARTHEST) & (over < _FARTHEST)
+    width = float(np.median(beads.width[bead]))
+    moves = np.abs(over - under)[near] / np.maximum(high - low, 1)[near]
+    upright = moves < _UPRIGHT
+    if not upright.any():
+        return width if not near.any() else min(width, 2 * float(np.median(depth[near])))
+    return 2 * float(np.median(depth[near][upright]))
+
+
+def exposed(sections: Areas, top: Float, bottom: Float, skin: float) -> Areas:
+    """What of each section has air within `skin` mm above or below it; the bed counts as air.
+
+    With 0 it is what the very next layer leaves open.
+    """
+    n = sections.n_layers
+    own, reach = np.arange(n), max(skin, 1e-6)
+    last = np.minimum(np.searchsorted(bottom, top + reach - 1e-9), n + 1)
+    last = np.where(top + reach > top[-1] + 1e-9, n + 1, np.maximum(last, own + 2))
+    first = np.where(bottom - reach < -1e-9, -1, np.searchsorted(top, bottom - reach + 1e-9, side="right"))
+    first = np.minimum(first, own - 1)
+    return difference(sections, window_intersection(sections, first, last))
+
+
+def body_of(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> Areas:
+    """The printed body as it looks from outside: what is covered and what the shell encloses, without inner voids.
+
+    A void is a piece of the section that is left out, all deeper than `tolerance` under the outline.
+    """
+    body = union(covered, core)
+    missing = difference(sections, body)
+    if not missing.n_rings:
+        return body
+    low, high = missing.xy.min(axis=0), missing.xy.max(axis=0)
+    ring = missing.point_ring
+    shallow = Outlines(sections, low, high).distance(missing.xy, missing.ring_layer[ring]) <= tolerance
+    reaches_out = np.bincount(ring, weights=shallow, minlength=missing.n_rings) > 0
+    return union(body, normalize(missing.select(~reaches_out)))
+
+
+def without_slits(sections: Areas, slit: float) -> Areas:
+    """The sections without gaps and fins narrower than `slit`, which no nozzle prints."""
+    closed = offset(offset(sections, slit / 2), -slit / 2)
+    return offset_open(closed, slit / 2)

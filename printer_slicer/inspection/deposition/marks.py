@@ -1,0 +1,129 @@
+"""Layers, roles and tools of the commands of a job, from its comments; defects of its extrusion."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from printer_slicer.arrays import Int
+from printer_slicer.inspection.deposition.purposes import Purpose, purpose_of
+
+__all__ = ["Marks", "Mishap", "marks_of"]
+
+_TOOL: Final = re.compile(rb"[Tt]\d{1,3}\b")
+_OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", re.MULTILINE)
+
+_SPOKEN: Final = {
+    Purpose.UNKNOWN: "printing",
+    Purpose.SPARSE: "sparse infill",
+    Purpose.GAP: "gaps and thin walls",
+    Purpose.BESIDE: "skirt, brim, priming",
+    Purpose.SUPPORT: "support and raft",
+}
+"""Names of purposes for messages, where the enum's own name is not clear enough."""
+
+
+class Mishap(NamedTuple):
+    """A defect of the extrusion.
+
+    Attributes:
+        kind: "air", "crash", "bed" or "flow".
+        command: the command that caused it, counted from 1.
+        layer: see `Marks.layer`.
+        z, x, y: mm, where.
+        amount: mm in the air, mm of collision, mm above the bed, or mm³/s.
+        depth: mm, of a crash.
+    """
+
+    kind: str
+    command: int
+    layer: int
+    z: float
+    x: float
+    y: float
+    amount: float
+    depth: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks:
+    """Layers, roles and tools by command, counted from 1, from the comments of a job.
+
+    Attributes:
+        layers: (M,) commands at which a layer begins, ascending; empty if no comment names layers.
+        roles: (R,) commands at which the role changes.
+        names: (R,) index into `spoken` of each change.
+        spoken: role names; the first is that of extrusion without a role.
+        loose: indices of roles that are removed after the print, such as supports.
+        changes: (T,) commands that choose a tool.
+        tools: (T,) the tool of each; before the first it is 0.
+    """
+
+    layers: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    roles: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    names: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    spoken: tuple[str, ...] = ("printing",)
+    loose: frozenset[int] = frozenset()
+    changes: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    tools: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @property
+    def told(self) -> bool:
+        """Whether comments name roles at all."""
+        return len(self.roles) > 0
+
+    def role(self, command: Int) -> Int:
+        """(n,) index of the role of each command."""
+        at = np.searchsorted(self.roles, command, side="right")
+        return np.append(0, self.names)[at]
+
+    def tool(self, command: Int) -> Int:
+        """(n,) the tool of each command."""
+        return np.append(0, self.tools)[np.searchsorted(self.changes, command, side="right")]
+
+    def layer(self, command: Int) -> Int:
+        """(n,) the layer of each command, counted from 1; 0 before the first."""
+        return np.searchsorted(self.layers, command, side="right")
+
+
+def marks_of(
+    commands: Sequence[bytes], text: bytes, layers_at: Mapping[int, int], roles_at: Mapping[int, str]
+) -> Marks:
+    """Collect the layers, roles and tools of a job from its comments.
+
+    Args:
+        commands: of the job.
+        text: the source of the commands.
+        layers_at: command index -> layer.
+        roles_at: command index -> name of the role from there on.
+    """
+    layers = np.array(list(layers_at), np.int64) + 1
+    roles = {command: purpose_of(name) for command, name in roles_at.items()}
+    first = int(layers[0]) - 1 if len(layers) else 0
+    if roles and first:
+        # Extrusion before the first layer is priming.
+        roles = {0: Purpose.BESIDE} | {command: kind for command, kind in roles.items() if command >= first}
+    changes, tools = _tools_of(commands, text)
+    return Marks(
+        layers=layers,
+        roles=np.array(list(roles), np.int64) + 1,
+        names=np.array([int(kind) for kind in roles.values()], np.int64),
+        spoken=tuple(_SPOKEN.get(kind, kind.spoken) for kind in Purpose),
+        loose=frozenset({int(Purpose.SUPPORT)}),
+        changes=changes,
+        tools=tools,
+    )
+
+
+def _tools_of(commands: Sequence[bytes], text: bytes) -> tuple[Int, Int]:
+    """Return the commands, counted from 1, that select a tool, and the tools; empty if only tool 0 is used."""
+    if not _OTHER_TOOL.search(text):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    found = [
+        (at, int(command[1:].split()[0])) for at, command in enumerate(commands, 1) if _TOOL.match(command)
+    ]
+    return np.array([at for at, _ in found], np.int64), np.array([tool for _, tool in found], np.int64)

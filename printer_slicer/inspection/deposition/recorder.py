@@ -1,0 +1,234 @@
+"""The material as a printer executed it: kept account of while it prints, in memory that does not grow with the job.
+
+Moves come in chunks. What is laid at one height is looked at together, see `mishaps`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
+from printer_slicer.inspection.deposition.defects import DEEP, Watch
+from printer_slicer.inspection.deposition.height_map import Relief
+from printer_slicer.inspection.deposition.marks import Marks
+from printer_slicer.inspection.deposition.record import Account, Layer
+from printer_slicer.inspection.deposition.underextrusion import Droughts
+
+__all__ = ["Keeper"]
+
+_MOST: Final = 65_536  # moves that are kept before they are looked at
+_MOST_LAYERS: Final = 20_000
+
+_MIDDLE, _THICK = 0.5, 0.05
+_BINS: Final = np.geomspace(1e-3, 1e4, 1400)
+"""mm/s, finely enough for a median."""
+
+
+class Keeper:
+    """Keeps the account.
+
+    Args:
+        box: corners of what the nozzle can reach, x and y, mm.
+        area: mm² of the filament.
+        max_flow: mm³/s that the material melts.
+        marks: what comments tell.
+    """
+
+    def __init__(
+        self,
+        box: tuple[tuple[float, float], tuple[float, float]],
+        area: float,
+        max_flow: float,
+        marks: Marks,
+    ) -> None:
+        self._relief = Relief(*box)
+        self._watch = Watch(self._relief, max_flow, marks)
+        self._area, self._marks = area, marks
+        self._reached: dict[
+            int, tuple[float, float]
+        ] = {}  # mm of filament of each tool, and the most that it was
+        self._waiting: list[tuple[Float, Float, Float]] = []
+        self._waits = 0
+        self._z, self._laid, self._low = np.nan, np.nan, False
+        self._layers: dict[int, Layer] = {}
+        self._heights: dict[float, int] = {}
+        self._number = 0
+        self._seconds = np.zeros(len(marks.spoken))
+        self._travel = self._extruder = self._volume = self._standing = 0.0
+        self._speeds = np.zeros(len(_BINS) + 1)
+        self._laid_first: int | None = None
+        self._lost: int | None = None
+        self._droughts = Droughts()
+
+    def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
+        """Some more moves.
+
+        Args:
+            rows: (n, 9) as `sim.track` has them.
+            seconds: (n,) that each takes.
+            kept_back: share of what is fed that does not come out of the nozzle.
+        """
+        pushed = self._pushed(rows) * self._area
+        fresh = pushed * (1.0 - kept_back)
+        flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
+        lays = (fresh > NOTHING) & (flat > NOTHING)
+        self._standing += float(fresh[~lays].sum())
+        if self._laid_first is None and lays.any():
+            self._laid_first = int(rows[lays.argmax(), COMMAND])
+        if self._lost is None and kept_back and (pushed > NOTHING).any():
+            self._lost = int(rows[(pushed > NOTHING).argmax(), COMMAND])
+        if kept_back:
+            rows = rows.copy()
+            rows[:, FED] *= 1.0 - kept_back
+        self._droughts.feed(rows, lays)
+        self._share_out(rows, seconds, (fresh, lays))
+
+    def _share_out(self, rows: Float, seconds: Float, laid: tuple[Float, Bool]) -> None:
+        """Moves into batches of one height; what they lay, mm³, and whether they do."""
+        fresh, lays = laid
+        z = rows[:, 6]
+        # Cut where something is laid at another height than before, or the nozzle goes under what was laid just now.
+        heights = np.where(lays, z, np.nan)
+        low = np.minimum(z, rows[:, 3]) < _latest(heights, self._laid) - DEEP
+        sinks = low & ~np.append(self._low, low[:-1])
+        self._low, self._laid = bool(low[-1]), float(_latest(np.append(heights, 0.0), self._laid)[-1])
+        at = np.flatnonzero(lays | sinks)
+        begin = 0
+        for first, height in zip(*runs_of(at, z[at], self._z), strict=True):
+            if first > begin or self._waiting:
+                self._wait(rows[begin:first], seconds[begin:first], fresh[begin:first])
+                self._look()
+            begin, self._z = first, height
+        self._wait(rows[begin:], seconds[begin:], fresh[begin:])
+
+    def close(self) -> Account:
+        """All that was found."""
+        self._look()
+        names = self._marks.spoken
+        return Account(
+            layers=tuple(self._layers.values()),
+            by_role={names[i]: float(s) for i, s in enumerate(self._seconds) if s > 0},
+            travel=self._travel,
+            extruder=self._extruder,
+            volume=self._volume,
+            standing=self._standing,
+            length=sum(layer.length for layer in self._layers.values()),
+            speed=_median(self._speeds),
+            peak=self._watch.peak,
+            mishaps=tuple(self._watch.mishaps),
+            counts=dict(self._watch.counts),
+            laid=self._laid_first,
+            lost=self._lost,
+            drought=self._droughts.first,
+            plate=self._relief.plate(),
+        )
+
+    def _pushed(self, rows: Float) -> Float:
+        """(n,) mm of filament that leave the nozzle; each tool has its own."""
+        if not len(self._marks.tools):
+            return self._fresh(rows[:, FED], 0)
+        tool = self._marks.tool(rows[:, COMMAND].astype(np.int64))
+        result = np.zeros(len(rows))
+        for one in np.unique(tool).tolist():
+            result[tool == one] = self._fresh(rows[tool == one, FED], one)
+        return result
+
+    def _fresh(self, fed: Float, tool: int) -> Float:
+        """(n,) mm of the filament of a tool that leave the nozzle: what goes beyond the farthest that it was."""
+        before, reached = self._reached.get(tool, (0.0, 0.0))
+        total = np.round(before + np.cumsum(fed), 7)
+        peak = np.maximum.accumulate(np.maximum(total, reached))
+        if len(total):
+            self._reached[tool] = float(total[-1]), float(peak[-1])
+        return np.asarray(np.diff(peak, prepend=reached))
+
+    def _wait(self, rows: Float, seconds: Float, fresh: Float) -> None:
+        """Keep moves until all that lie at their height have come."""
+        if len(rows):
+            self._waiting.append((rows, seconds, fresh))
+            self._waits += len(rows)
+            if self._waits > _MOST:
+                self._look()
+
+    def _look(self) -> None:
+        """Look at what waits."""
+        if not self._waiting:
+            return
+        rows, seconds, fresh = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
+        self._waiting, self._waits = [], 0
+        batch = Batch.of(rows, seconds, fresh, self._marks)
+        numbers = self._numbers(batch)
+        self._add(batch, numbers)
+        self._watch.look(batch, numbers)
+
+    def _numbers(self, batch: Batch) -> Int:
+        """(n,) the layer of each move."""
+        if len(self._marks.layers):
+            return self._marks.layer(batch.command)
+        if not batch.lays.any():
+            return np.full(len(batch.command), self._number)
+        z = round(float(batch.end[batch.lays, 2].max()), 3)
+        if len(self._heights) < _MOST_LAYERS:
+            self._heights.setdefault(z, len(self._heights) + 1)
+        self._number = self._heights.get(z, len(self._heights))
+        return np.full(len(batch.command), self._number)
+
+    def _add(self, batch: Batch, numbers: Int) -> None:
+        """Count times and volumes."""
+        lays = batch.lays
+        self._seconds += np.bincount(batch.role[lays], batch.seconds[lays], len(self._seconds))
+        still = batch.flat <= NOTHING
+        upright = np.abs(batch.end[:, 2] - batch.start[:, 2]) > NOTHING
+        alone = still & ~upright
+        self._extruder += float(batch.seconds[alone].sum())
+        self._travel += float(batch.seconds[~lays & ~alone].sum())
+        self._volume += float(batch.volume[lays].sum())
+        pace = batch.flat[lays] / np.maximum(batch.seconds[lays], 1e-9)
+        self._speeds += np.bincount(np.searchsorted(_BINS, pace), batch.flat[lays], len(_BINS) + 1)
+        for number in np.unique(numbers).tolist():
+            if number in self._layers or len(self._layers) < _MOST_LAYERS:
+                self._add_to(number, batch, numbers == number)
+
+    def _add_to(self, number: int, batch: Batch, own: Bool) -> None:
+        """Count what was done in a layer."""
+        layer = self._layers.setdefault(number, Layer(number, int(batch.command[own.argmax()])))
+        laid = own & batch.lays
+        lengths, volumes = batch.flat[laid], batch.volume[laid]
+        length = float(lengths.sum())
+        layer.seconds += float(batch.seconds[own].sum())
+        layer.volume += float(volumes.sum())
+        layer.length += length
+        layer.peak_flow = max(layer.peak_flow, float(batch.flow[laid].max(initial=0.0)))
+        goes = own & (batch.flat > NOTHING)
+        layer.back += float(batch.flat[goes & (batch.fed < -NOTHING)].sum())
+        empty = goes & batch.empty
+        if empty.any():
+            layer.empty += float(batch.flat[empty].sum())
+            layer.wrong = layer.wrong or int(batch.command[empty.argmax()])
+        if length > layer._longest:  # noqa: SLF001 - a layer is this file's own
+            layer._longest, layer.z = length, float(batch.end[laid, 2].max())  # noqa: SLF001
+            layer.middle, layer.thick = _exceeded(volumes / lengths, lengths, (_MIDDLE, _THICK))
+
+
+def _exceeded(values: Float, weights: Float, shares: tuple[float, ...]) -> list[float]:
+    """The values that such shares of all weight exceed."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    places = np.searchsorted(total, (1.0 - np.array(shares)) * total[-1])
+    return list(values[order][np.minimum(places, len(values) - 1)].tolist())
+
+
+def _latest(values: Float, before: float) -> Float:
+    """(n,) the last value in front of each that is a number."""
+    values = np.append(before, values[:-1])
+    known = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
+    return np.asarray(values[known])
+
+
+def _median(bins: Float) -> float:
+    """The value in the middle of all weight; 0 of none."""
+    total = np.cumsum(bins)
+    return float(np.append(_BINS, _BINS[-1])[np.searchsorted(total, total[-1] / 2)]) if total[-1] > 0 else 0.0

@@ -1,0 +1,1 @@
+"""Print a job on the simulated printer under an invented clock, and judge the result."""

@@ -1,0 +1,94 @@
+"""What follows from what: a fault that comes of another one is not told a second time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from printer_slicer.inspection.deposition.marks import Mishap
+from printer_slicer.inspection.deposition.record import Account
+from printer_slicer.inspection.dry_run.comparison import Comparison
+from printer_slicer.inspection.dry_run.faults import rule_of
+from printer_slicer.jobs import Job
+from printer_slicer.sim.tally import Report
+
+__all__ = ["Cause", "causes_of", "explained", "layer_of", "left_over"]
+
+_FOLLOWS: Final[Mapping[str, frozenset[str]]] = {
+    "cold": frozenset({"air", "lack"}),
+    "tool": frozenset({"air", "lack", "flow", "extrusion"}),
+    "arc": frozenset({"air", "lack"}),
+    "extrusion": frozenset({"air", "flow", "lack"}),
+    "clog": frozenset({"air", "flow", "lack"}),
+    "box": frozenset({"air", "bed", "crash", "flow", "lack", "extrusion"}),
+    "bed": frozenset({"air"}),
+    "lack": frozenset({"air"}),
+    "crash": frozenset({"bed", "air"}),
+}
+"""What may come of each kind of fault."""
+
+_ALL: Final = 1 << 30  # layers
+_ON: Final = 1  # layers behind the last one with a fault, in which something may follow from it
+
+
+@dataclass(slots=True)
+class Cause:
+    """Something that went wrong.
+
+    Attributes:
+        kind: see `Fault`.
+        command: where, from 0.
+        last: the last layer in which something may follow from it.
+    """
+
+    kind: str
+    command: int
+    last: int
+
+    def explains(self, kind: str, command: int, layer: int) -> bool:
+        """Whether another fault follows from it; then more may follow from that in the next layer."""
+        follows = kind in _FOLLOWS[self.kind] and command >= self.command and layer <= self.last
+        if follows:
+            self.last = max(self.last, layer + _ON)
+        return follows
+
+
+def causes_of(job: Job, report: Report, comparison: Comparison, account: Account) -> list[Cause]:
+    """What the firmware refused or clipped, layer by layer."""
+    inches = bool(report.violations) and b"G20" in job.commands
+    found: dict[tuple[str, int], Cause] = {}
+    # What is beyond the list may lie in any layer.
+    cut = len(report.violations) < report.n_violations
+    for violation in report.violations:
+        kind = rule_of(violation.text)
+        if kind in _FOLLOWS and comparison.of_job(violation.line):
+            command = comparison.command_of(violation.line)
+            layer = layer_of(account, command)
+            last = _ALL if cut or (kind == "box" and inches) else layer + _ON
+            found.setdefault((kind, layer), Cause(kind, command, last))
+    return list(found.values())
+
+
+def left_over(mishaps: Sequence[Mishap], causes: list[Cause]) -> list[Mishap]:
+    """Mishaps that follow from nothing else."""
+    left = []
+    for one in sorted(mishaps, key=lambda one: one.command):
+        if explained(causes, one.kind, one.command - 1, one.layer):
+            continue
+        left.append(one)
+        if one.kind in {"bed", "crash"}:
+            causes.append(Cause(one.kind, one.command - 1, one.layer + _ON))
+    # Where E is a total and lines are missing, the first bead behind the gap gets all that they would have laid.
+    hanging = {one.layer - back for one in left if one.kind == "air" for back in (0, 1)}
+    return [one for one in left if one.kind != "flow" or one.layer not in hanging]
+
+
+def explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> bool:
+    """Whether a fault follows from some causes; all of them take note."""
+    return sum(cause.explains(kind, command, layer) for cause in causes) > 0
+
+
+def layer_of(account: Account, command: int) -> int:
+    """The layer of a command, as the account counts them; 0 before the first."""
+    return max((one.number for one in account.layers if one.first <= command + 1), default=0)

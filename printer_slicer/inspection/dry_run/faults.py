@@ -1,0 +1,331 @@
+"""What would go wrong, where, and what helps: from the printer's account and that of its material."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+from printer_slicer.commands import lines_of
+from printer_slicer.inspection.deposition.marks import Mishap
+from printer_slicer.inspection.deposition.record import Account
+from printer_slicer.inspection.dry_run.comparison import Comparison
+from printer_slicer.inspection.lint.motion import MELTS
+from printer_slicer.jobs import Job
+from printer_slicer.own_macros import ends_prints, starts_prints
+from printer_slicer.profile import Profile
+from printer_slicer.sim.tally import Report, kind_of
+
+__all__ = [
+    "Fault",
+    "Places",
+    "left_on",
+    "made_ready",
+    "of_machine",
+    "of_material",
+    "rule_of",
+    "sentence",
+    "starved",
+]
+
+_SLOW: Final = 2.0  # mm/s; nobody prints like that
+_ENOUGH: Final = 50.0  # mm of beads before a whole file is judged by how fast they are laid
+_STANDS: Final = 0.25  # s in all that a machine may stand still for want of lines
+_AS_LONG: Final = 1e-3  # s; of stops that differ by less, the first is named
+_SHOWN_COMMAND: Final = 60
+
+_KNOWN: Final = re.compile(
+    r"G(?:[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-2])\b"
+    r"|M(?:\d|1\d|2[0-9]|3[0-4]|4[238]|7[2-8]|8[0-6]|92|9[38]|1[0-6]\d|19[1-3]|2\d\d|30[0-9]|3[567]\d|38[0-2]|4[0-3]\d"
+    r"|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d|100\d)\b|T\d|@"
+)
+"""Commands that some firmware has: what the simulated one does not know of them, real ones may, or pass over."""
+
+
+_TURNS_OFF: Final = "TURN_OFF_HEATERS"
+_BEFORE_LAYERS: Final = 1000  # commands in which a file without comments makes the printer ready
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that would go wrong.
+
+    Attributes:
+        kind: what it is, in one word.
+        what: in words, with numbers.
+        remedy: what helps.
+        line: of the text, counted from 1; 0 where there is none.
+        layer: counted from 1; 0 before the first.
+        z: mm; None where nothing has been laid yet.
+        times: how often.
+        place: x and y, mm, where it is known.
+        harmless: it is only told: the print comes out all the same.
+    """
+
+    kind: str
+    what: str
+    remedy: str
+    line: int = 0
+    layer: int = 0
+    z: float | None = None
+    times: int = 1
+    place: tuple[float, float] | None = None
+    harmless: bool = False
+
+
+BY_LAYER: Final = frozenset({"air", "crash", "bed", "flow"})
+"""Kinds of faults that are told once for each layer."""
+
+
+def sentence(fault: Fault) -> str:
+    """One fault in one line, for people: where, what, what helps."""
+    where = [f"line {fault.line}"] if fault.line else []
+    where += [f"layer {fault.layer}"] if fault.line and fault.layer else []
+    where += [f"z {fault.z:.6g} mm"] if fault.line and fault.z is not None else []
+    unit = "layers" if fault.kind in BY_LAYER else "times"
+    more = f", and {fault.times - 1} more {unit}" if fault.times > 1 else ""
+    more = (
+        more.replace("1 more layers", "1 more layer").replace("1 more times", "once more")
+        if fault.times == 2
+        else more
+    )
+    remedy = f"; {fault.remedy}" if fault.remedy else ""
+    return f"{', '.join(where)}: {fault.what}{more}{remedy}" if where else f"{fault.what}{more}{remedy}"
+
+
+_INCHES: Final = "the file counts in inches (G20): is it in mm?"
+
+
+class _Rule(NamedTuple):
+    """How a violation that the printer tells is said: its kind, and what helps."""
+
+    kind: str
+    remedy: str
+
+
+_LIFTED: Final = "raised the nozzle before homing"
+
+_RULES: Final[Mapping[str, _Rule]] = {
+    "cold extrusion prevented": _Rule("cold", "heat the nozzle first: M109 S and a temperature"),
+    "too long extrusion prevented": _Rule("extrusion", "look at M82, M83 and G92 E0 before it"),
+    "out of the machine": _Rule(
+        "box", "move the part, or name the printer that it was made for with --printer"
+    ),
+    "moved before homing": _Rule("homing", "begin with G28"),
+    _LIFTED: _Rule("homing", "home first, if the nozzle may stand at the top"),
+    "probed before homing": _Rule("homing", "put G28 before G29"),
+    "unknown command": _Rule("unknown", "the printer passes over it; is the file made for this firmware?"),
+    "hotend asked for": _Rule("temperature", "choose a temperature that the printer stands"),
+    "bed asked for": _Rule("temperature", "choose a temperature that the printer stands"),
+    "no such extruder": _Rule("tool", "slice for one extruder, or say how many there are: --extruders N"),
+    "move that cannot be parsed": _Rule("unreadable", "write a number after every letter of this line"),
+    "arc without a centre": _Rule("arc", "switch arcs off in the slicer"),
+}
+
+_MACHINE: Final = _Rule("machine", "")
+
+
+def rule_of(what: str) -> str:
+    """The kind of fault that a violation is."""
+    return _RULES.get(kind_of(what), _MACHINE).kind
+
+
+class Places:
+    """Where in its text a command of a job stands, and in which layer at which height.
+
+    Args:
+        job: the commands.
+        account: of their material, if it was kept.
+    """
+
+    def __init__(self, job: Job, account: Account | None) -> None:
+        self._job = job
+        layers = account.layers if account is not None else ()
+        self._marks, self._numbers = list(job.marks), list(job.marks.values())
+        self._heights = {layer.number: layer.z for layer in layers if layer.length > 0}
+        self._begins = [layer.first - 1 for layer in layers]
+        self._layers = [layer.number for layer in layers]
+
+    def put(self, faults: Iterable[tuple[int, Fault]]) -> list[Fault]:
+        """Faults with line, layer and height, in the order of the commands told with them (from 0; -1: of none)."""
+        found = sorted(faults, key=lambda one: (one[0] < 0, one[0]))
+        lines = lines_of(self._job.text, [max(command, 0) for command, _ in found])
+        return [
+            fault if command < 0 else self._put(command, line, fault)
+            for (command, fault), line in zip(found, lines, strict=True)
+        ]
+
+    def _put(self, command: int, line: int, fault: Fault) -> Fault:
+        layer = self._layer(command)
+        height = self._heights.get(layer) if layer else None
+        return replace(fault, line=line, layer=layer, z=height if fault.z is None else fault.z)
+
+    def _layer(self, command: int) -> int:
+        begins, numbers = (self._marks, self._numbers) if self._marks else (self._begins, self._layers)
+        at = bisect_right(begins, command)
+        return numbers[at - 1] if at else 0
+
+
+def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Fault]]:
+    """What the firmware refused or clipped; the same thing in several commands is told once."""
+    told: set[str] = set()
+    inches = bool(report.violations) and b"G20" in job.commands
+    for violation in report.violations:
+        what = violation.text
+        kind = kind_of(what)
+        rule = _RULES.get(kind, _MACHINE)
+        code = what.partition(": ")[2].partition(" ")[0]
+        key = f"{kind} {code}" if rule.kind == "unknown" else kind
+        if key in told or not comparison.of_job(violation.line):
+            continue
+        if rule.kind == "extrusion" and inches and "out of the machine" in told:
+            continue  # too far and too much come from the same slip
+        told.add(key)
+        same = sum(kind_of(one.text) == kind and code in one.text for one in report.violations)
+        times = same if rule.kind == "unknown" else report.violation_counts.get(kind, 1)
+        remedy = _INCHES if rule.kind == "box" and inches else rule.remedy
+        harmless = kind == _LIFTED or (rule.kind == "unknown" and _KNOWN.match(code) is not None)
+        yield (
+            comparison.command_of(violation.line),
+            Fault(rule.kind, what, remedy, times=times, harmless=harmless),
+        )
+
+
+def of_material(profile: Profile, account: Account, mishaps: Sequence[Mishap]) -> Iterator[tuple[int, Fault]]:
+    """The first fault of each kind, and in how many layers there are such.
+
+    Args:
+        profile: with the material.
+        account: of it.
+        mishaps: those of the account that follow from nothing else.
+    """
+    say: Mapping[str, Callable[[Mishap], tuple[str, str]]] = {
+        "air": lambda one: (
+            f"{one.amount:.0f} mm of beads lie in the air, at x {one.x:.1f} y {one.y:.1f}: nothing there holds them",
+            "is a layer missing below, or support?",
+        ),
+        "crash": lambda one: (
+            f"the nozzle goes {one.depth:.2f} mm deep through what is printed, at x {one.x:.1f} y {one.y:.1f}",
+            "raise the nozzle before it goes there; look at the z of this line and those before it",
+        ),
+        "bed": lambda one: (
+            f"beads lie {one.z:.3g} mm over the bed: the nozzle scrapes it",
+            "are z offset and units right? A file in inches needs G20",
+        ),
+    }
+    for kind, words in say.items():
+        own = [one for one in mishaps if one.kind == kind]
+        if own:
+            what, remedy = words(own[0])
+            count = _how_often(account, own)
+            yield (
+                own[0].command - 1,
+                Fault(kind, what, remedy, z=own[0].z, times=count, place=(own[0].x, own[0].y)),
+            )
+    yield from _of_flow(profile, [one for one in mishaps if one.kind == "flow"])
+    if account.length > _ENOUGH and 0 < account.speed < _SLOW and account.laid is not None:
+        what = f"half of everything is laid slower than {account.speed:.2g} mm/s: F counts mm/min"
+        yield account.laid - 1, Fault("speed", what, "does the file count F in mm/s?")
+
+
+def _how_often(account: Account, own: Sequence[Mishap]) -> int:
+    """How many layers have mishaps of one kind: more than are listed, if none of the list is left out."""
+    listed = sum(one.kind == own[0].kind for one in account.mishaps)
+    return account.counts[own[0].kind] if len(own) == listed else len(own)
+
+
+def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fault]]:
+    """More plastic per second than the material melts."""
+    if not own:
+        return
+    most = profile.max_flow
+    far = [one for one in own if one.amount > most * MELTS]
+    first, worst = (far or own)[0], max(own, key=lambda one: one.amount)
+    what = f"{first.amount:.1f} mm3/s of plastic; {profile.material.name} melts {most:g}"
+    what += f"; {worst.amount:.1f} in layer {worst.layer}" if worst.amount > first.amount * 1.05 else ""
+    remedy = "print slower or thinner, or set material.max_flow to what yours melts"
+    yield (
+        first.command - 1,
+        Fault(
+            "flow", what, remedy, z=first.z, times=len(far or own), place=(first.x, first.y), harmless=not far
+        ),
+    )
+
+
+def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault]]:
+    """Heaters that are still on when all is done, and the command that had the last word.
+
+    A macro of the printer that ends prints may switch them off. Its contents are unknown, so the fault says so.
+
+    Args:
+        job: that was executed.
+        profile: its firmware may have macros.
+        targets: °C, by "nozzle" and "bed".
+    """
+    words: Mapping[str, Sequence[bytes]] = {"nozzle": (b"M104", b"M109"), "bed": (b"M140", b"M190")}
+    off = {"nozzle": "M104 S0", "bed": "M140 S0"}
+    for heater, target in targets.items():
+        if target <= 0:
+            continue
+        last = next(
+            (
+                index
+                for index in range(len(job.commands) - 1, -1, -1)
+                if job.commands[index].upper().startswith(tuple(words[heater]))
+            ),
+            -1,
+        )
+        what = f"the {heater} stays on at {target:.0f} °C when all is done"
+        macro = _macro_behind(job, last) if profile.printer.firmware.extended_commands else ""
+        if macro.upper() == _TURNS_OFF:
+            continue
+        if macro:
+            what += f", unless the printer's macro {macro} switches it off"
+            remedy = f"check that the macro contains {off[heater]} or {_TURNS_OFF}"
+        else:
+            remedy = f"end with {off[heater]}"
+        yield last, Fault("heater", what, remedy, harmless=bool(macro))
+
+
+def _macro_behind(job: Job, last: int) -> str:
+    """Return the last macro after a command whose name suggests that it ends prints or cools; empty if none."""
+    for command in reversed(job.commands[last + 1 :]):
+        if macro := ends_prints(command.decode("latin-1")):
+            return macro
+    return ""
+
+
+def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Fault]]:
+    """The macro of the printer's own that is trusted to home and to heat, for nothing before it homes.
+
+    Args:
+        job: that was executed.
+        profile: whose firmware may have macros.
+    """
+    if not profile.printer.firmware.extended_commands:
+        return
+    for index, command in enumerate(job.commands[: min(job.marks, default=_BEFORE_LAYERS)]):
+        if command[:3].upper() == b"G28":
+            return
+        if macro := starts_prints(command.decode("latin-1")):
+            what = f"{macro} is a macro of the printer's own; it is taken to home all axes and to heat"
+            yield index, Fault("homing", what, "see that it does", harmless=True)
+            return
+
+
+def starved(report: Report, comparison: Comparison, baud: int, *, asked: bool) -> Iterator[tuple[int, Fault]]:
+    """Standing still, with the nozzle on the part, because lines did not come in time."""
+    if report.starved_seconds <= _STANDS:
+        return
+    most = max(seconds for _, seconds in report.starved)
+    first = next(command for command, seconds in report.starved if seconds >= most - _AS_LONG)
+    what = (
+        f"the machine runs out of moves at {baud} Bd, {report.starved_seconds:.1f} s in all, most of it here"
+    )
+    remedy = "use a faster link, or let the slicer suit it: printer.link_lines_per_second, arc_tolerance, resolution"
+    yield (
+        comparison.command_of(first),
+        Fault("link", what, remedy, times=report.starvations, harmless=not asked),
+    )

@@ -1,0 +1,52 @@
+"""From the moves that a printer made to the account of its material."""
+
+from __future__ import annotations
+
+from array import array
+from math import pi
+
+import numpy as np
+
+from printer_slicer.inspection.deposition.marks import marks_of
+from printer_slicer.inspection.deposition.record import Account
+from printer_slicer.inspection.deposition.recorder import Keeper
+from printer_slicer.inspection.dry_run.comparison import Comparison
+from printer_slicer.jobs import Job
+from printer_slicer.profile import Profile
+from printer_slicer.sim.track import COLUMNS, Track
+
+__all__ = ["Materials"]
+
+
+class Materials:
+    """Watches a printer that executes a job.
+
+    Args:
+        job: it.
+        profile: with the machine and the material.
+        comparison: knows which command of the job each executed one is.
+
+    Attributes:
+        track: what to give to the printer.
+    """
+
+    def __init__(self, job: Job, profile: Profile, comparison: Comparison) -> None:
+        self.track = Track(self._take)
+        self._comparison = comparison
+        area = pi * profile.material.filament_diameter**2 / 4
+        self._keeper = Keeper(
+            profile.printer.corners,
+            area,
+            profile.max_flow,
+            marks_of(job.commands, job.text, job.marks, job.roles),
+        )
+
+    def account(self) -> Account:
+        """What it came to."""
+        self.track.flush()
+        return self._keeper.close()
+
+    def _take(self, rows: array[float], seconds: array[float], kept_back: float) -> None:
+        table = np.frombuffer(rows).reshape(-1, COLUMNS).copy()
+        table[:, 0] = self._comparison.commands_of(table[:, 0].astype(np.int64)) + 1
+        self._keeper.feed(table, np.frombuffer(seconds), kept_back)

@@ -1,0 +1,88 @@
+"""Temperatures that a job asks for, against the ceilings of the profile.
+
+Source: Marlin's documentation, "M104", "M109", "M140", "M190", "M141", "M149"; Duet3D's G-code dictionary, "G10",
+"M568"; Klipper's documents, "G-Codes": SET_HEATER_TEMPERATURE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from printer_slicer.inspection.lint.words import Command
+from printer_slicer.profile import Profile
+
+__all__ = ["Heat"]
+
+_Heater = Literal["nozzle", "bed", "chamber"]
+
+_BY_CODE: Final[dict[str, _Heater]] = {
+    "M104": "nozzle",
+    "M109": "nozzle",
+    "M568": "nozzle",
+    "M140": "bed",
+    "M190": "bed",
+    "M141": "chamber",
+    "M191": "chamber",
+}
+_LETTERS: Final = "SR"
+
+_FAHRENHEIT_ZERO: Final = 32.0
+_KELVIN_ZERO: Final = 273.15
+
+
+@dataclass(slots=True)
+class Heat:
+    """Follows the temperatures of a job.
+
+    Attributes:
+        profile: whose ceilings hold.
+        heated: whether the nozzle was told to be warm.
+    """
+
+    profile: Profile
+    heated: bool = False
+    _unit: str = "C"
+
+    def judge(self, command: Command) -> str:
+        """What is wrong with the temperature that a command asks for; empty if it asks for none, or for a good one."""
+        if command.code == "M149":
+            self._unit = next((letter for letter in "CFK" if letter in command.words), self._unit)
+            return ""
+        if command.settings or command.code.startswith(("SET_HEATER", "TEMPERATURE_WAIT")):
+            return self._of_settings(command)
+        heater = _BY_CODE.get(command.code)
+        if command.code == "G10" and "P" in command.words and set(command.words) & set(_LETTERS):
+            heater = "nozzle"
+        if heater is None:
+            return ""
+        self.heated = self.heated or heater == "nozzle"
+        if command.vague:
+            return f"the temperature of the {heater} cannot be read"
+        asked = command.most(_LETTERS)
+        return "" if asked is None else self._over(heater, self._celsius(asked))
+
+    def _of_settings(self, command: Command) -> str:
+        """Klipper's commands, and macros with temperatures, such as START_PRINT EXTRUDER_TEMP=210."""
+        for name, value in command.settings.items():
+            if "TEMP" not in name and name not in {"TARGET", "MINIMUM", "EXTRUDER", "HOTEND", "BED"}:
+                continue
+            words = f"{name} {command.text}" if name in {"TARGET", "MINIMUM"} else name
+            heater: _Heater = "bed" if "BED" in words else "chamber" if "CHAMBER" in words else "nozzle"
+            self.heated = self.heated or heater == "nozzle"
+            if command.vague:
+                return f"the temperature of the {heater} cannot be read"
+            if wrong := self._over(heater, value):
+                return wrong
+        return ""
+
+    def _celsius(self, value: float) -> float:
+        if self._unit == "F":
+            return (value - _FAHRENHEIT_ZERO) / 1.8
+        return value - _KELVIN_ZERO if self._unit == "K" else value
+
+    def _over(self, heater: _Heater, asked: float) -> str:
+        printer = self.profile.printer
+        # Profiles do not know chambers; none is hotter than a bed may be.
+        most = printer.max_nozzle_temperature if heater == "nozzle" else printer.max_bed_temperature
+        return f"{heater} at {asked:g} °C, at most {most:g} °C are allowed" if asked > most else ""

@@ -1,0 +1,48 @@
+"""Commands in lower case, which most firmwares do not know: each dialect says by `any_case` whether its does.
+
+Texts of messages and names of files, words with more than one letter, and commands for the host (`@pause`) may be in
+lower case everywhere.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from printer_slicer.gcode import FLAVOURS
+from printer_slicer.inspection.lint.numbers import firmware_name
+from printer_slicer.inspection.lint.words import takes_text
+
+__all__ = ["lower_case_fault"]
+
+_CODE: Final = re.compile(r"\s*(?:[Nn]\d+\s*)?([A-Za-z])\s*(\d+)")
+_TEXT: Final = re.compile(r'"[^"]*"?|\([^)]*\)?|\{[^}]*\}?')
+_LOWER_WORD: Final = re.compile(r"(?<![A-Za-z_])[a-z](?![A-Za-z_])")
+_CODES: Final = frozenset("GMTD")
+
+
+def lower_case_fault(line: bytes, flavour: str) -> str:
+    """What is wrong with the case of a line's letters, and how to write it; empty if nothing is.
+
+    Args:
+        line: one command, without comment.
+        flavour: of the firmware, a key of `FLAVOURS`.
+    """
+    if FLAVOURS[flavour].any_case or line == line.upper():
+        return ""
+    text = line.decode("latin-1").rstrip()
+    found = _CODE.match(text)
+    if found is None or found[1].upper() not in _CODES:
+        return ""
+    behind = text[found.end() :]
+    free = takes_text(f"{found[1].upper()}{int(found[2])}")
+    if found[1].isupper() and (free or not _LOWER_WORD.search(_TEXT.sub(" ", behind))):
+        return ""
+    capitals = found[0].lstrip().upper() + (behind if free else _in_capitals(behind))
+    return f"is in lower case, which {firmware_name(flavour)} does not know: write {capitals}"
+
+
+def _in_capitals(words: str) -> str:
+    """The words of a command in capitals, with its texts as they are."""
+    texts = iter(_TEXT.findall(words))
+    return "".join(part.upper() + next(texts, "") for part in _TEXT.split(words))

@@ -1,0 +1,111 @@
+"""A whole job before its first byte: every command and every move, in a second."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from printer_slicer.diagnostics import Finding
+from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
+from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
+from printer_slicer.inspection.lint.heat import Heat
+from printer_slicer.inspection.lint.letter_case import lower_case_fault
+from printer_slicer.inspection.lint.motion import MoveJudge
+from printer_slicer.inspection.lint.numbers import number_faults
+from printer_slicer.inspection.lint.readiness import Readiness
+from printer_slicer.inspection.lint.table import RULES, Rule
+from printer_slicer.inspection.lint.words import Command, read_commands, unusual
+from printer_slicer.profile import Profile
+
+__all__ = ["scan"]
+
+_RULES: Final[Mapping[str, tuple[Rule, ...]]] = {
+    code: tuple(rule for rule in RULES if code in rule.codes) for rule in RULES for code in rule.codes
+}
+_SCRIPTS: Final = frozenset({"IF", "ELIF", "ELSE", "WHILE", "VAR", "GLOBAL", "SET", "ABORT"})
+_MODES: Final = frozenset({"G0", "G1", "G2", "G3", "G20", "G21", "G28", "G90", "G91", "G92", "M82", "M83"})
+_Key = tuple[str, bool, str, str]
+
+
+def scan(
+    commands: Sequence[bytes],
+    profile: Profile,
+    *,
+    moves: Iterable[Moves] | None = None,
+    marks: Mapping[int, int] | None = None,
+    whole: bool = False,
+    tracker: UnsupportedTracker | None = None,
+) -> tuple[Finding, ...]:
+    """Everything in a job that a person should know, or must allow, before a printer gets it.
+
+    Args:
+        commands: one per entry, without comments, as they are sent.
+        profile: the machine and its material, with their ceilings.
+        moves: of the commands, piece by piece, if somebody else wants to see them too.
+        marks: command index -> layer, ascending.
+        whole: whether the commands are a complete print, which must home and heat by itself.
+        tracker: finds unsupported extrusion; None if the commands are not a complete print.
+
+    Returns:
+        What was found, in the order of the commands; the same thing done again is counted.
+    """
+    if moves is None:
+        dialect = FLAVOURS[profile.printer.flavour]
+        moves = pieces_of(commands, profile.printer.corners[0], dialect)
+    found: dict[_Key, Finding] = {}
+    factors: list[tuple[int, float]] = []
+    heat, readiness = Heat(profile), Readiness(profile.printer.flavour)
+    for index, line in unusual(commands):
+        for command in read_commands(line):
+            readiness.follow(index, command)
+            if command.code == "M221" and (ratio := command.most("S")):
+                factors.append((index, ratio / 100))
+            for name, refused, what, why in _said(command, line, profile, heat):
+                shown = line.decode("latin-1")
+                key = (name, refused, what, shown)
+                old = found.get(key)
+                found[key] = (
+                    replace(old, times=old.times + 1)
+                    if old
+                    else Finding(name, refused, index, shown, what, why)
+                )
+    judge = MoveJudge(profile, factors, tracker)
+    for piece in moves:
+        judge.see(piece)
+        if whole:
+            readiness.watch(piece)
+    everything = [*found.values(), *judge.findings(commands), *readiness.findings(commands)]
+    return _in_order(everything, marks or {})
+
+
+def _in_order(findings: Iterable[Finding], marks: Mapping[int, int]) -> tuple[Finding, ...]:
+    """Return findings with their layers, in the order of the commands."""
+    begins, layers = list(marks), list(marks.values())
+    placed = (
+        replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)
+        for one in findings
+    )
+    return tuple(sorted(placed, key=lambda one: (one.index, not one.refused, one.name)))
+
+
+def _said(
+    command: Command, line: bytes, profile: Profile, heat: Heat
+) -> Iterator[tuple[str, bool, str, str]]:
+    """Name, whether it is refused, what it does, why that matters."""
+    if wrong := heat.judge(command):
+        yield "temperature", True, wrong, "it may burn"
+    for rule in _RULES.get(command.code, ()):
+        said = rule.judge(command, profile.printer)
+        if said is not None:
+            yield rule.name, *said, rule.why
+    if not command.further and (what := lower_case_fault(line, profile.printer.flavour)):
+        yield "unreadable", True, what, "the printer ignores what it does not know"
+    for what in number_faults(command, profile.printer.flavour):
+        yield "unreadable", True, what, "firmwares read it differently"
+    if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
+        yield "debug", True, "is a command for developers", "it may read and write memory and pins"
+    scripted = command.code in _SCRIPTS and "_" not in command.code
+    if scripted or (command.code in _MODES and (command.further or "{" in command.text)):
+        yield "unreadable", True, "cannot be followed", "what it does depends on the firmware"

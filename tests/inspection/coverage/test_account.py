@@ -1,0 +1,331 @@
+"""The ledger of beads whose answers are known: areas, fill, overlap, beads in the air, outlines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer import bead
+from printer_slicer.geometry import Areas
+from printer_slicer.inspection.coverage.account import Ledger, Rules, ledger_of, overlapping
+from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.limits import findings
+from printer_slicer.inspection.coverage.matching import first_guess, fitted, moved
+from printer_slicer.inspection.coverage.stack import stacked
+from printer_slicer.inspection.deposition.purposes import Purpose
+from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid, square
+
+HEIGHT = 0.2
+GAP = float(bead.spacing(WIDTH, HEIGHT))
+RULES = Rules()
+ROUND = 0.01  # mm² that the chords of a round end may lack
+
+
+def ring(
+    side: float, z: float = HEIGHT, inset: float = WIDTH / 2, purpose: Purpose = Purpose.UNKNOWN
+) -> Beads:
+    """A closed bead along a square of this side, `inset` within it."""
+    a, b = inset, side - inset
+    return beads_along([(a, a), (b, a), (b, b), (a, b), (a, a)], z=z, purpose=purpose)
+
+
+def account(beads: Beads, *rings: list[np.ndarray], rules: Rules = RULES) -> Ledger:  # type: ignore[type-arg]
+    return ledger_of(stacked(beads), sections(*rings), rules)
+
+
+# --- areas ---
+
+
+def test_one_loop_covers_its_outline() -> None:
+    ledger = account(ring(20), [square(20)])
+
+    assert ledger.covered.area()[0] == pytest.approx(
+        4 * WIDTH * (20 - WIDTH) - (4 - pi) * WIDTH**2 / 4, abs=ROUND
+    )
+    assert ledger.outside.area()[0] == 0
+    assert ledger.volume.tolist() == pytest.approx([4 * (20 - WIDTH) * GAP * HEIGHT])
+    assert ledger.section_volume.tolist() == pytest.approx([400 * HEIGHT])
+
+
+def test_the_shell_that_one_loop_leaves_open_is_uncovered() -> None:
+    ledger = account(ring(20), [square(20), square(12, (4, 4))[::-1]], rules=Rules(shell=1.0))
+
+    # Nothing lies along the hole; there the shell, and where air begins above and below, is the whole section.
+    wanted = 400 - 144 - float(ledger.covered.area()[0])
+    assert ledger.shell.area()[0] == pytest.approx(400 - 144)
+    assert ledger.uncovered.area()[0] == pytest.approx(wanted, abs=0.1)
+
+
+def test_what_is_laid_beyond_the_section_is_outside() -> None:
+    ledger = account(beads_along([(0, 5), (30, 5)]), [square(20)], rules=Rules(beyond=0.1))
+
+    # From the left, half a round end; from the right 10 mm and half a round end; but for 0.1 mm on either side.
+    long = 10 * WIDTH + pi * WIDTH**2 / 4 - 2 * 0.1 * WIDTH
+    assert ledger.outside.area()[0] == pytest.approx(long, abs=0.01)
+
+
+def test_gaps_narrower_than_a_slit_are_not_told() -> None:
+    beads = joined(beads_along([(0, 0.225), (20, 0.225)]), beads_along([(0, 0.725), (20, 0.725)]))
+    section = np.array([(0, 0), (20, 0), (20, 0.95), (0, 0.95)])
+    narrow, wide = (
+        account(beads, [section], rules=Rules(slit=slit)).uncovered.area()[0] for slit in (0.06, 0.04)
+    )
+
+    assert narrow == pytest.approx(0, abs=0.02)
+    assert wide == pytest.approx(20 * 0.05, abs=0.05)
+
+
+# --- fill and overlap ---
+
+
+@pytest.mark.parametrize("height", [0.1, 0.2, 0.32])
+def test_beads_a_spacing_apart_fill_a_layer_just_once(height: float) -> None:
+    rows = 30
+    beads = solid(12.0, rows, z=height, height=height)
+    gap, side = float(bead.spacing(WIDTH, height)), float(bead.side_loss(height))
+    wide = rows * gap + 2 * side
+    ledger = account(beads, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
+
+    assert ledger.fill.overlap.tolist() == [0]
+    assert ledger.fill.most[0] == pytest.approx(1, abs=0.02)
+    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
+    assert ledger.volume[0] == pytest.approx(12 * rows * gap * height)
+
+
+@pytest.mark.parametrize("degrees", [0, 17, 30, 45])
+def test_it_does_not_matter_in_which_direction_a_layer_is_filled(degrees: float) -> None:
+    beads, turn = solid(12.0, 30), np.deg2rad(degrees)
+    matrix = np.array([(np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))])
+    wide = 30 * GAP + (WIDTH - GAP)
+    section = np.array([(0, 0), (12, 0), (12, wide), (0, wide)]) @ matrix
+    ledger = account(replace(beads, begin=beads.begin @ matrix, end=beads.end @ matrix), [section])
+
+    assert ledger.fill.overlap.tolist() == [0]
+    assert ledger.fill.most[0] == pytest.approx(1, abs=0.03)
+    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
+
+
+def test_large_plates_have_coarser_cells() -> None:
+    far = joined(solid(12.0, 30), beads_along([(200, 200), (210, 200)]))
+    wide = 30 * GAP + (WIDTH - GAP)
+    ledger = account(far, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)]), square(9.9, (200, 199.775))])
+
+    assert (account(solid(12.0, 30), [square(12)]).fill.cell, ledger.fill.cell) == (0.1, 0.2)
+    assert ledger.fill.most[0] == pytest.approx(1, abs=0.06)
+    assert ledger.volume[0] == pytest.approx(far.volume.sum())
+
+
+def test_the_inside_of_a_right_angled_corner_is_not_told() -> None:
+    ledger = account(joined(ring(20), ring(20, inset=WIDTH / 2 + GAP)), [square(20)])
+
+    assert ledger.fill.overlap.tolist() == [0]
+    assert 1 < ledger.fill.most[0] < 1.3
+
+
+@pytest.mark.parametrize("filled", [False, True])
+def test_a_shell_with_nothing_inside_is_full_but_for_three_hundredths(filled: bool) -> None:
+    """It needs what the round sides along the outline leave empty, too, from a wider inner perimeter."""
+    inner = ring(20, inset=WIDTH / 2 + GAP)
+    sides = 80 * float(bead.side_loss(HEIGHT)) / (4 * (20 - WIDTH - 2 * GAP)) / GAP
+    beads = joined(ring(20), replace(inner, area=inner.area * (1 + sides)) if filled else inner)
+    stack = stacked(
+        joined(beads, replace(beads, z_top=beads.z_top * 2), replace(beads, z_top=beads.z_top * 3))
+    )
+    ledger = ledger_of(stack, sections(*[[square(20)]] * 3), Rules(shell=2 * GAP + WIDTH - GAP))
+
+    # Half of what makes the inner one wider lies inside of the shell.
+    missing = float(bead.side_loss(HEIGHT)) / (2 * GAP) / (2 if filled else 1)
+    assert ledger.fill.shell[1] == pytest.approx(0.985 - missing, abs=0.016)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 1.2])
+def test_the_shell_holds_as_much_as_is_laid(share: float) -> None:
+    beads = solid(12.0, 30)
+    wide = 30 * GAP + (WIDTH - GAP)
+    some = Beads(
+        beads.begin,
+        beads.end,
+        beads.z_top,
+        beads.rise,
+        beads.height,
+        beads.area * share,
+        beads.purpose,
+        beads.line,
+    )
+    ledger = account(some, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
+
+    assert ledger.fill.shell[0] == pytest.approx(share, rel=0.03)
+
+
+def test_a_bead_laid_twice_overlaps_along_its_length() -> None:
+    once = account(beads_along([(0, 5), (18, 5)]), [square(20)])
+    twice = account(joined(*[beads_along([(0, 5), (18, 5)])] * 2), [square(20)])
+
+    assert once.fill.overlap.tolist() == [0]
+    # Windows are as wide as the bead and empty on either side of it: only those over its middle are too full.
+    assert 0.3 * 18 * WIDTH < twice.fill.overlap[0] < 18 * WIDTH
+    assert twice.fill.most[0] == pytest.approx(2 * GAP / 0.5, abs=0.1)
+    x, y = twice.fill.place[0]
+    assert 0 <= x <= 18
+    assert y == pytest.approx(5, abs=0.2)
+    assert overlapping(twice, 0).area()[0] == pytest.approx(twice.fill.overlap[0], abs=0.01)
+
+
+def test_short_beads_however_many_do_not_change_how_overlap_is_judged() -> None:
+    twice = joined(*[beads_along([(0, 5), (18, 5)])] * 2)
+    dots = joined(*(beads_along([(x / 5, 15), (x / 5 + 0.1, 15)], width=HEIGHT) for x in range(80)))
+    alone, among = account(twice, [square(20)]), account(joined(twice, dots), [square(20)])
+
+    assert among.fill.overlap == pytest.approx(alone.fill.overlap)
+    assert among.fill.most == pytest.approx(alone.fill.most)
+
+
+# --- beads in the air ---
+
+
+def two_posts(top: Beads) -> Ledger:
+    """Two blocks 10 mm apart, 0.2 mm high, and beads above them."""
+    blocks = joined(
+        *(beads_along([(x, y * GAP), (x + 5, y * GAP)]) for x in (0.0, 15.0) for y in range(20)), top
+    )
+    low = [square(5), square(5, (15, 0))]
+    return account(blocks, low, [square(20)])
+
+
+def test_on_the_bed_nothing_hangs() -> None:
+    assert account(ring(20), [square(20)]).hanging.tolist() == [0]
+
+
+def test_a_straight_bead_over_a_gap_that_is_held_at_both_ends_is_a_bridge() -> None:
+    ledger = two_posts(beads_along([(1, 3), (19, 3)], z=0.4))
+
+    assert ledger.air.bridge.tolist() == [True]
+    assert ledger.air.length[0] == pytest.approx(10 - 2 * WIDTH, abs=0.3)
+    assert ledger.hanging.tolist() == [0, 0]
+
+
+def test_a_bead_that_ends_in_the_air_hangs() -> None:
+    ledger = two_posts(beads_along([(1, 3), (10, 3)], z=0.4))
+
+    assert ledger.air.bridge.tolist() == [False]
+    assert ledger.hanging[1] == pytest.approx(10 - 5 - WIDTH, abs=0.3)
+    assert ledger.air.place[0] == pytest.approx([5 + WIDTH, 3], abs=0.3)
+
+
+def test_a_bead_that_turns_in_the_air_hangs() -> None:
+    ledger = two_posts(beads_along([(1, 1), (10, 1), (10, 4), (1, 4)], z=0.4))
+
+    assert ledger.air.bridge.tolist() == [False]
+    assert ledger.hanging[1] == pytest.approx(2 * (5 - WIDTH) + 3, abs=0.4)
+
+
+def test_a_bead_a_little_beside_the_one_below_rests_on_it() -> None:
+    near, far = (
+        account(joined(ring(20), ring(20, z=0.4, inset=inset)), *[[square(20)]] * 2) for inset in (-0.1, -0.6)
+    )
+
+    assert near.hanging.tolist() == [0, 0]
+    assert far.hanging[1] == pytest.approx(4 * 21.2, abs=0.1)
+
+
+def test_a_loop_that_begins_in_the_air_may_still_be_a_bridge() -> None:
+    top = beads_along([(10, 1), (18, 1), (18, 4), (2, 4), (2, 1), (10, 1)], z=0.4)
+
+    assert two_posts(top).hanging.tolist() == [0, 0]
+
+
+def test_supports_carry_what_is_laid_over_them_at_a_little_distance() -> None:
+    post = [beads_along([(0, y * GAP), (5, y * GAP)], z=z) for z in (0.2, 0.4) for y in range(20)]
+    over = beads_along([(1, 3), (10, 3)], z=0.6)
+    support = beads_along([(5, 3), (15, 3)], purpose=Purpose.SUPPORT)
+    rings = [[square(5)], [square(5)], [square(20)]]
+
+    assert account(joined(*post, over), *rings).hanging[2] > 3
+    assert account(joined(*post, support, over), *rings).hanging.tolist() == [0, 0, 0]
+
+
+# --- outlines ---
+
+
+@pytest.mark.parametrize("off", [0.0, 0.2, -0.2])
+def test_the_outline_is_off_by_how_much_the_part_is_too_large(off: float) -> None:
+    beads = joined(ring(20, inset=WIDTH / 2 - off), ring(20, inset=WIDTH / 2 - off + GAP))
+    ledger = account(beads, [square(20)], rules=Rules(shell=0.8))
+
+    assert ledger.outline.p95[0] == pytest.approx(abs(off), abs=0.02)
+    # At corners beads are round.
+    assert ledger.outline.largest[0] <= np.hypot(off, off) + 0.1
+
+
+def test_a_void_inside_does_not_change_the_outline() -> None:
+    beads = joined(ring(6), ring(6, inset=WIDTH / 2 + GAP))
+    ledger = account(beads, [square(6)], rules=Rules(shell=3.0))
+
+    assert ledger.uncovered.area()[0] > 10
+    assert ledger.outline.largest[0] < 0.1
+
+
+# --- matching ---
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.floats(-50, 150),
+    st.floats(-50, 150),
+    st.floats(6, 30),
+    st.floats(6, 30),
+    st.sampled_from(list(Purpose)[:2]),
+)
+def test_a_box_is_found_wherever_it_is_printed(
+    x: float, y: float, wide: float, deep: float, purpose: Purpose
+) -> None:
+    half = WIDTH / 2
+    corners = [
+        (half, half),
+        (wide - half, half),
+        (wide - half, deep - half),
+        (half, deep - half),
+        (half, half),
+    ]
+    beads = beads_along([(a + x, b + y) for a, b in corners], purpose=purpose)
+    stack = stacked(beads)
+    section = sections([np.array([(0, 0), (wide, 0), (wide, deep), (0, deep)])])
+    guess = first_guess(stack, section)
+    match = fitted(stack, moved(section, guess))
+
+    assert np.add(guess, match.shift) == pytest.approx([x, y], abs=2e-3)
+    assert match.share == 1
+    ledger = ledger_of(stack, moved(section, np.add(guess, match.shift)))
+    assert ledger.volume.sum() == pytest.approx(beads.volume.sum())
+    assert ledger.outside.area().sum() == pytest.approx(0, abs=1e-3)
+    assert (ledger.covered.area() <= section.area() + 0.1).all()
+
+
+def test_layers_and_sections_must_be_as_many() -> None:
+    with pytest.raises(ValueError, match="1 layers of beads, 2 sections"):
+        ledger_of(stacked(ring(20)), Areas.empty(2))
+
+
+def test_findings_are_runs_of_layers_and_the_worst_comes_first() -> None:
+    beads = joined(*(ring(20, z=0.2 * (k + 1), inset=-2.0 if k in {3, 4} else WIDTH / 2) for k in range(8)))
+    found = findings(account(beads, *[[square(20)]] * 8, rules=Rules(shell=0.4)))
+    outside = [one for one in found if one.kind == "outside"]
+
+    assert [(one.first, one.last) for one in outside] == [(3, 4)]
+    assert [one.severity for one in found] == sorted((one.severity for one in found), reverse=True)
+    assert outside[0].line > 0
+
+
+def test_ironing_does_not_overlap() -> None:
+    beads = solid(12.0, 20)
+    wide = 20 * GAP + (WIDTH - GAP)
+    section = [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])]
+    iron = beads_along([(0, 4), (12, 4)], purpose=Purpose.IRONING)
+
+    assert account(joined(beads, iron), section).fill.overlap.tolist() == [0]
+    assert account(joined(beads, beads_along([(0, 4), (12, 4)])), section).fill.overlap[0] > 3

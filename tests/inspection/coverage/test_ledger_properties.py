@@ -1,0 +1,222 @@
+"""What holds for any beads: they tile, they move, they swell, they turn; and another engine says the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer import bead
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, normalize
+from printer_slicer.inspection.coverage.account import Rules, ledger_of
+from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.matching import moved
+from printer_slicer.inspection.coverage.stack import Stack, stacked
+from printer_slicer.inspection.deposition.purposes import Purpose
+from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid
+from tests.parts import shape, shapely
+from tests.strategies import star_rings
+
+GAP = float(bead.spacing(WIDTH, 0.2))
+ARC = 0.006  # mm that drawn circles and rounded widths may be off
+
+
+def turned(xy: Float, degrees: float) -> Float:
+    angle = np.deg2rad(degrees)
+    return np.asarray(xy @ np.array([(cos(angle), sin(angle)), (-sin(angle), cos(angle))]))
+
+
+def with_ends(beads: Beads, begin: Float, end: Float) -> Beads:
+    return replace(beads, begin=begin, end=end)
+
+
+def loops(side: float, deep: float, count: int = 1) -> Beads:
+    """Beads along a rectangle from the origin, one spacing inside each other, the first with its side on the edge."""
+    found = []
+    for k in range(count):
+        a = WIDTH / 2 + k * GAP
+        corners = [(a, a), (side - a, a), (side - a, deep - a), (a, deep - a), (a, a)]
+        found.append(beads_along(corners, purpose=Purpose.OUTER_PERIMETER))
+    return joined(*found)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(3, 40),
+    st.floats(3, 25),
+    st.sampled_from([0.08, 0.2, 0.32]),
+    st.floats(0.36, 0.8),
+    st.floats(0, 180),
+)
+def test_beads_that_tile_a_rectangle_leave_nothing_open_and_nothing_twice(
+    rows: int, wide: float, height: float, width: float, degrees: float
+) -> None:
+    beads = solid(wide, rows, z=height, height=height, width=width)
+    gap, side = float(bead.spacing(width, height)), float(bead.side_loss(height))
+    deep = rows * gap + 2 * side
+    section = np.array([(0, 0), (wide, 0), (wide, deep), (0, deep)])
+    tiles = with_ends(beads, turned(beads.begin, degrees), turned(beads.end, degrees))
+    ledger = ledger_of(stacked(tiles), sections([turned(section, degrees)]))
+
+    assert ledger.uncovered.area()[0] == 0
+    assert ledger.fill.overlap[0] == 0
+    assert ledger.volume[0] == pytest.approx(wide * rows * gap * height)
+    # The outline is followed to the side; at the ends the half-circles are left out here.
+    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.03)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(12, 30), st.floats(12, 30), st.floats(-0.35, 0.35), st.floats(0, 90))
+def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
+    side: float, deep: float, by: float, degrees: float
+) -> None:
+    beads = loops(side, deep, 2)
+    section = np.array([(0, 0), (side, 0), (side, deep), (0, deep)])
+    place = np.array([by, 0.0])
+    shifted = with_ends(beads, turned(beads.begin + place, degrees), turned(beads.end + place, degrees))
+    ledger = ledger_of(stacked(shifted), sections([turned(section, degrees)]), Rules(shell=2 * GAP))
+
+    assert ledger.outline.p95[0] == pytest.approx(abs(by), abs=ARC)
+    # A round corner lacks (√2 - 1)/2 of the width, and more when it is shifted.
+    corner = (np.sqrt(2) - 1) * WIDTH / 2
+    assert abs(by) - ARC < ledger.outline.largest[0] < abs(by) + corner + ARC
+    assert ledger.outside.area()[0] == pytest.approx(
+        max(abs(by) - 0.1, 0) * (deep - (4 - pi) * WIDTH / 4), abs=0.08
+    )
+
+
+@settings(max_examples=25, deadline=None)
+@given(star_rings(), st.floats(0.5, 1.5))
+def test_flow_is_volume(rings: list[Float], share: float) -> None:
+    beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
+    section = normalize(sections(rings))
+    usual = ledger_of(stacked(beads), section)
+    other = ledger_of(stacked(replace(beads, area=beads.area * share)), section, Rules(usual.shell_depth))
+
+    assert other.volume == pytest.approx(usual.volume * share)
+    assert other.by_purpose == pytest.approx(usual.by_purpose * share)
+    assert other.section_volume == pytest.approx(usual.section_volume)
+    order = (usual, other) if share > 1 else (other, usual)
+    assert order[0].covered.area()[0] <= order[1].covered.area()[0] + 1e-3
+    assert order[0].uncovered.area()[0] >= order[1].uncovered.area()[0] - 1e-3
+
+
+@settings(max_examples=20, deadline=None)
+@given(star_rings(), st.floats(-90, 90), st.floats(-90, 90), st.floats(0, 180))
+def test_it_does_not_matter_where_and_how_a_layer_lies(
+    rings: list[Float], x: float, y: float, degrees: float
+) -> None:
+    beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
+    rules = Rules(shell=0.8)
+    here = ledger_of(stacked(beads), normalize(sections(rings)), rules)
+    place = np.array([x, y])
+    there = ledger_of(
+        stacked(with_ends(beads, turned(beads.begin, degrees) + place, turned(beads.end, degrees) + place)),
+        moved(normalize(sections([turned(ring, degrees) for ring in rings])), (x, y)),
+        rules,
+    )
+
+    for name in ("covered", "shell", "uncovered", "outside"):
+        assert getattr(there, name).area()[0] == pytest.approx(
+            getattr(here, name).area()[0], rel=0.01, abs=0.1
+        )
+    assert there.volume == pytest.approx(here.volume)
+    assert there.outline.p95[0] == pytest.approx(here.outline.p95[0], abs=0.01)
+    assert there.outline.largest[0] == pytest.approx(here.outline.largest[0], abs=0.02)
+    # Cells lie elsewhere: an edge around every piece may be told or not.
+    assert there.fill.overlap[0] == pytest.approx(here.fill.overlap[0], rel=0.25, abs=0.5)
+
+
+def without_slits(area: object, slit: float) -> object:
+    gone = shapely.buffer(area, -slit / 2, join_style="mitre")
+    return shapely.intersection(shapely.buffer(gone, slit / 2, join_style="mitre"), area)
+
+
+@settings(max_examples=25, deadline=None)
+@given(star_rings(), st.floats(0.3, 0.9), st.floats(0.4, 2.0))
+def test_areas_are_those_of_another_engine(rings: list[Float], width: float, depth: float) -> None:
+    section = normalize(sections(rings))
+    lines = [np.vstack([ring, ring[:1]]) * 0.97 for ring in rings]
+    beads = joined(*(beads_along(list(map(tuple, line)), width=width) for line in lines))
+    ledger = ledger_of(stacked(beads), section, Rules(shell=depth))
+
+    part = shape(section, 0)
+    covered = shapely.union_all(
+        [shapely.buffer(shapely.LineString(line), width / 2, quad_segs=32) for line in lines]
+    )
+    length = sum(shapely.LineString(line).length for line in lines)
+    assert ledger.covered.area()[0] == pytest.approx(covered.area, abs=ARC * (2 * length + 1))
+    assert ledger.outside.area()[0] == pytest.approx(
+        shapely.difference(covered, shapely.buffer(part, 0.1, join_style="mitre", mitre_limit=2.0)).area,
+        abs=ARC * (2 * length + 1) + 0.1,
+    )
+    # All of a lone layer has air above.
+    # A slit hardly wider or narrower than what counts may be told or not.
+    bare = shapely.difference(part, covered)
+    least, most = (without_slits(bare, slit).area for slit in (0.11, 0.09))  # type: ignore[attr-defined]
+    slack = ARC * (2 * length + part.length) + 0.1
+    assert least - slack <= ledger.uncovered.area()[0] <= most + slack
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1.2, 30), st.floats(1.2, 30))
+def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
+    section = np.array([(0, 0), (side, 0), (side, deep), (0, deep)])
+    ledger = ledger_of(stacked(loops(side, deep)), sections([section]), Rules(shell=WIDTH))
+
+    half = WIDTH / 2
+    along = np.linspace(0, half, 2001)
+    angle = np.linspace(0, pi / 4, 2001)
+    off = np.concatenate([np.hypot(half - along, half) - half, half * (1 - np.cos(angle))])
+    weight = np.repeat([8 * half / 2001, 8 * half * pi / 4 / 2001], 2001)
+    straight = 2 * (2 * (side + deep) - 8 * half)
+    order = np.argsort(off)
+    reached = straight + np.cumsum(weight[order])
+    share = reached[-1] - max(0.05 * reached[-1], 2.0)  # 2 mm are let pass
+    wanted = off[order][np.searchsorted(reached, share)] if reached[0] < share else 0.0
+    assert ledger.outline.p95[0] == pytest.approx(wanted, abs=2 * ARC)
+    assert ledger.outline.largest[0] == pytest.approx((np.sqrt(2) - 1) * half, abs=ARC)
+
+
+# --- spirals ---
+
+
+def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> tuple[Stack, Areas]:
+    """A wall along a cone whose radius grows by `slope` with z, and the sections of its turns."""
+    sides = 64
+    nth = np.arange(turns * sides + 1)
+    z, angle = height * nth / sides, 2 * pi * nth / sides
+    middle = 10 + slope * (z - height / 2)
+    xy = (middle - WIDTH / 2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    n = len(nth) - 1
+    area = np.full(n, share * float(bead.cross_section(WIDTH, height)))
+    purpose = np.full(n, Purpose.OUTER_PERIMETER)
+    rise = np.full(n, height / sides)
+    beads = Beads(xy[:-1], xy[1:], z[1:], rise, np.full(n, np.nan), area, purpose, np.zeros(n))
+    stack = stacked(beads)
+    around = 2 * pi * np.arange(128) / 128
+    unit = np.stack([np.cos(around), np.sin(around)], axis=1)
+    return stack, sections(*[[(10 + slope * z) * unit] for z in ((stack.top + stack.bottom) / 2).tolist()])
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(-0.7, 0.7), st.floats(0.9, 1.1))
+def test_a_spiral_holds_what_its_wall_needs_however_it_slopes(slope: float, share: float) -> None:
+    stack, around = spiral(slope, share)
+    ledger = ledger_of(stack, around)
+
+    assert stack.spiral
+    # Where every wall slopes, how thick they are is only known from what they hold.
+    known = share if abs(slope) < 0.05 else max(share, 1.0)
+    assert ledger.fill.shell[1:-1] == pytest.approx(np.full(stack.n_layers - 2, known), abs=0.04)
+
+
+def test_an_upright_spiral_with_too_little_plastic_is_told() -> None:
+    stack, around = spiral(0.0, 0.8)
+
+    assert ledger_of(stack, around).fill.shell[1:-1] == pytest.approx(np.full(3, 0.8), abs=0.04)

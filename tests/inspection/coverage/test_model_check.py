@@ -1,0 +1,328 @@
+"""G-code against its model: planted faults are found at their layers, and nothing is found where nothing is wrong."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer import bead
+from printer_slicer.arrays import Bool
+from printer_slicer.errors import UsageError
+from printer_slicer.gcode import write_gcode
+from printer_slicer.inspection.coverage.account import Rules
+from printer_slicer.inspection.coverage.limits import Limits
+from printer_slicer.inspection.coverage.model_check import Asked, Check, check_gcode
+from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.mesh_io import export_stl
+from printer_slicer.model import LayerPlan, Mesh, Program
+from printer_slicer.pipeline import slice_part
+from printer_slicer.placing import Placement
+from printer_slicer.roles import Role
+from tests.parts import box, box_with_hole, plain, sphere
+from tests.test_values import arrays
+from tests.waiting import LAST_RESORT
+
+PROFILE = plain(layer_height=0.3, first_layer_height=0.3, planner__kind="uniform", infill_density=0.2)
+PART = box_with_hole()
+
+
+@cache
+def program() -> Program:
+    return slice_part(PART, PROFILE)
+
+
+def checked(made: Program, mesh: Mesh = PART, asked: Asked | None = None) -> Check:
+    return check_gcode(write_gcode(made, PROFILE), mesh, asked or Asked())
+
+
+def without(made: Program, gone: Bool) -> Program:
+    """The program with some beads turned into travels; nothing is fed for them."""
+    return replace(
+        made,
+        role=np.where(gone, Role.TRAVEL, made.role),
+        filament=np.where(gone, 0.0, made.filament),
+        width=np.where(gone, 0.0, made.width),
+        height=np.where(gone, 0.0, made.height),
+    )
+
+
+def kinds_at(check: Check, layer: int) -> set[str]:
+    return {one.kind for one in check.findings if one.first <= layer <= one.last}
+
+
+def other_layers(check: Check, *layers: int) -> list[int]:
+    found = {k for one in check.findings for k in range(one.first, one.last + 1)}
+    return sorted(found - set(layers))
+
+
+# --- nothing wrong ---
+
+
+def test_a_slice_of_our_own_passes() -> None:
+    check = checked(program())
+
+    assert check.findings == ()
+    assert check.problems == ()
+    assert check.ok
+    assert check.match.share > 0.99
+    ledger = check.ledger
+    assert ledger.stack.n_layers == program().plan.n_layers
+    assert ledger.outside.area().sum() == pytest.approx(0, abs=0.01)
+    assert ledger.uncovered.area().sum() < 0.002 * ledger.shell.area().sum()
+    assert (np.abs(ledger.fill.shell - 1) < 0.05).all()
+
+
+def test_every_array_of_a_check_is_read_only() -> None:
+    found = list(arrays(checked(program()), "check"))
+
+    assert len(found) > 30
+    assert [name for name, array in found if array.flags.writeable] == []
+
+
+def test_what_is_laid_is_what_is_fed() -> None:
+    made = program()
+    ledger = checked(made).ledger
+
+    fed = made.filament[made.role != Role.TRAVEL].sum() * np.pi * 1.75**2 / 4
+    assert ledger.by_purpose.sum() == pytest.approx(fed, rel=1e-3)
+    assert ledger.volume.sum() == pytest.approx(ledger.by_purpose.sum() - ledger.by_purpose[Purpose.BESIDE])
+
+
+def test_of_a_sphere_only_the_flattest_layers_are_told() -> None:
+    # Its second layer reaches out by more than a bead, and no beads fit into the middle of its first and last ones.
+    # Where the skin ends, solid strips and the anchors of sparse lines lie side by side.
+    profile = plain(first_layer_height=0.2)
+    mesh = sphere(radius=8)
+    check = check_gcode(write_gcode(slice_part(mesh, profile), profile), mesh, Asked())
+
+    n_layers = check.ledger.stack.n_layers
+    more = [one for one in check.findings if one.kind == "over"]
+    assert all(one.amount < 1.125 for one in more)
+    assert {one.kind for one in check.findings} <= {"air", "under", "over"}
+    assert all(one.last < 3 or one.first >= n_layers - 3 for one in check.findings if one not in more)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.tuples(*[st.integers(8, 30)] * 2, st.integers(1, 4)), st.floats(-40, 40), st.floats(-40, 40))
+def test_any_box_passes_wherever_it_lies(size: tuple[int, int, int], x: float, y: float) -> None:
+    mesh = box((float(size[0]), float(size[1]), float(size[2])))
+    made = slice_part(mesh, PROFILE, placement=Placement(center=(x, y)))
+    check = checked(made, mesh.moved((3.0, -7.0, 1.0)))
+
+    assert check.findings == ()
+    assert check.match.shift == pytest.approx((x - size[0] / 2 - 3, y - size[1] / 2 + 7), abs=0.005)
+    assert check.z == pytest.approx(-1)
+
+
+# --- planted faults ---
+
+
+def test_a_missing_wall_is_found() -> None:
+    made = program()
+    check = checked(without(made, (made.layer == 7) & (made.role == Role.OUTER_PERIMETER)))
+
+    assert {"uncovered", "under", "outline"} <= kinds_at(check, 7)
+    assert other_layers(check, 7) == []
+    worst = next(one for one in check.findings if one.kind == "uncovered")
+    gap = float(bead.spacing(PROFILE.extrusion_width, 0.3))
+    # Inner perimeters beside it are wider by what its round side leaves empty.
+    wall = (gap - float(bead.side_loss(0.3)) / 2) * (4 * (20 - gap) + 4 * (8 + gap))
+    assert check.ledger.uncovered.area()[worst.layer] == pytest.approx(wall, rel=0.05)
+
+
+def test_a_missing_inner_wall_is_found() -> None:
+    made = program()
+    check = checked(without(made, (made.layer == 9) & (made.role == Role.INNER_PERIMETER)))
+
+    assert {"uncovered", "under"} <= kinds_at(check, 9)
+    assert other_layers(check, 9) == []
+
+
+@pytest.mark.parametrize("by", [0.3, 2.0])
+def test_a_shifted_layer_is_found(by: float) -> None:
+    made = program()
+    moved = made.xyz + np.where(made.layer == 6, by, 0.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    check = checked(replace(made, xyz=moved))
+
+    assert {"outline", "outside"} <= kinds_at(check, 6)
+    # What is laid over it may hang.
+    assert other_layers(check, 6, 7) == []
+    assert check.match.shift == pytest.approx((-10.0, -10.0), abs=0.01)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.25])
+def test_too_little_and_too_much_plastic_in_some_layers_is_found(share: float) -> None:
+    made = program()
+    some = (made.layer >= 4) & (made.layer <= 6) & (made.role != Role.TRAVEL)
+    check = checked(replace(made, filament=made.filament * np.where(some, share, 1.0)))
+
+    kind = "under" if share < 1 else "over"
+    found = [one for one in check.findings if one.kind == kind]
+    assert [(one.first, one.last) for one in found] == [(4, 6)]
+    assert found[0].amount == pytest.approx(share, abs=0.08)
+    # Beads that hold too much for their layer may reach down into the one below.
+    assert other_layers(check, *([3] if share > 1 else []), 4, 5, 6) == []
+
+
+def test_too_little_plastic_everywhere_is_found() -> None:
+    made = program()
+    check = checked(replace(made, filament=made.filament * np.where(made.role != Role.TRAVEL, 0.8, 1.0)))
+
+    found = [one for one in check.findings if one.kind == "under"]
+    assert [(one.first, one.last) for one in found] == [(0, made.plan.n_layers - 1)]
+
+
+def test_a_skipped_layer_is_found() -> None:
+    made = program()
+    check = checked(without(made, made.layer == 5))
+
+    # The layers above it are one down now: the sixth that is there has twice the height to fill.
+    assert check.ledger.stack.n_layers == made.plan.n_layers - 1
+    assert "under" in kinds_at(check, 5)
+    assert other_layers(check, 5) == []
+    under = next(one for one in check.findings if one.kind == "under")
+    assert under.amount == pytest.approx(0.5, abs=0.05)
+    assert "0.6 mm" in under.text
+
+
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_missing_layers_at_the_top_are_found(missing: int) -> None:
+    even = LayerPlan.from_tops(np.arange(1, 41) * PART.height / 40)
+    made = slice_part(PART, PROFILE, plan=even)
+
+    problems = checked(without(made, made.layer >= 40 - missing)).problems
+    assert any("under the top of the part" in one for one in problems) == (missing > 0)
+
+
+def test_a_skipped_layer_with_all_above_it_lowered_is_found() -> None:
+    made = program()
+    lower = np.where(made.layer > 5, made.plan.height[5], 0.0)
+    lowered = replace(made, xyz=made.xyz - lower[:, None] * [0, 0, 1])
+
+    problems = checked(without(lowered, made.layer == 5)).problems
+    assert any("under the top of the part" in one for one in problems)
+
+
+def test_infill_laid_twice_is_found() -> None:
+    made = program()
+    twice = (made.layer == 0) & (made.role == Role.BOTTOM_SKIN)
+    check = checked(replace(made, filament=made.filament * np.where(twice, 2.0, 1.0)))
+
+    assert "overlap" in kinds_at(check, 0)
+    assert other_layers(check, 0) == []
+
+
+def test_a_part_that_begins_in_the_air_is_found() -> None:
+    made = program()
+    check = checked(without(made, made.layer < 3), asked=Asked(placement=Placement(center=(0, 0))))
+
+    assert not check.ok
+
+
+def test_the_wrong_model_is_found() -> None:
+    text = write_gcode(program(), PROFILE)
+    bare = b"\n".join(line for line in text.split(b"\n") if not line.startswith(b";"))
+
+    for one in (text, bare):
+        check = check_gcode(one, sphere(radius=10), Asked())
+        assert any("is it the model" in problem for problem in check.problems)
+
+
+# --- what is asked ---
+
+
+def test_where_the_part_lies_may_be_told() -> None:
+    right = checked(program(), asked=Asked(placement=Placement(center=(0, 0))))
+    wrong = checked(program(), asked=Asked(placement=Placement(center=(0.5, 0))))
+
+    assert right.ok
+    assert not right.matched
+    assert {"outside", "outline"} <= {one.kind for one in wrong.findings}
+
+
+def test_limits_decide_what_is_told() -> None:
+    assert checked(program(), asked=Asked(limits=Limits(under=1.08))).findings != ()
+
+
+def test_a_deeper_shell_holds_the_infill_to_account() -> None:
+    check = checked(program(), asked=Asked(rules=Rules(shell=5.0)))
+
+    assert {"uncovered", "under"} <= {one.kind for one in check.findings}
+
+
+def test_a_file_without_comments_is_understood() -> None:
+    made = program()
+    text = b"\n".join(line for line in write_gcode(made, PROFILE).split(b"\n") if not line.startswith(b";"))
+    check = check_gcode(text, PART, Asked())
+
+    assert check.findings == ()
+    assert check.problems == ()
+    assert any("1.75 mm is assumed" in note for note in check.notes)
+    assert any("two beads deep" in note for note in check.notes)
+
+
+def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
+    text = write_gcode(program(), PROFILE)
+    bare = b"\n".join(line for line in text.split(b"\n") if not line.startswith(b";"))
+    prime = b"M83\nG0 X-100 Y-100 Z0.42\nG1 X-40 E8\nG92 E0\n"
+    check = check_gcode(prime + bare, PART, Asked())
+
+    assert check.ledger.stack.top[0] == pytest.approx(0.3)
+    assert check.findings == ()
+
+
+def test_beads_that_fly_far_away_are_told_and_measured_no_further() -> None:
+    lines = write_gcode(program(), PROFILE).split(b"\n")
+    at = lines.index(b";TYPE:Perimeter")
+    check = check_gcode(b"\n".join([*lines[: at + 2], b"G1 X900000 E5", *lines[at + 2 :]]), PART)
+
+    assert any("far from the part" in problem and str(at + 3) in problem for problem in check.problems)
+    assert check.ledger.covered.xy.max() < 100
+
+
+def test_beads_on_the_bed_itself_make_no_layer() -> None:
+    lines = write_gcode(program(), PROFILE).split(b"\n")
+    at = lines.index(b";TYPE:Perimeter")
+    check = check_gcode(b"\n".join([*lines[:at], b"G1 Z0", b"G1 X3 E9", b"G1 Z0.3", *lines[at:]]), PART)
+
+    assert check.ledger.stack.top[0] == pytest.approx(0.3)
+
+
+def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
+    made = program()
+    huge = (made.layer == 3) & (made.role == Role.OUTER_PERIMETER)
+    check = checked(replace(made, filament=made.filament * np.where(huge, 1e4, 1.0)))
+
+    assert {"over", "outside", "outline"} <= kinds_at(check, 3)
+    assert check.ledger.covered.xy.max() < 20.1
+
+
+def test_text_without_beads_is_refused() -> None:
+    with pytest.raises(UsageError, match="no beads"):
+        check_gcode(b"G28\nG1 X10\n", PART, Asked())
+    with pytest.raises(UsageError, match="binary G-code"):
+        check_gcode(b"GCDE\x01\x00", PART)
+
+
+# --- other slicers ---
+
+
+@pytest.mark.skipif(not shutil.which("prusa-slicer"), reason="PrusaSlicer is not installed")
+def test_a_file_of_prusaslicer_passes(tmp_path: Path) -> None:
+    model, gcode = tmp_path / "part.stl", tmp_path / "part.gcode"
+    export_stl(PART, model)
+    command = ["prusa-slicer", "--export-gcode", str(model), "--output", str(gcode), "--layer-height", "0.3"]
+    subprocess.run(command, check=True, capture_output=True, timeout=LAST_RESORT)
+    check = check_gcode(gcode.read_bytes(), PART, Asked())
+
+    assert check.problems == ()
+    assert check.findings == ()
+    assert check.match.share > 0.99
