@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.commands import Told, lines_of, refuse_unsendable, told_by
-from printer_slicer.diagnostics import Finding, check_names, sentence
+from printer_slicer.diagnostics import Diagnostic, check_names, sentence
 from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import FLAVOURS, Moves, Timer, pieces_of
@@ -55,7 +55,7 @@ class Job(Drawn):
     marks: Mapping[int, int] = field(default_factory=dict)
     roles: Mapping[int, str] = field(default_factory=dict)
     repairs: Repairs | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Diagnostic, ...] = ()
     allowed: frozenset[str] = frozenset()
 
     @property
@@ -78,7 +78,9 @@ class Job(Drawn):
             "layers": f"plastic at {len(self.heights)} heights",
             "motion": spoken(self.seconds),
         }
-        return self.program or Card(self.name, facts, [sentence(one) for one in self.findings if one.refused])
+        return self.program or Card(
+            self.name, facts, [sentence(one) for one in self.findings if one.is_error]
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the G-code.

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, difference, offset, offset_open
-from printer_slicer.inspection.coverage.limits import Finding
 from printer_slicer.inspection.coverage.model_check import Check, check_gcode
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
@@ -89,9 +89,9 @@ def needle(side: float, height: float) -> Mesh:
     return Mesh(np.array([*flanks, [base[0], base[2], base[1]], [base[0], base[3], base[2]]]), "needle")
 
 
-def own(check: Check) -> list[Finding]:
+def own(check: Check) -> list[Diagnostic]:
     """What is found besides beads that hang where the shape does."""
-    return [one for one in check.findings if not (one.kind == "air" and hangs(check, one.layer))]
+    return [one for one in check.findings if not (one.code == "unsupported" and hangs(check, one.layer - 1))]
 
 
 def hangs(check: Check, layer: int) -> bool:
@@ -110,7 +110,7 @@ def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
     check = checked(seed)
 
     assert check.problems == ()
-    assert [(one.layer, one.text) for one in own(check)] == []
+    assert [(one.layer, one.message) for one in own(check)] == []
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -125,7 +125,12 @@ def test_planted_faults_are_found_in_the_middle_and_near_the_tips(fault: str, se
     for layer in layers:
         check = check_gcode(with_layer(text, layer, FAULTS[fault]), mesh)
 
-        near = {k for one in check.findings for k in range(one.first - 1, one.last + 2) if one.kind != "air"}
+        near = {
+            k
+            for one in check.findings
+            for k in range(one.first - 2, one.last + 1)
+            if one.code != "unsupported"
+        }
         assert layer in near or check.problems, (layer, float(area[layer]))
 
 
@@ -151,7 +156,7 @@ def test_a_pin_as_thick_as_three_beads_is_held_to_account(fault: str) -> None:
 
     check = check_gcode(with_layer(text, 8, FAULTS[fault]), mesh)
 
-    assert any(one.first <= 8 <= one.last for one in check.findings)
+    assert any(8 in one.in_layers for one in check.findings)
 
 
 @pytest.mark.parametrize(("heights", "turn"), [("draft", 0.0), ("fine", 0.5), ("adaptive", 0.3)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.readme import BLOCKS, written
-from printer_slicer.diagnostics import NAMES
+from printer_slicer.diagnostics import CODES
 from printer_slicer.planning import PLANNERS
 from printer_slicer.profile import load_profile
 from printer_slicer.stream.states import TRANSITIONS
@@ -35,12 +35,18 @@ def test_every_planner_has_a_row_in_the_table_of_planners() -> None:
     assert [name for name in PLANNERS if f"| `{name}` |" not in text] == []
 
 
-def test_the_table_of_names_that_allow_is_the_one_in_the_code() -> None:
+def test_the_table_of_diagnostics_is_the_one_in_the_code() -> None:
     written = (
-        DOCS.joinpath("policy.md").read_text().partition("<!-- names -->\n")[2].partition("<!-- end -->")[0]
+        DOCS.joinpath("diagnostics.md")
+        .read_text()
+        .partition("<!-- codes -->\n")[2]
+        .partition("<!-- end -->")[0]
     )
 
-    assert written.splitlines()[2:] == [f"| `{name}` | {meaning} |" for name, meaning in NAMES.items()]
+    assert written.splitlines()[2:] == [
+        f"| `{name}` | {row.found_by} | {row.meaning} | {row.remedy} | {'yes' if row.allowed else ''} |"
+        for name, row in CODES.items()
+    ]
 
 
 def changes_shown() -> list[tuple[str, str]]:

@@ -95,7 +95,7 @@ def test_check_knows_slopes_for_what_they_are() -> None:
 
     check = check_gcode(gcode_of(stages.program, wanted), stages.part, Asked())
 
-    assert [finding.text for finding in check.findings] == []
+    assert [finding.message for finding in check.findings] == []
 
 
 def test_inner_perimeters_are_sloped_when_asked() -> None:

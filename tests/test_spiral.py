@@ -91,7 +91,7 @@ def test_check_finds_nothing_wrong_with_it(plan: LayerPlan) -> None:
 
     check = check_gcode(gcode_of(stages.program, spiral()), stages.part, Asked())
 
-    assert [finding.text for finding in check.findings] == []
+    assert [finding.message for finding in check.findings] == []
     assert not check.problems
 
 

@@ -337,5 +337,5 @@ def test_the_ledger_finds_nothing_that_it_does_not_find_without(name: str) -> No
     assert thick.uncovered.area() == pytest.approx(usual.uncovered.area(), abs=0.1)
     # What lies 0.03 mm farther in or out may be in the shell or not.
     assert np.nanmax(np.abs(thick.fill.shell - usual.fill.shell)) < (0.05 if name == "sphere" else 0.01)
-    assert {one.kind for one in findings(thick)} <= {one.kind for one in findings(usual)}
+    assert {one.code for one in findings(thick)} <= {one.code for one in findings(usual)}
     assert seconds[1] < 0.98 * seconds[0]

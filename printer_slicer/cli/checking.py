@@ -18,9 +18,10 @@ from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write
 from printer_slicer.cli.inputs import refuse_other_text
 from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.commands import read_text
+from printer_slicer.diagnostics import Diagnostic, as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.inspection.coverage.account import Ledger, Rules
-from printer_slicer.inspection.coverage.limits import Finding, Limits
+from printer_slicer.inspection.coverage.limits import Limits
 from printer_slicer.inspection.coverage.model_check import Asked, Check, check_gcode
 from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.profile import load_profile
@@ -94,7 +95,7 @@ def _limits(changes: list[str]) -> Limits:
 
 
 def _insist(check: Check, more: Sequence[str] = ()) -> None:
-    _refuse(check.name, [*check.problems, *(_sentence(finding) for finding in check.findings), *more])
+    _refuse(check.name, [*check.problems, *(sentence(finding) for finding in check.findings), *more])
 
 
 def _refuse(name: str, wrong: Sequence[str]) -> None:
@@ -103,19 +104,9 @@ def _refuse(name: str, wrong: Sequence[str]) -> None:
         raise VerificationError(f"{name}: {wrong[0]}{more}")
 
 
-def _sentence(finding: Finding) -> str:
-    """Where and what, in one line."""
-    several = finding.last > finding.first
-    layers = f"layers {finding.first + 1} to {finding.last + 1}" if several else f"layer {finding.first + 1}"
-    worst = f", worst {finding.layer + 1}" if several else ""
-    place = "" if np.isnan(finding.x) else f", x {finding.x:.2f} y {finding.y:.2f}"
-    line = f", line {finding.line}" if finding.line else ""
-    return f"{layers}{worst} (z {finding.z:.4g}{place}{line}): {finding.text}"
-
-
 def _lines(check: Check, model: str) -> Iterator[str]:
     """The verdict, then the table."""
-    wrong = [*check.problems, *(_sentence(finding) for finding in check.findings)]
+    wrong = [*check.problems, *(sentence(finding) for finding in check.findings)]
     count = (
         f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}"
         if wrong
@@ -215,8 +206,7 @@ def _facts(check: Check, limits: Limits) -> dict[str, Any]:
     """All that is known, ready for JSON; layers count from 1."""
     ledger, stack = check.ledger, check.ledger.stack
     found = [
-        {key: _number(value) if isinstance(value, float) else value for key, value in asdict(one).items()}
-        | {"layer": one.layer + 1, "first": one.first + 1, "last": one.last + 1}
+        {key: _number(value) if isinstance(value, float) else value for key, value in as_json(one).items()}
         for one in check.findings
     ]
     return {
@@ -262,10 +252,10 @@ def _draw(check: Check, model: str, path: Path) -> None:
     """The worst layer of each kind, then other layers, as long as there is room."""
     from printer_slicer.drawing import material_picture, picture_bytes
 
-    kinds: dict[str, Finding] = {}
+    kinds: dict[str, Diagnostic] = {}
     for finding in check.findings:
-        kinds.setdefault(finding.kind, finding)
-    chosen: dict[int, Finding] = {}
+        kinds.setdefault(finding.code, finding)
+    chosen: dict[int, Diagnostic] = {}
     for finding in (*kinds.values(), *check.findings):
         chosen.setdefault(finding.layer, finding)
     title = visible(f"{check.name} against {model}")

@@ -25,7 +25,7 @@ __all__ = [
 _Commands = argparse._SubParsersAction  # noqa: SLF001 - the type of what add_subparsers gives has no other name
 _Flags = argparse._ActionsContainer  # noqa: SLF001 - a parser or a group of one
 
-# The keys of policy.NAMES, which is not imported: --help answers at once.
+# The keys of diagnostics.NAMES, which is not imported: --help answers at once.
 _ALLOWED: Final = (
     "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, "
     "protection, endstops, offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"

@@ -58,10 +58,8 @@ def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[N
 
 def _refused(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[Note]:
     for found in scan(commands, profile, moves=()):
-        if found.refused:
-            text = (
-                f"{found.command}: {found.what}; {found.why}: `print` refuses it without --allow {found.name}"
-            )
+        if found.is_error:
+            text = f"{found.command}: {found.message}; {found.reason}: `print` refuses it without --allow {found.code}"
             yield Note(place, text)
 
 

@@ -7,11 +7,10 @@ import json
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import asdict
 from typing import Any
 
 from printer_slicer.cli.common import visible
-from printer_slicer.diagnostics import Finding, check_names, insist, remedy_of, sentence
+from printer_slicer.diagnostics import Diagnostic, as_json, check_names, insist, remedy_of, sentence
 from printer_slicer.errors import VerificationError
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.jobs import Job
@@ -60,19 +59,19 @@ def refused(job: Job) -> list[str]:
     return [sentence(one) for one in refused_findings(job)]
 
 
-def refused_findings(job: Job) -> list[Finding]:
+def refused_findings(job: Job) -> list[Diagnostic]:
     """The same as findings."""
-    return [one for one in job.findings if one.refused and one.name not in job.allowed]
+    return [one for one in job.findings if one.is_error and one.code not in job.allowed]
 
 
 def finding_facts(job: Job) -> list[dict[str, Any]]:
     """All findings, ready for JSON."""
-    return [asdict(one) | {"allowed": one.name in job.allowed} for one in job.findings]
+    return [as_json(one) | {"allowed": one.code in job.allowed} for one in job.findings]
 
 
 def finding_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
     """What was found and does not keep the job from being printed, for people."""
-    told = [one for one in job.findings if not one.refused or one.name in job.allowed]
+    told = [one for one in job.findings if not one.is_error or one.code in job.allowed]
     most = len(told) if arguments.verbose else _TOLD
     more = [f"... and {len(told) - most} more (-v tells all)"] if len(told) > most else []
     return [*(sentence(one) for one in told[:most]), *more]
@@ -121,6 +120,6 @@ def reason_against(profile: Profile, allowed: Collection[str]) -> Callable[[byte
     return reason
 
 
-def _first_refused(findings: Iterable[Finding], allowed: Collection[str]) -> str:
-    wrong = (one for one in findings if one.refused and one.name not in allowed)
-    return next((f"{one.what}; {one.why} [{one.name}]" for one in wrong), "")
+def _first_refused(findings: Iterable[Diagnostic], allowed: Collection[str]) -> str:
+    wrong = (one for one in findings if one.is_error and one.code not in allowed)
+    return next((f"{one.message}; {one.reason} [{one.code}]" for one in wrong), "")

@@ -62,7 +62,7 @@ def _look(arguments: argparse.Namespace) -> None:
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile, streamed=False)
     if not arguments.start:
-        job = replace(job, findings=tuple(one for one in job.findings if one.name == "unsupported"))
+        job = replace(job, findings=tuple(one for one in job.findings if one.code == "unsupported"))
     insist_on_policy(arguments, job, refusal="not sent")
 
 

@@ -22,6 +22,8 @@ def unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
     """Return facts for JSON: one entry per height, lengths in mm."""
     return [
         {
+            "code": "unsupported",
+            "severity": "warning",
             "layer": one.layer,
             "z": round(one.z, 4),
             "x": round(one.x, 3),

@@ -12,7 +12,7 @@ import numpy as np
 
 from printer_slicer.cli.common import visible
 from printer_slicer.cli.policy import finding_lines, refused_findings
-from printer_slicer.diagnostics import sentence
+from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.durations import spoken
 from printer_slicer.jobs import Job
 
@@ -46,10 +46,10 @@ def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, prof
 
 def _unsaid(verdict: Verdict, job: Job) -> list[str]:
     """What is refused and no fault says already: of the same line, or of the same kind where the file is full of it."""
-    kinds = {one.kind for one in verdict.faults if not one.harmless}
+    kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
-    said |= {"flow": {"flow", "extrusion"}, "unsupported": {"air"}}
-    return [sentence(one) for one in refused_findings(job) if not said.get(one.name, set()) & kinds]
+    said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}
+    return [sentence(one) for one in refused_findings(job) if not said.get(one.code, set()) & kinds]
 
 
 def _count(wrong: Sequence[str]) -> str:
@@ -187,7 +187,7 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
         "simulated_seconds": round(verdict.simulated_seconds, 3),
         "total_seconds": round(verdict.total_seconds, 3),
         "baud": verdict.baud,
-        "faults": [asdict(fault) for fault in verdict.faults],
+        "faults": [as_json(fault) for fault in verdict.faults],
         "problems": list(verdict.problems),
         "filament_g": round(_grams(verdict, profile), 3),
         "cost": round(_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, text_width
 from printer_slicer.geometry import Areas, intersection, stroked
 from printer_slicer.inspection.coverage.account import Ledger, overlapping
-from printer_slicer.inspection.coverage.limits import Finding
 from printer_slicer.inspection.deposition.purposes import Purpose
 
 __all__ = ["material_picture"]
@@ -71,7 +71,7 @@ class _View:
         )
 
 
-def material_picture(ledger: Ledger, shown: Sequence[Finding], title: str) -> Picture:
+def material_picture(ledger: Ledger, shown: Sequence[Diagnostic], title: str) -> Picture:
     """The layers of some findings, each whole and close up.
 
     Args:
@@ -83,12 +83,12 @@ def material_picture(ledger: Ledger, shown: Sequence[Finding], title: str) -> Pi
     y = float(_HEAD + _LEGEND)
     wide = 2 * _PANEL + 3 * _GAP
     for finding in shown:
-        heading = f"layer {finding.layer + 1}, z {finding.z:.4g} mm: {finding.text}"
+        heading = f"layer {finding.layer}, z {finding.z:.4g} mm: {finding.message}"
         y += 26
         whole, close = _views(ledger, finding, y)
         for view in (close, whole):
             if view is not None:
-                shapes += _panel(ledger, finding.layer, view)
+                shapes += _panel(ledger, finding.layer - 1, view)
         if close is not None:
             shapes.append(_frame_of(close, whole))
         shapes.append(Text(_GAP, y - 12, _fitting(heading, wide - 2 * _GAP), _LETTERS, bold=True))
@@ -107,21 +107,21 @@ def _fitting(text: str, room: float) -> str:
     return text
 
 
-def _views(ledger: Ledger, finding: Finding, top: float) -> tuple[_View, _View | None]:
+def _views(ledger: Ledger, finding: Diagnostic, top: float) -> tuple[_View, _View | None]:
     """The whole layer, and what is around the place of the finding."""
-    member = ledger.of_part & (ledger.stack.layer == finding.layer)
+    member = ledger.of_part & (ledger.stack.layer == finding.layer - 1)
     beads = ledger.stack.beads.take(member)
-    corners = np.concatenate([beads.begin, beads.end, *ledger.sections.rings(finding.layer)])
+    corners = np.concatenate([beads.begin, beads.end, *ledger.sections.rings(finding.layer - 1)])
     low, high = corners.min(axis=0) - _BORDER, corners.max(axis=0) + _BORDER
     size = high - low
     scale = min(_PANEL / size[0], _TALLEST / size[1])
     whole = _View((low[0], low[1]), (high[0], high[1]), _GAP, top, float(scale))
-    if np.isnan(finding.x):
+    if finding.place is None:
         return whole, None
     reach = min(_CLOSE, float(size.max()) / 3) / 2
     tall = float(np.clip(whole.size[1], _LOWEST, _PANEL))
     up = reach * tall / _PANEL
-    x, y = finding.x, finding.y
+    x, y = finding.place
     near = _View((x - reach, y - up), (x + reach, y + up), 2 * _GAP + _PANEL, top, _PANEL / (2 * reach))
     return whole, near
 

@@ -300,4 +300,4 @@ def test_check_finds_a_part_of_uneven_layers_on_its_raft() -> None:
 
     check = check_gcode(gcode_of(stages.program, wanted), stages.part, Asked())
 
-    assert [finding.text for finding in check.findings] == []
+    assert [finding.message for finding in check.findings] == []

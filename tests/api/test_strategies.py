@@ -167,7 +167,7 @@ def test_what_post_processors_add_is_judged_like_everything_else() -> None:
 
     job = ps.job_of(PART, PROFILE, strategies=ps.Strategies(on_lines=hot))
 
-    assert "temperature" in {one.name for one in job.findings if one.refused}
+    assert "temperature" in {one.code for one in job.findings if one.is_error}
 
 
 def test_the_file_tells_which_functions_made_it() -> None:

@@ -85,7 +85,7 @@ def test_a_part_as_high_as_the_machine_ends_within_it(name: str) -> None:
     verdict = dry_run(job, profile)
 
     assert verdict.problems == ()
-    assert not [one for one in job.findings if one.name == "box"]
+    assert not [one for one in job.findings if one.code == "box"]
 
 
 @pytest.mark.parametrize("name", OWN_MACROS)

@@ -10,10 +10,11 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
 from printer_slicer.inspection.coverage.account import Ledger
 
-__all__ = ["Finding", "Limits", "findings", "largest_place", "line_near"]
+__all__ = ["Limits", "excess", "findings", "largest_place", "line_near"]
 
 _LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
 _DOTS: Final = 2.0  # squares of the extrusion width that may be missing or added at tips, whatever the share
@@ -43,40 +44,12 @@ class Limits:
     outline: float = 0.15
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing that is wrong, in one layer or in several that follow each other.
-
-    Attributes:
-        kind: the limit that is broken.
-        layer: the worst one, from 0.
-        first, last: all of them.
-        z: top of the worst layer, mm.
-        x, y: where it is worst, mm; nan for what holds for the whole layer.
-        line: of the G-code, near that place; 0 where there is none.
-        amount: as the limit counts.
-        limit: that is broken.
-        text: in words, without the place.
-    """
-
-    kind: str
-    layer: int
-    first: int
-    last: int
-    z: float
-    x: float
-    y: float
-    line: int
-    amount: float
-    limit: float
-    text: str
-
-    @property
-    def severity(self) -> float:
-        """How many times as bad as the limit allows; what is missing counts as the limit by the amount."""
-        if self.kind == "under":
-            return _FAR if self.amount <= 0 else self.limit / self.amount
-        return _FAR if self.limit <= 0 else self.amount / self.limit
+def excess(one: Diagnostic) -> float:
+    """How many times as bad as the limit allows; what is missing counts as the limit by the amount."""
+    amount, limit = one.amount or 0.0, one.limit or 0.0
+    if one.code == "underfilled":
+        amount, limit = limit, amount
+    return _FAR if limit <= 0 else amount / limit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,13 +64,13 @@ class _Kind:
     place: Callable[[int], tuple[float, float]]
 
 
-def findings(ledger: Ledger, limits: Limits = Limits()) -> tuple[Finding, ...]:
+def findings(ledger: Ledger, limits: Limits = Limits()) -> tuple[Diagnostic, ...]:
     """Everything beyond the limits, the worst first."""
     found = [one for kind in _kinds(ledger, limits) for one in _of_kind(ledger, kind)]
-    return tuple(sorted(found, key=lambda one: -one.severity))
+    return tuple(sorted(found, key=lambda one: -excess(one)))
 
 
-def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Finding]:
+def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Diagnostic]:
     """One finding for each run of layers."""
     broken = np.flatnonzero(kind.broken & ~ledger.stack.ramps)
     if not len(broken):
@@ -106,20 +79,20 @@ def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Finding]:
     for begin, end in pairwise(cuts):
         run = broken[begin:end]
         amount = kind.amount[run]
-        layer = int(run[(amount.argmin if kind.name == "under" else amount.argmax)()])
+        layer = int(run[(amount.argmin if kind.name == "underfilled" else amount.argmax)()])
         x, y = kind.place(layer)
-        yield Finding(
+        yield Diagnostic(
             kind.name,
-            layer,
-            int(run[0]),
-            int(run[-1]),
-            float(ledger.stack.top[layer]),
-            x,
-            y,
-            line_near(ledger, layer, x, y),
-            float(kind.amount[layer]),
-            kind.limit,
+            "error",
             kind.say(layer),
+            line=line_near(ledger, layer, x, y),
+            layer=layer + 1,
+            first=int(run[0]) + 1,
+            last=int(run[-1]) + 1,
+            z=float(ledger.stack.top[layer]),
+            place=None if np.isnan(x) else (x, y),
+            amount=float(kind.amount[layer]),
+            limit=kind.limit,
         )
 
 
@@ -179,7 +152,7 @@ def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
     over, under = surplus > least, missing > least
     if over.any():
         over &= surplus - _beside_fins(ledger, over, width) > least
-    for name, limit, broken in (("under", limits.under, under), ("over", limits.over, over)):
+    for name, limit, broken in (("underfilled", limits.under, under), ("overfilled", limits.over, over)):
         yield _Kind(
             name,
             fill,
@@ -210,7 +183,7 @@ def _of_air(ledger: Ledger, limits: Limits) -> _Kind:
     which[air.layer[lost]] = lost
     total = ledger.hanging
     return _Kind(
-        "air",
+        "unsupported",
         longest,
         longest > limits.air,
         limits.air,

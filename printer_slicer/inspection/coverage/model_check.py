@@ -9,11 +9,12 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, offset_open
 from printer_slicer.inspection.coverage.account import Ledger, Rules, ledger_of
 from printer_slicer.inspection.coverage.beads import Beads
-from printer_slicer.inspection.coverage.limits import Finding, Limits, findings
+from printer_slicer.inspection.coverage.limits import Limits, findings
 from printer_slicer.inspection.coverage.matching import Match, apart, first_guess, fitted, moved
 from printer_slicer.inspection.coverage.stack import Stack, stacked
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
@@ -59,7 +60,7 @@ class Check:
     matched: bool
     z: float
     part_top: float
-    findings: tuple[Finding, ...]
+    findings: tuple[Diagnostic, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
     deposit: Deposit

@@ -105,7 +105,7 @@ class Watch:
         length = float(cut.length[lost].sum())
         if length > MIN_REPORTED_LENGTH:
             at = lost[0]
-            mishap = batch.mishap("air", int(cut.move[at]), numbers, length)
+            mishap = batch.mishap("unsupported", int(cut.move[at]), numbers, length)
             self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))
 
     def _tell(self, mishap: Mishap) -> None:

@@ -31,7 +31,7 @@ class Mishap(NamedTuple):
     """A defect of the extrusion.
 
     Attributes:
-        kind: "air", "crash", "bed" or "flow".
+        kind: "unsupported", "crash", "bed" or "flow".
         command: the command that caused it, counted from 1.
         layer: see `Marks.layer`.
         z, x, y: mm, where.

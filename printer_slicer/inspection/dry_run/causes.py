@@ -16,15 +16,15 @@ from printer_slicer.sim.tally import Report
 __all__ = ["Cause", "causes_of", "explained", "layer_of", "left_over"]
 
 _FOLLOWS: Final[Mapping[str, frozenset[str]]] = {
-    "cold": frozenset({"air", "lack"}),
-    "tool": frozenset({"air", "lack", "flow", "extrusion"}),
-    "arc": frozenset({"air", "lack"}),
-    "extrusion": frozenset({"air", "flow", "lack"}),
-    "clog": frozenset({"air", "flow", "lack"}),
-    "box": frozenset({"air", "bed", "crash", "flow", "lack", "extrusion"}),
-    "bed": frozenset({"air"}),
-    "lack": frozenset({"air"}),
-    "crash": frozenset({"bed", "air"}),
+    "cold": frozenset({"unsupported", "lack"}),
+    "tool": frozenset({"unsupported", "lack", "flow", "extrusion"}),
+    "arc": frozenset({"unsupported", "lack"}),
+    "extrusion": frozenset({"unsupported", "flow", "lack"}),
+    "clog": frozenset({"unsupported", "flow", "lack"}),
+    "box": frozenset({"unsupported", "bed", "crash", "flow", "lack", "extrusion"}),
+    "bed": frozenset({"unsupported"}),
+    "lack": frozenset({"unsupported"}),
+    "crash": frozenset({"bed", "unsupported"}),
 }
 """What may come of each kind of fault."""
 
@@ -37,7 +37,7 @@ class Cause:
     """Something that went wrong.
 
     Attributes:
-        kind: see `Fault`.
+        kind: a key of `CODES`.
         command: where, from 0.
         last: the last layer in which something may follow from it.
     """
@@ -80,7 +80,7 @@ def left_over(mishaps: Sequence[Mishap], causes: list[Cause]) -> list[Mishap]:
         if one.kind in {"bed", "crash"}:
             causes.append(Cause(one.kind, one.command - 1, one.layer + _ON))
     # Where E is a total and lines are missing, the first bead behind the gap gets all that they would have laid.
-    hanging = {one.layer - back for one in left if one.kind == "air" for back in (0, 1)}
+    hanging = {one.layer - back for one in left if one.kind == "unsupported" for back in (0, 1)}
     return [one for one in left if one.kind != "flow" or one.layer not in hanging]
 
 

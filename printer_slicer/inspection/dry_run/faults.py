@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from printer_slicer.commands import lines_of
+from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.inspection.deposition.marks import Mishap
 from printer_slicer.inspection.deposition.record import Account
 from printer_slicer.inspection.dry_run.comparison import Comparison
@@ -19,14 +20,12 @@ from printer_slicer.profile import Profile
 from printer_slicer.sim.tally import Report, kind_of
 
 __all__ = [
-    "Fault",
     "Places",
     "left_on",
     "made_ready",
     "of_machine",
     "of_material",
     "rule_of",
-    "sentence",
     "starved",
 ]
 
@@ -48,60 +47,13 @@ _TURNS_OFF: Final = "TURN_OFF_HEATERS"
 _BEFORE_LAYERS: Final = 1000  # commands in which a file without comments makes the printer ready
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """One thing that would go wrong.
-
-    Attributes:
-        kind: what it is, in one word.
-        what: in words, with numbers.
-        remedy: what helps.
-        line: of the text, counted from 1; 0 where there is none.
-        layer: counted from 1; 0 before the first.
-        z: mm; None where nothing has been laid yet.
-        times: how often.
-        place: x and y, mm, where it is known.
-        harmless: it is only told: the print comes out all the same.
-    """
-
-    kind: str
-    what: str
-    remedy: str
-    line: int = 0
-    layer: int = 0
-    z: float | None = None
-    times: int = 1
-    place: tuple[float, float] | None = None
-    harmless: bool = False
-
-
-BY_LAYER: Final = frozenset({"air", "crash", "bed", "flow"})
-"""Kinds of faults that are told once for each layer."""
-
-
-def sentence(fault: Fault) -> str:
-    """One fault in one line, for people: where, what, what helps."""
-    where = [f"line {fault.line}"] if fault.line else []
-    where += [f"layer {fault.layer}"] if fault.line and fault.layer else []
-    where += [f"z {fault.z:.6g} mm"] if fault.line and fault.z is not None else []
-    unit = "layers" if fault.kind in BY_LAYER else "times"
-    more = f", and {fault.times - 1} more {unit}" if fault.times > 1 else ""
-    more = (
-        more.replace("1 more layers", "1 more layer").replace("1 more times", "once more")
-        if fault.times == 2
-        else more
-    )
-    remedy = f"; {fault.remedy}" if fault.remedy else ""
-    return f"{', '.join(where)}: {fault.what}{more}{remedy}" if where else f"{fault.what}{more}{remedy}"
-
-
 _INCHES: Final = "the file counts in inches (G20): is it in mm?"
 
 
 class _Rule(NamedTuple):
-    """How a violation that the printer tells is said: its kind, and what helps."""
+    """How a violation that the printer tells is said: its code, and what helps."""
 
-    kind: str
+    code: str
     remedy: str
 
 
@@ -128,8 +80,12 @@ _MACHINE: Final = _Rule("machine", "")
 
 
 def rule_of(what: str) -> str:
-    """The kind of fault that a violation is."""
-    return _RULES.get(kind_of(what), _MACHINE).kind
+    """Return the code of a violation."""
+    return _RULES.get(kind_of(what), _MACHINE).code
+
+
+def _severity(harmless: bool) -> Severity:
+    return "warning" if harmless else "error"
 
 
 class Places:
@@ -148,7 +104,7 @@ class Places:
         self._begins = [layer.first - 1 for layer in layers]
         self._layers = [layer.number for layer in layers]
 
-    def put(self, faults: Iterable[tuple[int, Fault]]) -> list[Fault]:
+    def put(self, faults: Iterable[tuple[int, Diagnostic]]) -> list[Diagnostic]:
         """Faults with line, layer and height, in the order of the commands told with them (from 0; -1: of none)."""
         found = sorted(faults, key=lambda one: (one[0] < 0, one[0]))
         lines = lines_of(self._job.text, [max(command, 0) for command, _ in found])
@@ -157,7 +113,7 @@ class Places:
             for (command, fault), line in zip(found, lines, strict=True)
         ]
 
-    def _put(self, command: int, line: int, fault: Fault) -> Fault:
+    def _put(self, command: int, line: int, fault: Diagnostic) -> Diagnostic:
         layer = self._layer(command)
         height = self._heights.get(layer) if layer else None
         return replace(fault, line=line, layer=layer, z=height if fault.z is None else fault.z)
@@ -168,7 +124,7 @@ class Places:
         return numbers[at - 1] if at else 0
 
 
-def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Fault]]:
+def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Diagnostic]]:
     """What the firmware refused or clipped; the same thing in several commands is told once."""
     told: set[str] = set()
     inches = bool(report.violations) and b"G20" in job.commands
@@ -177,23 +133,25 @@ def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tup
         kind = kind_of(what)
         rule = _RULES.get(kind, _MACHINE)
         code = what.partition(": ")[2].partition(" ")[0]
-        key = f"{kind} {code}" if rule.kind == "unknown" else kind
+        key = f"{kind} {code}" if rule.code == "unknown" else kind
         if key in told or not comparison.of_job(violation.line):
             continue
-        if rule.kind == "extrusion" and inches and "out of the machine" in told:
+        if rule.code == "extrusion" and inches and "out of the machine" in told:
             continue  # too far and too much come from the same slip
         told.add(key)
         same = sum(kind_of(one.text) == kind and code in one.text for one in report.violations)
-        times = same if rule.kind == "unknown" else report.violation_counts.get(kind, 1)
-        remedy = _INCHES if rule.kind == "box" and inches else rule.remedy
-        harmless = kind == _LIFTED or (rule.kind == "unknown" and _KNOWN.match(code) is not None)
+        times = same if rule.code == "unknown" else report.violation_counts.get(kind, 1)
+        remedy = _INCHES if rule.code == "box" and inches else rule.remedy
+        harmless = kind == _LIFTED or (rule.code == "unknown" and _KNOWN.match(code) is not None)
         yield (
             comparison.command_of(violation.line),
-            Fault(rule.kind, what, remedy, times=times, harmless=harmless),
+            Diagnostic(rule.code, _severity(harmless), what, remedy=remedy, times=times),
         )
 
 
-def of_material(profile: Profile, account: Account, mishaps: Sequence[Mishap]) -> Iterator[tuple[int, Fault]]:
+def of_material(
+    profile: Profile, account: Account, mishaps: Sequence[Mishap]
+) -> Iterator[tuple[int, Diagnostic]]:
     """The first fault of each kind, and in how many layers there are such.
 
     Args:
@@ -202,7 +160,7 @@ def of_material(profile: Profile, account: Account, mishaps: Sequence[Mishap]) -
         mishaps: those of the account that follow from nothing else.
     """
     say: Mapping[str, Callable[[Mishap], tuple[str, str]]] = {
-        "air": lambda one: (
+        "unsupported": lambda one: (
             f"{one.amount:.0f} mm of beads lie in the air, at x {one.x:.1f} y {one.y:.1f}: nothing there holds them",
             "is a layer missing below, or support?",
         ),
@@ -222,12 +180,21 @@ def of_material(profile: Profile, account: Account, mishaps: Sequence[Mishap]) -
             count = _how_often(account, own)
             yield (
                 own[0].command - 1,
-                Fault(kind, what, remedy, z=own[0].z, times=count, place=(own[0].x, own[0].y)),
+                Diagnostic(
+                    kind,
+                    "error",
+                    what,
+                    remedy=remedy,
+                    z=own[0].z,
+                    times=count,
+                    place=(own[0].x, own[0].y),
+                    amount=own[0].amount,
+                ),
             )
     yield from _of_flow(profile, [one for one in mishaps if one.kind == "flow"])
     if account.length > _ENOUGH and 0 < account.speed < _SLOW and account.laid is not None:
         what = f"half of everything is laid slower than {account.speed:.2g} mm/s: F counts mm/min"
-        yield account.laid - 1, Fault("speed", what, "does the file count F in mm/s?")
+        yield account.laid - 1, Diagnostic("speed", "error", what)
 
 
 def _how_often(account: Account, own: Sequence[Mishap]) -> int:
@@ -236,7 +203,7 @@ def _how_often(account: Account, own: Sequence[Mishap]) -> int:
     return account.counts[own[0].kind] if len(own) == listed else len(own)
 
 
-def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fault]]:
+def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Diagnostic]]:
     """More plastic per second than the material melts."""
     if not own:
         return
@@ -248,13 +215,21 @@ def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Fau
     remedy = "print slower or thinner, or set material.max_flow to what yours melts"
     yield (
         first.command - 1,
-        Fault(
-            "flow", what, remedy, z=first.z, times=len(far or own), place=(first.x, first.y), harmless=not far
+        Diagnostic(
+            "flow",
+            _severity(not far),
+            what,
+            remedy=remedy,
+            z=first.z,
+            times=len(far or own),
+            place=(first.x, first.y),
+            amount=first.amount,
+            limit=most,
         ),
     )
 
 
-def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterator[tuple[int, Fault]]:
+def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterator[tuple[int, Diagnostic]]:
     """Heaters that are still on when all is done, and the command that had the last word.
 
     A macro of the printer that ends prints may switch them off. Its contents are unknown, so the fault says so.
@@ -286,7 +261,7 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
             remedy = f"check that the macro contains {off[heater]} or {_TURNS_OFF}"
         else:
             remedy = f"end with {off[heater]}"
-        yield last, Fault("heater", what, remedy, harmless=bool(macro))
+        yield last, Diagnostic("heater", _severity(bool(macro)), what, remedy=remedy)
 
 
 def _macro_behind(job: Job, last: int) -> str:
@@ -297,7 +272,7 @@ def _macro_behind(job: Job, last: int) -> str:
     return ""
 
 
-def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Fault]]:
+def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnostic]]:
     """The macro of the printer's own that is trusted to home and to heat, for nothing before it homes.
 
     Args:
@@ -311,11 +286,13 @@ def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Fault]]:
             return
         if macro := starts_prints(command.decode("latin-1")):
             what = f"{macro} is a macro of the printer's own; it is taken to home all axes and to heat"
-            yield index, Fault("homing", what, "see that it does", harmless=True)
+            yield index, Diagnostic("homing", "warning", what, remedy="see that it does")
             return
 
 
-def starved(report: Report, comparison: Comparison, baud: int, *, asked: bool) -> Iterator[tuple[int, Fault]]:
+def starved(
+    report: Report, comparison: Comparison, baud: int, *, asked: bool
+) -> Iterator[tuple[int, Diagnostic]]:
     """Standing still, with the nozzle on the part, because lines did not come in time."""
     if report.starved_seconds <= _STANDS:
         return
@@ -327,5 +304,5 @@ def starved(report: Report, comparison: Comparison, baud: int, *, asked: bool) -
     remedy = "use a faster link, or let the slicer suit it: printer.link_lines_per_second, arc_tolerance, resolution"
     yield (
         comparison.command_of(first),
-        Fault("link", what, remedy, times=report.starvations, harmless=not asked),
+        Diagnostic("underrun", _severity(not asked), what, remedy=remedy, times=report.starvations),
     )

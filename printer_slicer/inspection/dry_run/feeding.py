@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.inspection.coverage.beads import beads_of
 from printer_slicer.inspection.deposition.record import Account, Layer
 from printer_slicer.inspection.dry_run.causes import layer_of
-from printer_slicer.inspection.dry_run.faults import Fault
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
 
@@ -44,7 +44,7 @@ class Feeding(NamedTuple):
     since: int
     shows: int
     last: int
-    fault: Fault
+    fault: Diagnostic
 
 
 def misread(job: Job, account: Account) -> Iterator[Feeding]:
@@ -68,7 +68,9 @@ def misread(job: Job, account: Account) -> Iterator[Feeding]:
         what = f"beads of {run[0].middle:.3g} mm2: E is a total, but read as what each move adds"
         remedy = "put M82 at the start, or M83 in the slicer" if mode is None else "it has to be M82"
         at = first if mode is None else mode
-        yield Feeding(at, min(first, at), first, run[-1].number, Fault("extrusion", what, remedy))
+        yield Feeding(
+            at, min(first, at), first, run[-1].number, Diagnostic("extrusion", "error", what, remedy=remedy)
+        )
         return
 
 
@@ -88,24 +90,32 @@ def _backward(job: Job, account: Account, begin: tuple[int, int], last: int, bac
     changed = mode is not None and mode >= first
     if back < _SWINGS and not changed:
         what = "E begins again below what was reached: the filament is pulled back, and nothing comes out"
-        fault = Fault("extrusion", what, "is a G92 E0 missing before it?")
+        fault = Diagnostic("extrusion", "error", what, remedy="is a G92 E0 missing before it?")
         return Feeding(wrong, min(since, wrong), wrong, last, fault)
     what = "the filament goes back and forth as beads are laid: E is what each move adds, but read as a total"
     if mode is None:
-        fault = Fault("extrusion", what, "put M83 at the start, or M82 in the slicer")
+        fault = Diagnostic("extrusion", "error", what, remedy="put M83 at the start, or M82 in the slicer")
         return Feeding(wrong, min(since, wrong), wrong, last, fault)
-    return Feeding(mode, mode, wrong, last, Fault("extrusion", what, "it has to be M83"))
+    return Feeding(mode, mode, wrong, last, Diagnostic("extrusion", "error", what, remedy="it has to be M83"))
 
 
 def short_of(job: Job, profile: Profile, account: Account) -> Iterator[Feeding]:
     """Where less plastic comes than before, or than the part wants."""
     if account.layers and account.laid is None:
         what = "nothing is laid in the whole file"
-        yield Feeding(-1, 0, 0, _ALL, Fault("lack", what, "does it print? E has been lost", harmless=True))
+        yield Feeding(
+            -1, 0, 0, _ALL, Diagnostic("lack", "warning", what, remedy="does it print? E has been lost")
+        )
     drought = account.drought
     if drought is not None and drought.pushed < _ENOUGH:
         what = f"nothing is laid from here on over {drought.length:.0f} mm, up to z {drought.high:.6g} mm"
-        fault = Fault("lack", what, "the moves go on as if something were: has E been lost?", z=drought.low)
+        fault = Diagnostic(
+            "lack",
+            "error",
+            what,
+            remedy="the moves go on as if something were: has E been lost?",
+            z=drought.low,
+        )
         begin = drought.command - 1
         yield Feeding(begin, begin, drought.shows - 1, layer_of(account, drought.last - 1), fault)
     wanted = _wanted(job, profile)
@@ -129,9 +139,11 @@ def clogged(job: Job, profile: Profile, account: Account, missing: float) -> Ite
         return
     what = f"from here on {missing:.1f} mm of filament were fed and did not come out: a clog, or the spool is empty"
     short = next(_against([one for one in account.layers if one.number], _wanted(job, profile)), None)
-    what += f"; {short.fault.what}" if short is not None else ""
+    what += f"; {short.fault.message}" if short is not None else ""
     at = account.lost - 1
-    yield Feeding(at, at, at, _ALL, Fault("clog", what, "clear the nozzle, look at the spool"))
+    yield Feeding(
+        at, at, at, _ALL, Diagnostic("clog", "error", what, remedy="clear the nozzle, look at the spool")
+    )
 
 
 def _runs(layers: Sequence[Layer], wrong: Callable[[Layer], bool]) -> Iterator[list[Layer]]:
@@ -181,7 +193,7 @@ def _against(layers: Sequence[Layer], wanted: Mapping[int, float]) -> Iterator[F
     if len(short) > 1:
         what = f"{len(short)} layers from {first} to {max(short)} hold less plastic than the part wants"
         what += f", layer {worst} {short[worst]:.0%} of it"
-    fault = Fault("lack", what, "look for M221 and for what the machine kept back")
+    fault = Diagnostic("lack", "error", what, remedy="look for M221 and for what the machine kept back")
     # It may begin anywhere in the first of them.
     yield Feeding(begins[0], begins[0], begins[:2][-1], max(short), fault)
 
@@ -202,7 +214,7 @@ def _thinner(job: Job, layers: Sequence[Layer]) -> Iterator[Feeding]:
             begin = some[k].first - 1
             flow = _last(job, (b"M221",), some[k - 1].first - 1, begin)
             what = f"beads are {section[k] / usual:.0%} as thick as in the layers before, for {_AFTER} layers at least"
-            fault = Fault("lack", what, "look for M221, and at E of the lines before it")
+            fault = Diagnostic("lack", "error", what, remedy="look for M221, and at E of the lines before it")
             at = begin if flow is None else flow
             yield Feeding(at, at, begin, some[-1].number, fault)
             return

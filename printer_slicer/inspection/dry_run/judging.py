@@ -7,19 +7,18 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from printer_slicer.diagnostics import Diagnostic, sentence
 from printer_slicer.durations import spoken
 from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.deposition.record import Account
 from printer_slicer.inspection.dry_run.causes import Cause, causes_of, explained, layer_of, left_over
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.faults import (
-    Fault,
     Places,
     left_on,
     made_ready,
     of_machine,
     of_material,
-    sentence,
     starved,
 )
 from printer_slicer.inspection.dry_run.feeding import clogged, misread, short_of
@@ -70,7 +69,7 @@ class Verdict(Drawn):
     baud: int
     report: Report
     account: Account | None
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
     problems: tuple[str, ...]
 
     @property
@@ -81,7 +80,7 @@ class Verdict(Drawn):
     @property
     def notes(self) -> tuple[str, ...]:
         """What is worth knowing, in words, though the print comes out all the same."""
-        return tuple(sentence(fault) for fault in self.faults if fault.harmless)
+        return tuple(sentence(fault) for fault in self.faults if not fault.is_error)
 
     def __repr__(self) -> str:
         state = "ok" if self.ok else f"{len(self.problems)} problems"
@@ -141,13 +140,16 @@ def judge(
     if account is not None:
         found = _with_material(job, profile, report, comparison, (account, found))
         if "unsupported" in job.allowed:
-            found = [(at, replace(one, harmless=one.harmless or one.kind == "air")) for at, one in found]
+            found = [
+                (at, replace(one, severity="warning") if one.code == "unsupported" else one)
+                for at, one in found
+            ]
     if not report.killed and comparison.executed == len(job.commands):
         found += left_on(job, profile, targets)
     if link is not None:
         found += starved(report, comparison, link[0], asked=link[1])
     faults = tuple(Places(job, account).put(found))
-    said = [sentence(fault) for fault in faults if not fault.harmless]
+    said = [sentence(fault) for fault in faults if fault.is_error]
     return Verdict(
         job=job.name,
         commands=len(job.commands),
@@ -172,27 +174,27 @@ def _with_material(
     profile: Profile,
     report: Report,
     comparison: Comparison,
-    known: tuple[Account, list[tuple[int, Fault]]],
-) -> list[tuple[int, Fault]]:
+    known: tuple[Account, list[tuple[int, Diagnostic]]],
+) -> list[tuple[int, Diagnostic]]:
     """What the firmware did not do, and what is wrong with the material and does not follow from that."""
     account, of_firmware = known
     causes = causes_of(job, report, comparison, account)
-    found: list[tuple[int, Fault]] = []
+    found: list[tuple[int, Diagnostic]] = []
     for several in (
         clogged(job, profile, account, report.filament_missing),
         misread(job, account),
         short_of(job, profile, account),
     ):
         for one in several:
-            if not explained(causes, one.fault.kind, one.shows, layer_of(account, one.command)):
+            if not explained(causes, one.fault.code, one.shows, layer_of(account, one.command)):
                 found.append((one.command, one.fault))
-                causes.append(Cause(one.fault.kind, one.since, one.last + 1))
+                causes.append(Cause(one.fault.code, one.since, one.last + 1))
     # What is refused for being too long comes of E that is misread, too.
-    misreads = [command for command, fault in found if fault.kind == "extrusion"]
+    misreads = [command for command, fault in found if fault.code == "extrusion"]
     of_firmware = [
         (command, fault)
         for command, fault in of_firmware
-        if fault.kind != "extrusion" or not any(since <= command for since in misreads)
+        if fault.code != "extrusion" or not any(since <= command for since in misreads)
     ]
     # What a command that was clipped or refused then lays is no fault of its own.
     told = {command for command, _ in of_firmware}

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.diagnostics import Finding
+from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe
 from printer_slicer.motion.flow import ENOUGH, flow_of
@@ -75,15 +75,24 @@ class MoveJudge:
         for case in chain(*cases):
             self._keep(moves, case)
 
-    def findings(self, commands: Sequence[bytes]) -> Iterator[Finding]:
+    def findings(self, commands: Sequence[bytes]) -> Iterator[Diagnostic]:
         """What was wrong, each thing once; `commands` of the job are shown in it."""
         for (name, what, refused), one in self._found.items():
             command = commands[one.index].decode("latin-1")
-            yield Finding(name, refused, one.index, command, what.format(one.worst), one.why, one.times)
+            severity: Severity = "error" if refused else "warning"
+            yield Diagnostic(
+                name,
+                severity,
+                what.format(one.worst),
+                one.why,
+                times=one.times,
+                index=one.index,
+                command=command,
+            )
         if self._tracker is not None and (found := self._tracker.close()):
             index = found[0].command - 1
             command, why = commands[index].decode("latin-1"), "it will fall: turn the part, or add supports"
-            yield Finding("unsupported", True, index, command, describe(found), why)
+            yield Diagnostic("unsupported", "error", describe(found), why, index=index, command=command)
 
     def _keep(self, moves: Moves, case: _Case) -> None:
         """Keep the first of the moves, the number of commands, and the worst size."""

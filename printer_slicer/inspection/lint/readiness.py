@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.diagnostics import Finding
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.lint.words import Command
 from printer_slicer.own_macros import starts_prints
@@ -119,10 +119,11 @@ class Readiness:
             lays & off,
         )
 
-    def findings(self, commands: Sequence[bytes]) -> Iterator[Finding]:
+    def findings(self, commands: Sequence[bytes]) -> Iterator[Diagnostic]:
         """Yield one finding for each kind of problem; `commands` are those of the job, for the text."""
         for (name, what, why), one in self._found.items():
-            yield Finding(name, True, one.index, commands[one.index].decode("latin-1"), what, why, one.times)
+            command = commands[one.index].decode("latin-1")
+            yield Diagnostic(name, "error", what, why, times=one.times, index=one.index, command=command)
 
     def _home(self, index: int, axes: str) -> None:
         self._homed.update(axes)

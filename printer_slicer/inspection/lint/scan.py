@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from printer_slicer.diagnostics import Finding
+from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import Heat
@@ -26,7 +26,7 @@ _RULES: Final[Mapping[str, tuple[Rule, ...]]] = {
 }
 _SCRIPTS: Final = frozenset({"IF", "ELIF", "ELSE", "WHILE", "VAR", "GLOBAL", "SET", "ABORT"})
 _MODES: Final = frozenset({"G0", "G1", "G2", "G3", "G20", "G21", "G28", "G90", "G91", "G92", "M82", "M83"})
-_Key = tuple[str, bool, str, str]
+_Key = tuple[str, Severity, str, str]
 
 
 def scan(
@@ -37,7 +37,7 @@ def scan(
     marks: Mapping[int, int] | None = None,
     whole: bool = False,
     tracker: UnsupportedTracker | None = None,
-) -> tuple[Finding, ...]:
+) -> tuple[Diagnostic, ...]:
     """Everything in a job that a person should know, or must allow, before a printer gets it.
 
     Args:
@@ -54,7 +54,7 @@ def scan(
     if moves is None:
         dialect = FLAVOURS[profile.printer.flavour]
         moves = pieces_of(commands, profile.printer.corners[0], dialect)
-    found: dict[_Key, Finding] = {}
+    found: dict[_Key, Diagnostic] = {}
     factors: list[tuple[int, float]] = []
     heat, readiness = Heat(profile), Readiness(profile.printer.flavour)
     for index, line in unusual(commands):
@@ -62,14 +62,14 @@ def scan(
             readiness.follow(index, command)
             if command.code == "M221" and (ratio := command.most("S")):
                 factors.append((index, ratio / 100))
-            for name, refused, what, why in _said(command, line, profile, heat):
+            for name, severity, what, why in _said(command, line, profile, heat):
                 shown = line.decode("latin-1")
-                key = (name, refused, what, shown)
+                key = (name, severity, what, shown)
                 old = found.get(key)
                 found[key] = (
                     replace(old, times=old.times + 1)
                     if old
-                    else Finding(name, refused, index, shown, what, why)
+                    else Diagnostic(name, severity, what, why, index=index, command=shown)
                 )
     judge = MoveJudge(profile, factors, tracker)
     for piece in moves:
@@ -80,32 +80,31 @@ def scan(
     return _in_order(everything, marks or {})
 
 
-def _in_order(findings: Iterable[Finding], marks: Mapping[int, int]) -> tuple[Finding, ...]:
+def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple[Diagnostic, ...]:
     """Return findings with their layers, in the order of the commands."""
     begins, layers = list(marks), list(marks.values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)
         for one in findings
     )
-    return tuple(sorted(placed, key=lambda one: (one.index, not one.refused, one.name)))
+    return tuple(sorted(placed, key=lambda one: (one.index, not one.is_error, one.code)))
 
 
-def _said(
-    command: Command, line: bytes, profile: Profile, heat: Heat
-) -> Iterator[tuple[str, bool, str, str]]:
-    """Name, whether it is refused, what it does, why that matters."""
+def _said(command: Command, line: bytes, profile: Profile, heat: Heat) -> Iterator[_Key]:
+    """Code, severity, what it does, why that matters."""
     if wrong := heat.judge(command):
-        yield "temperature", True, wrong, "it may burn"
+        yield "temperature", "error", wrong, "it may burn"
     for rule in _RULES.get(command.code, ()):
         said = rule.judge(command, profile.printer)
         if said is not None:
-            yield rule.name, *said, rule.why
+            refused, what = said
+            yield rule.name, "error" if refused else "warning", what, rule.why
     if not command.further and (what := lower_case_fault(line, profile.printer.flavour)):
-        yield "unreadable", True, what, "the printer ignores what it does not know"
+        yield "unreadable", "error", what, "the printer ignores what it does not know"
     for what in number_faults(command, profile.printer.flavour):
-        yield "unreadable", True, what, "firmwares read it differently"
+        yield "unreadable", "error", what, "firmwares read it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
-        yield "debug", True, "is a command for developers", "it may read and write memory and pins"
+        yield "debug", "error", "is a command for developers", "it may read and write memory and pins"
     scripted = command.code in _SCRIPTS and "_" not in command.code
     if scripted or (command.code in _MODES and (command.further or "{" in command.text)):
-        yield "unreadable", True, "cannot be followed", "what it does depends on the firmware"
+        yield "unreadable", "error", "cannot be followed", "what it does depends on the firmware"

@@ -14,7 +14,7 @@ from printer_slicer import bead
 from printer_slicer.geometry import Areas
 from printer_slicer.inspection.coverage.account import Ledger, Rules, ledger_of, overlapping
 from printer_slicer.inspection.coverage.beads import Beads
-from printer_slicer.inspection.coverage.limits import findings
+from printer_slicer.inspection.coverage.limits import excess, findings
 from printer_slicer.inspection.coverage.matching import first_guess, fitted, moved
 from printer_slicer.inspection.coverage.stack import stacked
 from printer_slicer.inspection.deposition.purposes import Purpose
@@ -314,10 +314,10 @@ def test_layers_and_sections_must_be_as_many() -> None:
 def test_findings_are_runs_of_layers_and_the_worst_comes_first() -> None:
     beads = joined(*(ring(20, z=0.2 * (k + 1), inset=-2.0 if k in {3, 4} else WIDTH / 2) for k in range(8)))
     found = findings(account(beads, *[[square(20)]] * 8, rules=Rules(shell=0.4)))
-    outside = [one for one in found if one.kind == "outside"]
+    outside = [one for one in found if one.code == "outside"]
 
-    assert [(one.first, one.last) for one in outside] == [(3, 4)]
-    assert [one.severity for one in found] == sorted((one.severity for one in found), reverse=True)
+    assert [(one.first, one.last) for one in outside] == [(4, 5)]
+    assert [excess(one) for one in found] == sorted(map(excess, found), reverse=True)
     assert outside[0].line > 0
 
 

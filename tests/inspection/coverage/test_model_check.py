@@ -55,11 +55,11 @@ def without(made: Program, gone: Bool) -> Program:
 
 
 def kinds_at(check: Check, layer: int) -> set[str]:
-    return {one.kind for one in check.findings if one.first <= layer <= one.last}
+    return {one.code for one in check.findings if layer in one.in_layers}
 
 
 def other_layers(check: Check, *layers: int) -> list[int]:
-    found = {k for one in check.findings for k in range(one.first, one.last + 1)}
+    found = {k for one in check.findings for k in one.in_layers}
     return sorted(found - set(layers))
 
 
@@ -104,10 +104,10 @@ def test_of_a_sphere_only_the_flattest_layers_are_told() -> None:
     check = check_gcode(write_gcode(slice_part(mesh, profile), profile), mesh, Asked())
 
     n_layers = check.ledger.stack.n_layers
-    more = [one for one in check.findings if one.kind == "over"]
+    more = [one for one in check.findings if one.code == "overfilled"]
     assert all(one.amount < 1.125 for one in more)
-    assert {one.kind for one in check.findings} <= {"air", "under", "over"}
-    assert all(one.last < 3 or one.first >= n_layers - 3 for one in check.findings if one not in more)
+    assert {one.code for one in check.findings} <= {"unsupported", "underfilled", "overfilled"}
+    assert all(one.last < 4 or one.first > n_layers - 3 for one in check.findings if one not in more)
 
 
 @settings(max_examples=8, deadline=None)
@@ -129,20 +129,20 @@ def test_a_missing_wall_is_found() -> None:
     made = program()
     check = checked(without(made, (made.layer == 7) & (made.role == Role.OUTER_PERIMETER)))
 
-    assert {"uncovered", "under", "outline"} <= kinds_at(check, 7)
+    assert {"uncovered", "underfilled", "outline"} <= kinds_at(check, 7)
     assert other_layers(check, 7) == []
-    worst = next(one for one in check.findings if one.kind == "uncovered")
+    worst = next(one for one in check.findings if one.code == "uncovered")
     gap = float(bead.spacing(PROFILE.extrusion_width, 0.3))
     # Inner perimeters beside it are wider by what its round side leaves empty.
     wall = (gap - float(bead.side_loss(0.3)) / 2) * (4 * (20 - gap) + 4 * (8 + gap))
-    assert check.ledger.uncovered.area()[worst.layer] == pytest.approx(wall, rel=0.05)
+    assert check.ledger.uncovered.area()[worst.layer - 1] == pytest.approx(wall, rel=0.05)
 
 
 def test_a_missing_inner_wall_is_found() -> None:
     made = program()
     check = checked(without(made, (made.layer == 9) & (made.role == Role.INNER_PERIMETER)))
 
-    assert {"uncovered", "under"} <= kinds_at(check, 9)
+    assert {"uncovered", "underfilled"} <= kinds_at(check, 9)
     assert other_layers(check, 9) == []
 
 
@@ -164,9 +164,9 @@ def test_too_little_and_too_much_plastic_in_some_layers_is_found(share: float) -
     some = (made.layer >= 4) & (made.layer <= 6) & (made.role != Role.TRAVEL)
     check = checked(replace(made, filament=made.filament * np.where(some, share, 1.0)))
 
-    kind = "under" if share < 1 else "over"
-    found = [one for one in check.findings if one.kind == kind]
-    assert [(one.first, one.last) for one in found] == [(4, 6)]
+    kind = "underfilled" if share < 1 else "overfilled"
+    found = [one for one in check.findings if one.code == kind]
+    assert [(one.first, one.last) for one in found] == [(5, 7)]
     assert found[0].amount == pytest.approx(share, abs=0.08)
     # Beads that hold too much for their layer may reach down into the one below.
     assert other_layers(check, *([3] if share > 1 else []), 4, 5, 6) == []
@@ -176,8 +176,8 @@ def test_too_little_plastic_everywhere_is_found() -> None:
     made = program()
     check = checked(replace(made, filament=made.filament * np.where(made.role != Role.TRAVEL, 0.8, 1.0)))
 
-    found = [one for one in check.findings if one.kind == "under"]
-    assert [(one.first, one.last) for one in found] == [(0, made.plan.n_layers - 1)]
+    found = [one for one in check.findings if one.code == "underfilled"]
+    assert [(one.first, one.last) for one in found] == [(1, made.plan.n_layers)]
 
 
 def test_a_skipped_layer_is_found() -> None:
@@ -186,11 +186,11 @@ def test_a_skipped_layer_is_found() -> None:
 
     # The layers above it are one down now: the sixth that is there has twice the height to fill.
     assert check.ledger.stack.n_layers == made.plan.n_layers - 1
-    assert "under" in kinds_at(check, 5)
+    assert "underfilled" in kinds_at(check, 5)
     assert other_layers(check, 5) == []
-    under = next(one for one in check.findings if one.kind == "under")
+    under = next(one for one in check.findings if one.code == "underfilled")
     assert under.amount == pytest.approx(0.5, abs=0.05)
-    assert "0.6 mm" in under.text
+    assert "0.6 mm" in under.message
 
 
 @pytest.mark.parametrize("missing", [0, 1, 2])
@@ -245,7 +245,7 @@ def test_where_the_part_lies_may_be_told() -> None:
 
     assert right.ok
     assert not right.matched
-    assert {"outside", "outline"} <= {one.kind for one in wrong.findings}
+    assert {"outside", "outline"} <= {one.code for one in wrong.findings}
 
 
 def test_limits_decide_what_is_told() -> None:
@@ -255,7 +255,7 @@ def test_limits_decide_what_is_told() -> None:
 def test_a_deeper_shell_holds_the_infill_to_account() -> None:
     check = checked(program(), asked=Asked(rules=Rules(shell=5.0)))
 
-    assert {"uncovered", "under"} <= {one.kind for one in check.findings}
+    assert {"uncovered", "underfilled"} <= {one.code for one in check.findings}
 
 
 def test_a_file_without_comments_is_understood() -> None:
@@ -301,7 +301,7 @@ def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
     huge = (made.layer == 3) & (made.role == Role.OUTER_PERIMETER)
     check = checked(replace(made, filament=made.filament * np.where(huge, 1e4, 1.0)))
 
-    assert {"over", "outside", "outline"} <= kinds_at(check, 3)
+    assert {"overfilled", "outside", "outline"} <= kinds_at(check, 3)
     assert check.ledger.covered.xy.max() < 20.1
 
 

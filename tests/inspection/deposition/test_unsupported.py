@@ -59,14 +59,14 @@ def test_bridges_overhangs_first_layers_and_rafts_are_held(part: Mesh, raft: flo
 def test_the_program_its_text_and_its_dry_run_tell_the_same() -> None:
     found = unsupported_of_program(slice_part(MUSHROOM, PROFILE), PROFILE)
     job = job_of(MUSHROOM, PROFILE)
-    (finding,) = (one for one in job.findings if one.name == "unsupported")
-    (fault,) = (one for one in dry_run(job, PROFILE).faults if one.kind == "air")
+    (finding,) = (one for one in job.findings if one.code == "unsupported")
+    (fault,) = (one for one in dry_run(job, PROFILE).faults if one.code == "unsupported")
 
-    assert finding.refused
+    assert finding.is_error
     assert finding.layer == fault.layer == found[0].layer
     assert finding.line == fault.line
-    assert f"{found[0].length:.0f} mm" in fault.what
-    assert f"{found[0].length:.0f} mm" in finding.what
+    assert f"{found[0].length:.0f} mm" in fault.message
+    assert f"{found[0].length:.0f} mm" in finding.message
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.inspection.dry_run.faults import Fault
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.inspection.dry_run.judging import Verdict
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.profile import load_profile
@@ -36,11 +36,11 @@ def rehearsed(lines: Sequence[str], folder: Path) -> Verdict:
     return dry_run(job_from(path, PROFILE), PROFILE)
 
 
-def crash(moves: Sequence[str], folder: Path) -> tuple[Fault, str]:
+def crash(moves: Sequence[str], folder: Path) -> tuple[Diagnostic, str]:
     """The only fault of a slab after which the nozzle moves so, and the line that is to blame."""
     lines = [*slab(), "G1 Z5 F240", "G1 X45 Y55 F6000", *moves, "G1 Z5 F240", "M104 S0", "M140 S0"]
     (fault,) = rehearsed(lines, folder).faults
-    assert fault.kind == "crash"
+    assert fault.code == "crash"
     return fault, lines[fault.line - 1]
 
 
@@ -50,7 +50,7 @@ def test_it_is_found_on_beads_and_between_them(y: float, depth: float, tmp_path:
     fault, line = crash([f"G1 Y{y}", f"G1 Z{TOP - depth:.2f} F240", "G1 X75 F3000"], tmp_path)
 
     assert line == "G1 X75 F3000"
-    assert f"{depth:.2f} mm deep" in fault.what
+    assert f"{depth:.2f} mm deep" in fault.message
 
 
 def test_it_is_as_deep_as_it_is_in_steps(tmp_path: Path) -> None:
@@ -58,7 +58,7 @@ def test_it_is_as_deep_as_it_is_in_steps(tmp_path: Path) -> None:
     fault, line = crash(["G1 Z3.1", "G1 X60", *steps], tmp_path)
 
     assert line == "G1 Z2.20 F240"
-    assert "2.00 mm deep" in fault.what
+    assert "2.00 mm deep" in fault.message
 
 
 def test_deep_down_the_side_of_the_nozzle_counts(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_deep_down_the_side_of_the_nozzle_counts(tmp_path: Path) -> None:
     fault, line = crash(["G1 Y49.7", "G1 Z1.4 F240", "G1 X75 F3000"], tmp_path)
 
     assert line == "G1 X75 F3000"
-    assert "1.60 mm deep" in fault.what
+    assert "1.60 mm deep" in fault.message
 
 
 @pytest.mark.parametrize("z", [TOP, TOP - 0.05])

@@ -30,7 +30,7 @@ def rehearsed(folder: Path, lines: list[str], **how: int) -> Verdict:
 
 def test_a_file_for_two_extruders_is_good_where_there_are_two(tmp_path: Path) -> None:
     assert rehearsed(tmp_path, TWO, extruders=2).problems == ()
-    assert {fault.kind for fault in rehearsed(tmp_path, TWO).faults} == {"tool"}
+    assert {fault.code for fault in rehearsed(tmp_path, TWO).faults} == {"tool"}
 
 
 @pytest.mark.parametrize(
@@ -44,13 +44,13 @@ def test_faults_of_the_second_extruder_are_judged(place: int, line: str, kind: s
         lines.remove("M109 T1 S210")
     faults = rehearsed(tmp_path, lines, extruders=2).faults
 
-    assert [fault.kind for fault in faults if not fault.harmless] == [kind]
+    assert [fault.code for fault in faults if fault.is_error] == [kind]
 
 
 def test_a_second_hotend_that_stays_on_is_a_fault(tmp_path: Path) -> None:
     faults = rehearsed(tmp_path, [line for line in TWO if line != "M104 T0 S0"], extruders=2).faults
 
-    assert [fault.what for fault in faults] == ["the nozzle stays on at 200 °C when all is done"]
+    assert [fault.message for fault in faults] == ["the nozzle stays on at 200 °C when all is done"]
 
 
 def test_extruders_may_share_a_hotend(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_a_tool_that_is_not_there_is_found_at_its_line_among_many(place: int, tm
     moves = [f"G1 X{100 + at % 7} Y{100 + at % 3} E0.05" for at in range(100)]
     lines = [*TWO[:9], *moves, *TWO[-2:]]
     lines.insert(place, "M104 T3 S200")
-    faults = [fault for fault in rehearsed(tmp_path, lines, extruders=2).faults if fault.kind == "tool"]
+    faults = [fault for fault in rehearsed(tmp_path, lines, extruders=2).faults if fault.code == "tool"]
 
     assert [fault.line for fault in faults] == [place + 1]
 

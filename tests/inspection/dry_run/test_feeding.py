@@ -9,7 +9,7 @@ from random import Random  # noqa: TID251 - one with a seed
 
 import pytest
 
-from printer_slicer.inspection.dry_run.faults import Fault
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.inspection.dry_run.judging import Verdict
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job
@@ -53,7 +53,7 @@ def test_m83_lost_from_a_layer_on_is_told_at_the_m82(
     lines = writes(inserted(list(sound()), layer, "M82"))
     (fault,) = found_in(lines, tmp_path)
 
-    assert fault.kind == "extrusion"
+    assert fault.code == "extrusion"
     assert lines[fault.line - 1] == "M82"
     assert fault.remedy == "it has to be M83"
 
@@ -63,7 +63,7 @@ def test_m82_lost_from_a_layer_on_is_told_at_the_m83(layer: int, tmp_path: Path)
     lines = inserted(list(sound(relative=False)), layer, "M83")
     faults = found_in(lines, tmp_path)
 
-    assert {fault.kind for fault in faults} <= {"extrusion", "flow"}
+    assert {fault.code for fault in faults} <= {"extrusion", "flow"}
     at = begin(lines, layer)
     assert lines[at - 1] == "M83"
     assert at <= faults[0].line <= next_line(lines, at, BEAD) + 1
@@ -78,7 +78,7 @@ def test_e_that_begins_again_without_g92_is_told_where_it_does(tmp_path: Path) -
     lines[first:] = [line for line in lines[first:] if line != "G92 E0"]
     (fault,) = found_in(lines, tmp_path)
 
-    assert (fault.kind, fault.layer) == ("extrusion", 2)
+    assert (fault.code, fault.layer) == ("extrusion", 2)
     assert "G92 E0" in fault.remedy
 
 
@@ -105,7 +105,7 @@ def test_layers_without_e_are_told_where_they_begin(until: int | None, tmp_path:
     lines[first:last] = [re.sub(r" E[\d.]+", "", line) for line in lines[first:last]]
     (fault,) = found_in(lines, tmp_path)
 
-    assert fault.kind == "lack"
+    assert fault.code == "lack"
     assert begin(lines, 9) < fault.line <= next_line(lines, begin(lines, 10), "G1 X.* Y") + 1
 
 
@@ -114,8 +114,8 @@ def test_a_flow_of_a_third_is_told_at_its_m221(relative: bool, tmp_path: Path) -
     lines = inserted(list(sound(relative=relative)), 10, "M221 S30")
     (fault,) = found_in(lines, tmp_path)
 
-    assert (fault.kind, lines[fault.line - 1]) == ("lack", "M221 S30")
-    assert "30%" in fault.what
+    assert (fault.code, lines[fault.line - 1]) == ("lack", "M221 S30")
+    assert "30%" in fault.message
 
 
 def test_a_file_that_lays_nothing_at_all_is_told_so(tmp_path: Path) -> None:
@@ -153,14 +153,14 @@ FOLLOWS: list[tuple[str, Callable[[Lines], Lines], str]] = [
 
 @pytest.mark.parametrize(("spoilt", "kind"), [row[1:] for row in FOLLOWS], ids=[row[0] for row in FOLLOWS])
 def test_one_cause_is_one_fault(spoilt: Callable[[Lines], Lines], kind: str, tmp_path: Path) -> None:
-    assert [fault.kind for fault in found_in(spoilt(list(sound())), tmp_path)] == [kind]
+    assert [fault.code for fault in found_in(spoilt(list(sound())), tmp_path)] == [kind]
 
 
 def test_what_is_far_from_a_cause_is_told_all_the_same(tmp_path: Path) -> None:
     lines = inserted(list(sound()), 2, "G0 X400", "G0 X100")
     del lines[begin(lines, 12) : begin(lines, 16)]
 
-    assert [fault.kind for fault in found_in(lines, tmp_path)] == ["box", "air"]
+    assert [fault.code for fault in found_in(lines, tmp_path)] == ["box", "unsupported"]
 
 
 # Clogs
@@ -171,9 +171,9 @@ def clogged(job: Job, share: float, z: float = 3.0) -> Verdict:
     return dry_run(job, PROFILE, faults=Faults([Trouble("clog", share=share, z=z)], Random(1)))
 
 
-def told(verdict: Verdict) -> list[Fault]:
+def told(verdict: Verdict) -> list[Diagnostic]:
     """Its faults."""
-    return [fault for fault in verdict.faults if not fault.harmless]
+    return [fault for fault in verdict.faults if fault.is_error]
 
 
 def test_what_a_clog_kept_back_is_not_in_the_account(tmp_path: Path) -> None:
@@ -185,12 +185,12 @@ def test_what_a_clog_kept_back_is_not_in_the_account(tmp_path: Path) -> None:
     assert good.account is not None
     (fault,) = told(verdict)
 
-    assert fault.kind == "clog"
+    assert fault.code == "clog"
     assert fault.layer in {
         9,
         10,
     }  # it strikes when the first bead at its height is planned, and those before are laid
-    assert f"{verdict.report.filament_missing:.1f} mm" in fault.what
+    assert f"{verdict.report.filament_missing:.1f} mm" in fault.message
     assert len(verdict.problems) == 1
     assert verdict.account.volume == pytest.approx(good.account.volume / 2, rel=0.1)
 
@@ -199,9 +199,9 @@ def test_a_known_part_tells_which_layers_lack_plastic() -> None:
     verdict = clogged(job_of(box((20.0, 20.0, 6.0)), PROFILE), 0.6)
     (fault,) = told(verdict)
 
-    assert fault.kind == "clog"
-    assert "11 layers from 10 to 20 hold less plastic than the part wants" in fault.what
-    assert "40%" in fault.what
+    assert fault.code == "clog"
+    assert "11 layers from 10 to 20 hold less plastic than the part wants" in fault.message
+    assert "40%" in fault.message
 
 
 def test_a_machine_that_gives_less_is_held_against_the_part() -> None:
@@ -209,5 +209,5 @@ def test_a_machine_that_gives_less_is_held_against_the_part() -> None:
     profile = load_profile("marlin_220", "pla", "standard", {"printer.start_gcode": start})
     (fault,) = told(dry_run(job_of(box((20.0, 20.0, 6.0)), profile), profile))
 
-    assert (fault.kind, fault.layer) == ("lack", 1)
-    assert "60% of it" in fault.what
+    assert (fault.code, fault.layer) == ("lack", 1)
+    assert "60% of it" in fault.message

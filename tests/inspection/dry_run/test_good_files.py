@@ -117,7 +117,7 @@ def test_a_file_for_another_firmware_is_found_out(tmp_path: Path) -> None:
     flags = ("--export-gcode", "--center", "110,110", "--gcode-flavor", "reprapfirmware")
     verdict = sliced_by("prusa-slicer", tmp_path, [cone(8, 6)], *flags)
 
-    assert {fault.kind for fault in verdict.faults if not fault.harmless} == {"cold"}
+    assert {fault.code for fault in verdict.faults if fault.is_error} == {"cold"}
 
 
 SLIC3R: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {

@@ -19,7 +19,7 @@ def refused(printer: str, move: str) -> tuple[bool, bool]:
     profile = load_profile(printer, quality="standard", changes={"start_gcode": start})
     job = job_of(PART, profile)
     verdict = dry_run(job, profile)
-    by_check = any(one.refused for one in scan(job.commands, profile, whole=True))
+    by_check = any(one.is_error for one in scan(job.commands, profile, whole=True))
     if verdict.ok:
         assert [note for note in verdict.notes if "before homing" in note], verdict.notes
     return not verdict.ok, by_check

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.inspection.dry_run.faults import Fault
+from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.profile import load_profile
 from printer_slicer.slice_jobs import job_from, job_of
@@ -125,7 +125,7 @@ PLANTED: list[tuple[str, Plant, str, int]] = [
     ("cold extrusion: cooled down", cooled_down, "cold", 5),
     ("out of the bed", beside_the_bed, "box", 4),
     ("too hot", too_hot, "temperature", 3),
-    ("a layer in the air", layers_missing, "air", 6),
+    ("a layer in the air", layers_missing, "unsupported", 6),
     ("a crash into the print", into_the_print, "crash", 12),
     ("flow over the cap", too_much_at_once, "flow", 7),
     ("M83 lost", m83_lost, "extrusion", 0),
@@ -136,12 +136,12 @@ PLANTED: list[tuple[str, Plant, str, int]] = [
 ]
 
 
-def found_in(lines: Lines, folder: Path) -> list[Fault]:
+def found_in(lines: Lines, folder: Path) -> list[Diagnostic]:
     """What a dry run of these lines calls a fault."""
     path = folder / "planted.gcode"
     path.write_text("\n".join(lines))
     verdict = dry_run(job_from(path, PROFILE), PROFILE)
-    faults = [fault for fault in verdict.faults if not fault.harmless]
+    faults = [fault for fault in verdict.faults if fault.is_error]
     assert bool(faults) is not verdict.ok
     return faults
 
@@ -161,7 +161,7 @@ def test_a_planted_fault_is_found_at_its_line_and_layer(
     blamed = plant(lines)
     faults = found_in(lines, tmp_path)
 
-    assert [fault.kind for fault in faults] == [kind]
+    assert [fault.code for fault in faults] == [kind]
     if blamed >= 0:
         assert (faults[0].line, faults[0].layer) == (blamed + 1, layer)
     assert faults[0].remedy
@@ -174,5 +174,5 @@ def test_commands_of_other_firmwares_are_notes_whatever_stands_behind_them(tmp_p
 
     verdict = dry_run(job_from(path, PROFILE), PROFILE)
 
-    unknown = [fault for fault in verdict.faults if fault.kind == "unknown"]
-    assert [(fault.line, fault.times, fault.harmless) for fault in unknown] == [(2, 2, True), (3, 1, True)]
+    unknown = [fault for fault in verdict.faults if fault.code == "unknown"]
+    assert [(fault.line, fault.times, fault.is_error) for fault in unknown] == [(2, 2, False), (3, 1, False)]

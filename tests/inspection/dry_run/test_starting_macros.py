@@ -55,7 +55,7 @@ def test_other_commands_do_not(macro: str) -> None:
     job = job_of(PART, profile)
 
     assert any("homing" in problem for problem in dry_run(job, profile).problems)
-    assert {"homing", "cold"} <= {one.name for one in scan(job.commands, profile, whole=True)}
+    assert {"homing", "cold"} <= {one.code for one in scan(job.commands, profile, whole=True)}
 
 
 def test_the_simulated_klipper_has_such_a_macro_too() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from benchmarks.peers import Part, find_peers
 from printer_slicer.cli import main
-from printer_slicer.diagnostics import NAMES, Finding, check_names, insist, remedy_of
+from printer_slicer.diagnostics import NAMES, Diagnostic, check_names, insist, remedy_of
 from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.gcode import FLAVOURS
 from printer_slicer.gcode.reader import Reader
@@ -57,17 +57,17 @@ GOOD_LINES = GOOD.splitlines()
 COMMANDS = [line.encode() for line in GOOD_LINES if not line.startswith(";")]
 
 
-def found(*lines: str, printer: str | None = None) -> tuple[Finding, ...]:
+def found(*lines: str, printer: str | None = None) -> tuple[Diagnostic, ...]:
     """What is found in these commands alone."""
     return scan([line.encode() for line in lines], load_profile(printer))
 
 
 def names(*lines: str, printer: str | None = None) -> list[tuple[str, bool]]:
-    return [(one.name, one.refused) for one in found(*lines, printer=printer)]
+    return [(one.code, one.is_error) for one in found(*lines, printer=printer)]
 
 
 def refused(*lines: str, printer: str | None = None) -> list[str]:
-    return [one.name for one in found(*lines, printer=printer) if one.refused]
+    return [one.code for one in found(*lines, printer=printer) if one.is_error]
 
 
 # Every kind
@@ -137,7 +137,7 @@ def test_each_kind_is_found_in_the_middle_of_a_good_job_whatever_its_spelling(na
     for spelt in (line, line.lower(), f"N7 {line}*99", line.replace(" ", "  "), f" {line}"):
         at = 14
         job = [*COMMANDS[:at], strip(spelt.encode()), *COMMANDS[at:]]  # as files are read
-        hits = [one for one in scan(job, PROFILE) if one.refused and one.name == name]
+        hits = [one for one in scan(job, PROFILE) if one.is_error and one.code == name]
 
         assert [one.index for one in hits][:1] == [at], spelt
 
@@ -192,7 +192,7 @@ def test_other_limits_are_told_if_they_are_a_little_over() -> None:
 def test_limits_in_mm_per_minute_are_right_for_reprapfirmware_alone(tmp_path: Path) -> None:
     rrf = profile_with(PROFILE, {"printer.flavour": "reprapfirmware"})
 
-    assert [one.name for one in scan([b"M203 X30000 Y30000 Z300 E1500"], rrf)] == []
+    assert [one.code for one in scan([b"M203 X30000 Y30000 Z300 E1500"], rrf)] == []
     assert refused("M203 X30000 Y30000 Z300 E1500") == ["limits"]
 
 
@@ -203,8 +203,8 @@ def test_lower_case_is_refused_where_the_firmware_does_not_know_it(line: str) ->
     (finding,) = found(line)
     takes = [name for name in sorted(FLAVOURS) if not lower_case_fault(line.encode(), name)]
 
-    assert (finding.name, finding.refused) == ("unreadable", True)
-    assert finding.what.startswith("is in lower case, which Marlin does not know: write ")
+    assert (finding.code, finding.is_error) == ("unreadable", True)
+    assert finding.message.startswith("is in lower case, which Marlin does not know: write ")
     assert takes == ["klipper", "repetier", "reprapfirmware"]
 
 
@@ -264,7 +264,7 @@ def test_a_whole_job_has_to_home_and_to_heat() -> None:
     lost = [one for one in COMMANDS if not one.startswith(b"G28")]
 
     for job, name in ((cold, "cold"), (lost, "homing")):
-        assert [one.name for one in scan(job, PROFILE, whole=True)] == [name]
+        assert [one.code for one in scan(job, PROFILE, whole=True)] == [name]
         assert scan(job, PROFILE) == ()
     assert scan(COMMANDS, PROFILE, whole=True) == ()
 
@@ -316,10 +316,10 @@ def test_absolute_and_relative_filament_come_to_the_same() -> None:
     absolute = found("M82", "G92 E0", "G1 X10 E5 F3000", "G92 E0", "G1 X20 E5")
     relative = found("M83", "G1 X10 E5 F3000", "G1 X20 E5")
 
-    assert [(one.name, one.what, one.times) for one in absolute] == [
-        (one.name, one.what, one.times) for one in relative
+    assert [(one.code, one.message, one.times) for one in absolute] == [
+        (one.code, one.message, one.times) for one in relative
     ]
-    assert [one.name for one in absolute] == ["flow"]
+    assert [one.code for one in absolute] == ["flow"]
 
 
 def test_a_ratio_of_flow_counts() -> None:
@@ -371,7 +371,7 @@ def test_pauses_that_the_settings_ask_for_need_no_leave(tmp_path: Path) -> None:
     file = tmp_path / "bridge.gcode"
     file.write_bytes(job.text)
 
-    assert [(one.name, one.command) for one in job.findings] == [("wait", "M0")]
+    assert [(one.code, one.command) for one in job.findings] == [("wait", "M0")]
     insist(job.findings, job.allowed)
     with pytest.raises(PolicyError, match="M0"):
         insist(job_from(file, profile).findings)
@@ -387,7 +387,7 @@ def test_prusaslicers_files_are_not_refused(flavour: str, tmp_path: Path) -> Non
     job = job_from(file, PROFILE)
 
     assert len(job.commands) > 1000
-    assert [one for one in job.findings if one.refused] == []
+    assert [one for one in job.findings if one.is_error] == []
 
 
 def test_curas_files_are_not_refused(tmp_path: Path) -> None:
@@ -404,7 +404,7 @@ def test_curas_files_are_not_refused(tmp_path: Path) -> None:
     job = job_from(next(tmp_path.glob("*.gcode")), profile)
 
     assert len(job.commands) > 1000
-    assert [one for one in job.findings if one.refused] == []
+    assert [one for one in job.findings if one.is_error] == []
 
 
 # Any file
@@ -424,15 +424,15 @@ def test_any_lines_can_be_scanned_and_findings_are_in_order(lines: list[str]) ->
 
     assert all(0 <= one.index < len(commands) and one.times >= 1 for one in findings)
     assert all(before.index <= after.index for before, after in pairwise(findings))
-    assert {one.name for one in findings} <= set(NAMES)
+    assert {one.code for one in findings} <= set(NAMES)
 
 
 @given(st.lists(st.sampled_from(HARM["eeprom"] + HARM["halt"] + HARM["temperature"]), min_size=1, max_size=5))
 def test_what_is_found_is_found_however_much_stands_around_it(harm: list[str]) -> None:
-    bare = {(one.name, one.what) for one in scan([line.encode() for line in harm], PROFILE)}
+    bare = {(one.code, one.message) for one in scan([line.encode() for line in harm], PROFILE)}
     around = [*COMMANDS, *(line.encode() for line in harm), *COMMANDS]
 
-    assert bare <= {(one.name, one.what) for one in scan(around, PROFILE)}
+    assert bare <= {(one.code, one.message) for one in scan(around, PROFILE)}
 
 
 # Where, and allowing
@@ -442,7 +442,7 @@ def test_findings_know_line_and_layer(tmp_path: Path) -> None:
     file = tmp_path / "job.gcode"
     lines = [*GOOD_LINES[:16], "; a remark", "", "M500 ; oops", *GOOD_LINES[16:], "M500"]
     file.write_text("\n".join(lines))
-    (finding,) = [one for one in job_from(file, PROFILE).findings if one.refused]
+    (finding,) = [one for one in job_from(file, PROFILE).findings if one.is_error]
 
     assert (finding.line, finding.layer, finding.command, finding.times) == (19, 2, "M500", 2)
 
@@ -463,7 +463,7 @@ def test_a_job_is_refused_by_line_until_every_name_is_allowed() -> None:
 def test_every_finding_has_a_remedy_of_its_own_kind(name: str) -> None:
     """Another profile helps only against what is measured by the profile."""
     of_profile = {"temperature", "box", "feed", "flow", "limits", "unreadable"}
-    remedy = remedy_of([Finding(name, True, 0, "", "", "")])
+    remedy = remedy_of([Diagnostic(name, "error", "")])
 
     assert ("--printer" in remedy) == (name in of_profile)
     assert ("supports" in remedy) == (name == "unsupported")
@@ -557,5 +557,5 @@ def test_moves_that_come_piece_by_piece_are_judged_like_all_at_once(size: int) -
 
     found = scan(commands, PROFILE, moves=pieces)
 
-    assert {"box", "feed", "flow"} <= {one.name for one in found}
+    assert {"box", "feed", "flow"} <= {one.code for one in found}
     assert set(found) == set(scan(commands, PROFILE))
