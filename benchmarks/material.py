@@ -199,7 +199,7 @@ def _figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     check = check_gcode(text, part, Asked(rules=Rules(shell=shell)))
     seconds = process_time() - begun
     ledger = check.ledger
-    hanging = ledger.air.length[~ledger.air.bridge]
+    hanging = np.array([one.length for one in ledger.unsupported])
     return Figures(
         slicer=slicer,
         z=ledger.stack.top.tolist(),

@@ -136,7 +136,7 @@ def _table(ledger: Ledger) -> Iterator[str]:
         _of_areas("outside the section", ledger, ledger.outside.area(), covered),
         _of_areas("overlap", ledger, fill.overlap, covered),
         (
-            "in the air",
+            "unsupported",
             f"{ledger.hanging.max():.1f} mm",
             _at(ledger, ledger.hanging),
             f"{ledger.hanging.sum():.1f} mm",

@@ -146,7 +146,7 @@ def _beads(ledger: Ledger, layer: int, view: _View) -> Iterator[Shape]:
     """The beads of a layer that the view sees, by purpose, and those in the air in a colour of their own."""
     stack = ledger.stack
     hanging = np.zeros(stack.beads.n_beads, np.bool_)
-    hanging[ledger.air.bead[~ledger.air.bridge]] = True
+    hanging[[one.command - 1 for one in ledger.unsupported]] = True
     own = np.flatnonzero(stack.layer == layer)
     colour = np.where(hanging[own], len(Purpose), stack.beads.purpose[own])
     for one in np.unique(colour).tolist():

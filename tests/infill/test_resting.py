@@ -20,6 +20,7 @@ from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.model import LayerPlan, Mesh, Regions
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
+from tests.beads_over_air import beads_over_air
 from tests.infill.stacks import WIDTH, lengths, rectangle
 from tests.parts import plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import star_rings
@@ -47,11 +48,12 @@ def longest_in_the_air(mesh: Mesh, pattern: str) -> float:
     wanted = plain(infill=pattern, infill_density=0.15)
     stages = slice_stages(mesh, wanted)
     ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
-    bridges = ledger.stack.beads.purpose[ledger.air.bead] == Purpose.BRIDGE
+    air = beads_over_air(ledger)
+    bridges = ledger.stack.beads.purpose[air.bead] == Purpose.BRIDGE
 
     assert Role.INTERNAL_BRIDGE in set(stages.toolpaths.role.tolist())
-    assert (bridges & ledger.air.bridge).any()
-    return float(ledger.air.length[bridges & ~ledger.air.bridge].max(initial=0.0))
+    assert (bridges & air.bridge).any()
+    return float(air.length[bridges & ~air.bridge].max(initial=0.0))
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)

@@ -11,8 +11,7 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, frozen_array
 from printer_slicer.geometry import Areas, difference, offset, offset_open, union
 from printer_slicer.inspection.coverage.beads import Beads, Purpose
-from printer_slicer.inspection.coverage.fill import Fill, overlap_cells, rasterised
-from printer_slicer.inspection.coverage.ground import Air
+from printer_slicer.inspection.coverage.fill import Fill, measure_fill, overlap_cells
 from printer_slicer.inspection.coverage.outline import OutlineError, outline_error
 from printer_slicer.inspection.coverage.stack import Stack, through_layers
 from printer_slicer.inspection.coverage.zones import (
@@ -22,6 +21,8 @@ from printer_slicer.inspection.coverage.zones import (
     shell_depth,
     without_slits,
 )
+from printer_slicer.inspection.deposition.marks import Marks
+from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
 
 __all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
 
@@ -29,6 +30,7 @@ _DOTS: Final = 3.0  # squares of the extrusion width: smaller islands may be mis
 
 
 _FAR: Final = 50.0  # mm
+_LEVEL: Final = 0.02  # mm: heights that differ by less are one
 _INNER: Final = 1.25  # extrusion widths: walls thicker than twice this have inner perimeters
 
 
@@ -68,7 +70,7 @@ class Ledger:
         outside: covered, but beyond the section.
         outline: the distance of the outlines.
         fill: overlap, and material in the shell.
-        air: stretches of beads over air.
+        unsupported: extrusion with nothing under it, by height; commands are the beads, counted from 1.
         volume: (L,) laid for the part; of beads that fill several layers, in each what fills it.
         section_volume: (L,) of the sections as high as their layers.
         by_purpose: (P,) laid for each `Purpose`.
@@ -86,7 +88,7 @@ class Ledger:
     outside: Areas
     outline: OutlineError
     fill: Fill
-    air: Air
+    unsupported: tuple[Unsupported, ...]
     volume: Float
     section_volume: Float
     by_purpose: Float
@@ -102,11 +104,15 @@ class Ledger:
 
     @property
     def hanging(self) -> Float:
-        """(L,) mm of beads in the air that are no bridges."""
-        lost = ~self.air.bridge
-        return np.bincount(self.air.layer[lost], self.air.length[lost], self.stack.n_layers).astype(
-            np.float64
-        )
+        """(L,) mm of unsupported extrusion."""
+        length = np.zeros(self.stack.n_layers)
+        for one in self.unsupported:
+            length[self.layer_at(one.z)] += one.length
+        return length
+
+    def layer_at(self, z: float) -> int:
+        """Return the index of the layer whose top is at a height, mm, or next above it."""
+        return min(int(np.searchsorted(self.stack.top, z - _LEVEL)), self.stack.n_layers - 1)
 
 
 def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Bool | None = None) -> Ledger:
@@ -137,7 +143,6 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
     wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
     inner = inner.of_layers(~stack.rising)
-    fill, air = rasterised(stack, of_part, inner, wanted, rules.too_often)
     own, laid = of_part[source], slabs.beads.volume
     return Ledger(
         rules=rules,
@@ -151,12 +156,37 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
         uncovered=offset_open(difference(shell, covered), rules.slit / 2),
         outside=difference(covered, offset(sections, rules.beyond)),
         outline=_outline(sections, body, stack, rules),
-        fill=fill,
-        air=air,
+        fill=measure_fill(stack, of_part, inner, wanted, rules.too_often),
+        unsupported=_unsupported(stack, sections),
         volume=np.bincount(slabs.layer[own], laid[own], stack.n_layers).astype(np.float64),
         section_volume=sections.area() * stack.height,
         by_purpose=np.bincount(slabs.beads.purpose, laid, len(Purpose)).astype(np.float64),
     )
+
+
+def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
+    """Find unsupported extrusion as `slice`, `print` and a dry run do; far from the part nothing is looked at."""
+    beads, n_beads = stack.beads, stack.beads.n_beads
+    # What is printed before the first layer of the part primes the nozzle.
+    part = np.flatnonzero((stack.layer >= 0) & ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)))
+    if not sections.n_rings or not len(part):
+        return ()
+    changes = np.flatnonzero(np.diff(beads.purpose, prepend=-1)) if beads.purpose.any() else part[:0]
+    marks = Marks(
+        layers=part[:1] + 1,
+        roles=changes + 1,
+        names=beads.purpose[changes],
+        loose=frozenset({int(Purpose.SUPPORT)}),
+    )
+    (left, front), (right, back) = (
+        (sections.xy.min(axis=0) - _FAR).tolist(),
+        (sections.xy.max(axis=0) + _FAR).tolist(),
+    )
+    tracker = UnsupportedTracker(((left, front), (right, back)), 1.0, marks)
+    start = np.column_stack([beads.begin, beads.z_top - beads.rise])
+    end = np.column_stack([beads.end, beads.z_top])
+    tracker.feed(np.arange(n_beads) + 1, start, end, beads.volume)
+    return tracker.close()
 
 
 def _outline(sections: Areas, body: Areas, stack: Stack, rules: Rules) -> OutlineError:

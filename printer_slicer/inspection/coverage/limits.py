@@ -13,6 +13,7 @@ from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
 from printer_slicer.inspection.coverage.account import Ledger
+from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 
 __all__ = ["Limits", "excess", "findings", "largest_place", "line_near"]
 
@@ -29,7 +30,7 @@ class Limits:
         uncovered: share of the shell.
         outside: mm² beyond the section.
         overlap: share of what is covered.
-        air: mm of one bead in the air.
+        air: mm of unsupported extrusion.
         under: material in the shell by what it needs, at least.
         over: the same, at most.
         outline: mm, 95th percentile of the distance of the outlines.
@@ -38,7 +39,7 @@ class Limits:
     uncovered: float = 0.05
     outside: float = 1.0
     overlap: float = 0.10
-    air: float = 10.0
+    air: float = MIN_REPORTED_LENGTH
     under: float = 0.90
     over: float = 1.10
     outline: float = 0.15
@@ -174,21 +175,17 @@ def _beside_fins(ledger: Ledger, layers: Bool, width: float) -> Float:
 
 
 def _of_air(ledger: Ledger, limits: Limits) -> _Kind:
-    """The longest bead of each layer in the air that is no bridge."""
-    air, n = ledger.air, ledger.stack.n_layers
-    lost = np.flatnonzero(~air.bridge)
-    lost = lost[np.argsort(air.length[lost], kind="stable")]
-    longest, which = np.zeros(n), np.full(n, -1)
-    longest[air.layer[lost]] = air.length[lost]  # the last one written is the longest
-    which[air.layer[lost]] = lost
-    total = ledger.hanging
+    """Unsupported extrusion."""
+    length, place = ledger.hanging, np.full((ledger.stack.n_layers, 2), np.nan)
+    for one in reversed(ledger.unsupported):
+        place[ledger.layer_at(one.z)] = one.x, one.y
     return _Kind(
         "unsupported",
-        longest,
-        longest > limits.air,
+        length,
+        length > limits.air,
         limits.air,
-        lambda k: f"{total[k]:.1f} mm of beads in the air, one of {longest[k]:.1f} mm",
-        lambda k: (float(air.place[which[k], 0]), float(air.place[which[k], 1])),
+        lambda k: f"{length[k]:.0f} mm of unsupported extrusion",
+        lambda k: (float(place[k, 0]), float(place[k, 1])),
     )
 
 

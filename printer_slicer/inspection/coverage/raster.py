@@ -1,4 +1,4 @@
-"""Material on a raster: how full each cell of a layer is, and what lies below.
+"""Material on a raster: how full each cell of a layer is.
 
 Cells are 0.1 mm wide, on plates of more than two million of them 0.2 mm. Beads are spread as upright bodies of their
 own height: as wide as their spacing, so that neighbours laid as they should be fill every cell once. Each body is cut
@@ -18,7 +18,7 @@ from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, Lines, hatch
 from printer_slicer.inspection.coverage.beads import Beads
 
-__all__ = ["Window", "cell_for", "cells_covered", "filled", "highest_around", "mean_around", "rows_of"]
+__all__ = ["Window", "cell_for", "cells_covered", "filled", "mean_around", "rows_of"]
 
 _FINE, _COARSE = 0.1, 0.2  # mm
 _MANY: Final = 2_000_000  # fine cells
@@ -182,16 +182,3 @@ def mean_around(field: Float, reach: int) -> Float:
     size = 2 * reach + 1
     total = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]
     return np.asarray(total / size**2)
-
-
-def highest_around(field: Float, reach: int) -> Float:
-    """The highest value in the square of 2 · reach + 1 cells around each cell."""
-    for _ in range(2):  # along x, then, turned over, along y
-        field = np.pad(field, ((0, 0), (reach, reach)), mode="edge")
-        done, wanted = 1, 2 * reach + 1
-        while done < wanted:
-            step = min(done, wanted - done)
-            field = np.maximum(field[:, :-step], field[:, step:])
-            done += step
-        field = field.T
-    return field

@@ -17,7 +17,7 @@ from printer_slicer.inspection.deposition.batches import NOTHING, Laid, runs_of
 from printer_slicer.inspection.deposition.height_map import Cut, Relief, cut_up
 from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
-from printer_slicer.profile import Printer, Profile
+from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ MIN_REPORTED_LENGTH: Final = 3.0
 _THREAD: Final = 1.15  # of its diameter that a strand may sag
 _CONTACT: Final = 0.32  # mm that slicers leave between supports and the part
 _LIP: Final = 5.0  # mm that extrusions side by side may overhang
+_Box = tuple[tuple[float, float], tuple[float, float]]
 _STRAIGHT: Final = 0.95  # chord divided by length, from which a stretch that rests at both ends is a bridge
 
 
@@ -123,13 +124,13 @@ class UnsupportedTracker:
     """Collects the unsupported extrusion of a print from batches of its moves.
 
     Args:
-        printer: the machine; extrusion outside its reach is ignored.
-        filament_diameter: mm.
+        box: corners of what the nozzle can reach, x and y, mm; extrusion outside is ignored.
+        area: mm² of the filament.
         marks: layers and roles from the comments.
     """
 
-    def __init__(self, printer: Printer, filament_diameter: float, marks: Marks) -> None:
-        self._corners, self._area, self._marks = printer.corners, pi * filament_diameter**2 / 4, marks
+    def __init__(self, box: _Box, area: float, marks: Marks) -> None:
+        self._box, self._area, self._marks = box, area, marks
         self._relief: Relief | None = None
         self._waiting: list[Laid] = []
         self._z = np.nan
@@ -168,7 +169,7 @@ class UnsupportedTracker:
         if not any(len(one.command) for one in waiting):
             return
         laid = Laid.joined(waiting)
-        relief = self._relief = self._relief or Relief(*self._corners)
+        relief = self._relief = self._relief or Relief(*self._box)
         cut = cut_up(laid.start, laid.end)
         cell = relief.cells(cut)
         lost = unsupported_pieces(relief, laid, cut, cell, self._marks)
@@ -192,7 +193,9 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         names=role[first],
         loose=frozenset({int(Purpose.SUPPORT)}),
     )
-    tracker = UnsupportedTracker(profile.printer, profile.material.filament_diameter, marks)
+    tracker = UnsupportedTracker(
+        profile.printer.corners, pi * profile.material.filament_diameter**2 / 4, marks
+    )
     fresh = np.where(program.role == Role.TRAVEL, 0.0, program.filament)
     tracker.feed(np.arange(program.n_moves) + 1, program.start, program.xyz, fresh)
     return tracker.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 
 from printer_slicer.commands import lines_of, read_text
@@ -51,7 +52,7 @@ def lint_text(
     pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
     summary = JobSummary(limits_of(printer))
     marks = marks_of(told.commands, text, told.marks, told.roles)
-    tracker = UnsupportedTracker(printer, profile.material.filament_diameter, marks)
+    tracker = UnsupportedTracker(printer.corners, pi * profile.material.filament_diameter**2 / 4, marks)
     moves = map(summary.add, pieces)
     findings = scan(told.commands, profile, moves=moves, marks=told.marks, whole=True, tracker=tracker)
     lines = lines_of(text, [one.index for one in findings])

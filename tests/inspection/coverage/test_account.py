@@ -1,4 +1,4 @@
-"""The ledger of beads whose answers are known: areas, fill, overlap, beads in the air, outlines."""
+"""The ledger of beads whose answers are known: areas, fill, overlap, unsupported extrusion, outlines."""
 
 from __future__ import annotations
 
@@ -185,16 +185,22 @@ def test_short_beads_however_many_do_not_change_how_overlap_is_judged() -> None:
     assert among.fill.most == pytest.approx(alone.fill.most)
 
 
-# --- beads in the air ---
+# --- unsupported extrusion ---
+
+
+BELOW = (0.2, 0.4, 0.6, 0.8)
 
 
 def two_posts(top: Beads) -> Ledger:
-    """Two blocks 10 mm apart, 0.2 mm high, and beads above them."""
-    blocks = joined(
-        *(beads_along([(x, y * GAP), (x + 5, y * GAP)]) for x in (0.0, 15.0) for y in range(20)), top
+    """Two blocks 25 mm apart, 0.8 mm high, and beads above them."""
+    blocks = (
+        beads_along([(x, y * GAP), (x + 5, y * GAP)], z=z)
+        for z in BELOW
+        for x in (0.0, 30.0)
+        for y in range(20)
     )
-    low = [square(5), square(5, (15, 0))]
-    return account(blocks, low, [square(20)])
+    low = [square(5), square(5, (30, 0))]
+    return account(joined(*blocks, top), *[low] * 4, [square(35)])
 
 
 def test_on_the_bed_nothing_hangs() -> None:
@@ -202,51 +208,43 @@ def test_on_the_bed_nothing_hangs() -> None:
 
 
 def test_a_straight_bead_over_a_gap_that_is_held_at_both_ends_is_a_bridge() -> None:
-    ledger = two_posts(beads_along([(1, 3), (19, 3)], z=0.4))
-
-    assert ledger.air.bridge.tolist() == [True]
-    assert ledger.air.length[0] == pytest.approx(10 - 2 * WIDTH, abs=0.3)
-    assert ledger.hanging.tolist() == [0, 0]
+    assert two_posts(beads_along([(1, 3), (34, 3)], z=1.0)).hanging.tolist() == [0] * 5
 
 
-def test_a_bead_that_ends_in_the_air_hangs() -> None:
-    ledger = two_posts(beads_along([(1, 3), (10, 3)], z=0.4))
+def test_a_bead_that_ends_in_the_air_hangs_but_for_what_is_near_its_hold() -> None:
+    ledger = two_posts(beads_along([(1, 3), (25, 3)], z=1.0))
 
-    assert ledger.air.bridge.tolist() == [False]
-    assert ledger.hanging[1] == pytest.approx(10 - 5 - WIDTH, abs=0.3)
-    assert ledger.air.place[0] == pytest.approx([5 + WIDTH, 3], abs=0.3)
+    assert ledger.hanging[:4].tolist() == [0] * 4
+    assert ledger.hanging[4] == pytest.approx(20 - 5, abs=0.8)
+    (one,) = ledger.unsupported
+    assert (one.x, one.y) == pytest.approx((10, 3), abs=0.8)
+    assert one.z == pytest.approx(1.0)
 
 
 def test_a_bead_that_turns_in_the_air_hangs() -> None:
-    ledger = two_posts(beads_along([(1, 1), (10, 1), (10, 4), (1, 4)], z=0.4))
+    ledger = two_posts(beads_along([(1, 1), (20, 1), (20, 4), (1, 4)], z=1.0))
 
-    assert ledger.air.bridge.tolist() == [False]
-    assert ledger.hanging[1] == pytest.approx(2 * (5 - WIDTH) + 3, abs=0.4)
+    assert ledger.hanging[4] == pytest.approx(2 * (15 - 5) + 3, abs=1.6)
 
 
 def test_a_bead_a_little_beside_the_one_below_rests_on_it() -> None:
     near, far = (
-        account(joined(ring(20), ring(20, z=0.4, inset=inset)), *[[square(20)]] * 2) for inset in (-0.1, -0.6)
+        account(joined(*(ring(20, z=z) for z in BELOW), ring(20, z=1.0, inset=inset)), *[[square(20)]] * 5)
+        for inset in (-0.1, -1.5)
     )
 
-    assert near.hanging.tolist() == [0, 0]
-    assert far.hanging[1] == pytest.approx(4 * 21.2, abs=0.1)
-
-
-def test_a_loop_that_begins_in_the_air_may_still_be_a_bridge() -> None:
-    top = beads_along([(10, 1), (18, 1), (18, 4), (2, 4), (2, 1), (10, 1)], z=0.4)
-
-    assert two_posts(top).hanging.tolist() == [0, 0]
+    assert near.hanging.tolist() == [0] * 5
+    assert far.hanging[4] == pytest.approx(4 * 23, abs=0.5)
 
 
 def test_supports_carry_what_is_laid_over_them_at_a_little_distance() -> None:
-    post = [beads_along([(0, y * GAP), (5, y * GAP)], z=z) for z in (0.2, 0.4) for y in range(20)]
-    over = beads_along([(1, 3), (10, 3)], z=0.6)
-    support = beads_along([(5, 3), (15, 3)], purpose=Purpose.SUPPORT)
-    rings = [[square(5)], [square(5)], [square(20)]]
+    post = [beads_along([(0, y * GAP), (5, y * GAP)], z=z) for z in BELOW for y in range(20)]
+    over = beads_along([(1, 3), (20, 3)], z=1.0)
+    support = [beads_along([(5, 3), (25, 3)], z=z, purpose=Purpose.SUPPORT) for z in BELOW[:3]]
+    rings = [*[[square(5)]] * 4, [square(25)]]
 
-    assert account(joined(*post, over), *rings).hanging[2] > 3
-    assert account(joined(*post, support, over), *rings).hanging.tolist() == [0, 0, 0]
+    assert account(joined(*post, over), *rings).hanging[4] > 8
+    assert account(joined(*post, *support, over), *rings).hanging.tolist() == [0] * 5
 
 
 # --- outlines ---

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from printer_slicer.inspection.coverage.model_check import check_gcode
 from printer_slicer.inspection.deposition.unsupported import describe, unsupported_of_program
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import Mesh
@@ -24,6 +25,8 @@ STEM, PLATE = box((6, 6, 5)), box((40, 30, 2), at=(-17, -12, 5))
 MUSHROOM = joined([STEM, PLATE], "mushroom")
 TABLE = joined([box((6, 30, 5)), box((6, 30, 5), at=(24, 0, 0)), box((30, 30, 2), at=(0, 0, 5))], "table")
 SPLINTER = joined([box((10, 10, 5)), box((8, 8, 2), at=(20, 0, 3))], "splinter")
+
+SHELVES = joined([box((6, 6, 12)), box((30, 6, 1), at=(0, 0, 3)), box((6, 30, 1), at=(0, 0, 8))], "shelves")
 
 
 def flared(n_steps: int = 20) -> Mesh:
@@ -56,17 +59,25 @@ def test_bridges_overhangs_first_layers_and_rafts_are_held(part: Mesh, raft: flo
     assert not found, describe(found)
 
 
-def test_the_program_its_text_and_its_dry_run_tell_the_same() -> None:
-    found = unsupported_of_program(slice_part(MUSHROOM, PROFILE), PROFILE)
-    job = job_of(MUSHROOM, PROFILE)
-    (finding,) = (one for one in job.findings if one.code == "unsupported")
-    (fault,) = (one for one in dry_run(job, PROFILE).faults if one.code == "unsupported")
+@pytest.mark.parametrize("part", [MUSHROOM, SPLINTER, TABLE, SHELVES], ids=lambda part: part.name)
+def test_slice_print_check_and_dry_run_tell_the_same_length(part: Mesh) -> None:
+    found = unsupported_of_program(slice_part(part, PROFILE), PROFILE)
+    job = job_of(part, PROFILE)
+    by_rules = [one for one in job.findings if one.code == "unsupported"]
+    by_model = [one for one in check_gcode(job.text, part).findings if one.code == "unsupported"]
+    by_printer = [one for one in dry_run(job, PROFILE).faults if one.code == "unsupported"]
 
-    assert finding.is_error
-    assert finding.layer == fault.layer == found[0].layer
-    assert finding.line == fault.line
-    assert f"{found[0].length:.0f} mm" in fault.message
-    assert f"{found[0].length:.0f} mm" in finding.message
+    assert bool(found) == bool(by_rules) == bool(by_model) == bool(by_printer) == (part is not TABLE)
+    if not found:
+        return
+    first, length = found[0], sum(one.length for one in found)
+    assert by_rules[0].is_error
+    assert {one.layer for one in (by_rules[0], by_model[0], by_printer[0])} == {first.layer}
+    assert by_rules[0].line == by_printer[0].line
+    assert f"{length:.0f} mm" in by_rules[0].message
+    assert f"{first.length:.0f} mm" in by_printer[0].message
+    # Coordinates are rounded to 1 µm in the text; the program's are not.
+    assert sum(one.amount or 0.0 for one in by_model) == pytest.approx(length, abs=0.5)
 
 
 @pytest.fixture(scope="module")

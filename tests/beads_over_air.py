@@ -1,20 +1,24 @@
-"""What beads rest on: the height of the plastic so far, and beads that hang in the air."""
+"""An oracle for what beads rest on: every piece of 0.25 mm by itself, on cells of 0.1 mm, however short what hangs is.
+
+The program tells unsupported extrusion only where it lies 5 mm from everything that rests. This judges each bead.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_begins
+from printer_slicer.inspection.coverage.account import Ledger
 from printer_slicer.inspection.coverage.beads import Beads
-from printer_slicer.inspection.coverage.raster import Window, highest_around
+from printer_slicer.inspection.coverage.raster import Window, filled
 from printer_slicer.inspection.coverage.zones import lines_of
 
-__all__ = ["Air", "Ground", "Pieces", "air_of"]
-
+CELL: Final = 0.1  # mm
+MARGIN: Final = 2.0  # mm of cells around all beads
 _PIECE: Final = 0.25  # mm: pieces of beads that are judged as one
 _FULL: Final = 0.25  # of a cell filled: it carries
 _SLACK: Final = 0.5  # of its own height a bead may sink
@@ -150,3 +154,33 @@ def air_of(beads: Beads, layer: int, pieces: Pieces) -> Air:
     bead = pieces.bead[first]
     bridge = held & (chord >= _STRAIGHT * length)
     return Air(bead, np.full(len(bead), layer), length, pieces.middle[first], bridge)
+
+
+def highest_around(field: Float, reach: int) -> Float:
+    """The highest value in the square of 2 · reach + 1 cells around each cell."""
+    for _ in range(2):  # along x, then, turned over, along y
+        field = np.pad(field, ((0, 0), (reach, reach)), mode="edge")
+        done, wanted = 1, 2 * reach + 1
+        while done < wanted:
+            step = min(done, wanted - done)
+            field = np.maximum(field[:, :-step], field[:, step:])
+            done += step
+        field = field.T
+    return field
+
+
+def beads_over_air(ledger: Ledger) -> Air:
+    """All stretches of the beads of a part that nothing is under; files without supports only."""
+    stack = ledger.stack
+    found = list[Air]()
+    ends = np.concatenate([stack.beads.begin, stack.beads.end])
+    window = Window.around(ends.min(axis=0), ends.max(axis=0), MARGIN, CELL)
+    ground = Ground(window)
+    for k in range(stack.n_layers):
+        index = np.flatnonzero(ledger.of_part & (stack.layer == k))
+        beads = stack.beads.take(index)
+        if len(index):
+            air = air_of(beads, k, ground.pieces(beads, window))
+            found.append(replace(air, bead=index[air.bead]))
+            ground.lay(filled(beads, window, float(stack.height[k])), window, float(stack.top[k]))
+    return Air.joined(found)
