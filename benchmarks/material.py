@@ -1,4 +1,4 @@
-"""Where does the plastic lie? Our files against those of other slicers, by the material ledger.
+"""Where does the plastic lie? Our files against those of other slicers, by the material coverage.
 
     python -m benchmarks.material [--models DIR] [--height MM] [--set KEY=VALUE] [--json FILE] [part ...]
 
@@ -27,8 +27,8 @@ from printer_slicer.arrays import Float
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.healing import repair
-from printer_slicer.inspection.coverage.account import Ledger, Rules
-from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
+from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules
+from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
@@ -46,7 +46,7 @@ _LENGTH_NOISE = 0.002
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the ledger says about one file; areas mm², lengths mm, shares 0 to 1.
+    """What the coverage says about one file; areas mm², lengths mm, shares 0 to 1.
 
     Attributes:
         slicer: that wrote it.
@@ -196,32 +196,32 @@ def _figures(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Figures:
     quality, width = profile.quality, profile.extrusion_width
     shell = width + (quality.perimeters - 1) * float(bead.spacing(width, quality.layer_height))
     begun = process_time()
-    check = check_gcode(text, part, Asked(rules=Rules(shell=shell)))
+    check = check_gcode(text, part, CheckOptions(rules=CoverageRules(shell=shell)))
     seconds = process_time() - begun
-    ledger = check.ledger
-    hanging = np.array([one.length for one in ledger.unsupported])
+    coverage = check.coverage
+    hanging = np.array([one.length for one in coverage.unsupported])
     return Figures(
         slicer=slicer,
-        z=ledger.stack.top.tolist(),
-        missing=_missing(ledger, part, quality.layer_height),
-        uncovered=float(ledger.uncovered.area().sum()),
-        overlap=float(ledger.fill.overlap.sum()),
-        covered=float(ledger.covered.area().sum()),
-        outline=ledger.outline.p95.tolist(),
-        farthest=ledger.outline.largest.tolist(),
-        outside=float(ledger.outside.area().sum()),
+        z=coverage.stack.top.tolist(),
+        missing=_missing(coverage, part, quality.layer_height),
+        uncovered=float(coverage.uncovered.area().sum()),
+        overlap=float(coverage.fill.overlap.sum()),
+        covered=float(coverage.covered.area().sum()),
+        outline=coverage.outline.p95.tolist(),
+        farthest=coverage.outline.largest.tolist(),
+        outside=float(coverage.outside.area().sum()),
         air=(float(hanging.sum()), float(hanging.max(initial=0.0))),
-        shell=float(np.nanmedian(ledger.fill.shell)),
-        least=float(np.nanmin(ledger.fill.shell)),
-        volume=float(ledger.volume.sum() / ledger.section_volume.sum()),
+        shell=float(np.nanmedian(coverage.fill.shell)),
+        least=float(np.nanmin(coverage.fill.shell)),
+        volume=float(coverage.volume.sum() / coverage.section_volume.sum()),
         findings=len(check.findings) + len(check.problems),
         seconds=seconds,
     )
 
 
-def _missing(ledger: Ledger, part: Mesh, height: float) -> float:
+def _missing(coverage: Coverage, part: Mesh, height: float) -> float:
     """Mm² of the sections of layers that would lie between the last one of a file and the top of the part."""
-    top = np.arange(float(ledger.stack.top[-1]) + height, part.height + height / 2 - 1e-6, height)
+    top = np.arange(float(coverage.stack.top[-1]) + height, part.height + height / 2 - 1e-6, height)
     middle = top - height / 2
     top, middle = top[middle < part.height], middle[middle < part.height]
     return float(cut(part, LayerPlan(top, middle), _RESOLUTION).solid.area().sum()) if len(top) else 0.0

@@ -34,7 +34,7 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, crossings
 from printer_slicer.healing import repair
-from printer_slicer.inspection.coverage.beads import beads_of_moves
+from printer_slicer.inspection.coverage.extrusions import beads_of_moves
 from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_begins
-from printer_slicer.inspection.coverage.account import Ledger
-from printer_slicer.inspection.coverage.beads import Beads
-from printer_slicer.inspection.coverage.raster import Window, filled
+from printer_slicer.inspection.coverage.extrusions import Extrusions
+from printer_slicer.inspection.coverage.measurement import Coverage
+from printer_slicer.inspection.coverage.raster import CellWindow, filled
 from printer_slicer.inspection.coverage.zones import lines_of
 
 CELL: Final = 0.1  # mm
@@ -95,12 +95,12 @@ class Air:
 class Ground:
     """The height of what was laid so far, cell by cell; the bed at the beginning."""
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: CellWindow) -> None:
         """Take the cells that all beads to come lie in."""
         self._window = window
         self._top = np.zeros((window.deep, window.wide))
 
-    def pieces(self, beads: Beads, window: Window) -> Pieces:
+    def pieces(self, beads: Extrusions, window: CellWindow) -> Pieces:
         """The beads, all with their height and within the window, in pieces that know whether they hang.
 
         A piece rests where plastic or bed lies at most half its height under its lower side, under it or within a
@@ -116,13 +116,13 @@ class Ground:
         hanging = around[window.cells(middle)] < lowest[bead]
         return Pieces(bead, middle, (beads.length / count)[bead], hanging)
 
-    def lay(self, fill: Float, window: Window, z: float, *, support: bool = False) -> None:
+    def lay(self, fill: Float, window: CellWindow, z: float, *, support: bool = False) -> None:
         """Cells that are filled hold plastic up to z now; on supports the part begins a little higher."""
         here = self._top[window.within(self._window)]
         np.maximum(here, np.where(fill > _FULL, z + _CONTACT * support, 0.0), out=here)
 
 
-def air_of(beads: Beads, layer: int, pieces: Pieces) -> Air:
+def air_of(beads: Extrusions, layer: int, pieces: Pieces) -> Air:
     """The stretches over air in one layer, and which of them are bridges.
 
     Args:
@@ -169,15 +169,15 @@ def highest_around(field: Float, reach: int) -> Float:
     return field
 
 
-def beads_over_air(ledger: Ledger) -> Air:
+def beads_over_air(coverage: Coverage) -> Air:
     """All stretches of the beads of a part that nothing is under; files without supports only."""
-    stack = ledger.stack
+    stack = coverage.stack
     found = list[Air]()
     ends = np.concatenate([stack.beads.begin, stack.beads.end])
-    window = Window.around(ends.min(axis=0), ends.max(axis=0), MARGIN, CELL)
+    window = CellWindow.around(ends.min(axis=0), ends.max(axis=0), MARGIN, CELL)
     ground = Ground(window)
     for k in range(stack.n_layers):
-        index = np.flatnonzero(ledger.of_part & (stack.layer == k))
+        index = np.flatnonzero(coverage.of_part & (stack.layer == k))
         beads = stack.beads.take(index)
         if len(index):
             air = air_of(beads, k, ground.pieces(beads, window))

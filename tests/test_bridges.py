@@ -12,7 +12,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.bridges import bridge_angles
 from printer_slicer.geometry import Areas, hatch, offset_open, pieces_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
@@ -241,8 +241,8 @@ def bare_beam(thickness: float, degrees: float) -> float:
     stages = slice_stages(Mesh(joined(beam).triangles @ around, "beam"), wanted)
 
     assert set(stages.regions.bridge.ring_layer.tolist()) == {10}
-    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
-    return float(ledger.uncovered.area()[10])
+    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    return float(coverage.uncovered.area()[10])
 
 
 @pytest.mark.parametrize("thickness", [2.6, 3.0, 3.6])

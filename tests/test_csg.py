@@ -101,7 +101,7 @@ def hangs(check: Check, layer: int) -> bool:
 
 def overhang(check: Check, reach: float) -> Areas:
     """What of each section lies more than `reach` mm beside the section below it."""
-    solid = check.ledger.sections
+    solid = check.coverage.sections
     return difference(solid, offset(solid.raised(1), reach))
 
 
@@ -117,7 +117,7 @@ def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS[:3])
 def test_planted_faults_are_found_in_the_middle_and_near_the_tips(fault: str, seed: int) -> None:
     mesh, text = sliced(seed)
-    area = checked(seed).ledger.sections.area()
+    area = checked(seed).coverage.sections.area()
     # Where sections grow fast, beads of the walls lie in the air, which is another finding.
     carried = overhang(checked(seed), WIDTH / 2).area() == 0
     small = [k for k in range(1, len(area) - 1) if 2.5 < area[k] < 20.0 and carried[k]]

@@ -7,7 +7,7 @@ import pytest
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference
-from printer_slicer.inspection.coverage.account import ledger_of, overlapping
+from printer_slicer.inspection.coverage.measurement import coverage_of, overlapping
 from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
@@ -52,11 +52,14 @@ def density(stages: Stages) -> Float:
 
 def overfilled(stages: Stages, profile: Profile) -> float:
     """The share of the shells' area that holds more than 1.3 times what fills it."""
-    ledger = ledger_of(stack_of(stages.program, profile.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(
+        stack_of(stages.program, profile.material.filament_diameter), stages.sections.solid
+    )
     shell = difference(stages.sections.solid, stages.regions.sparse)
-    layers = np.flatnonzero(ledger.fill.overlap).tolist()
+    layers = np.flatnonzero(coverage.fill.overlap).tolist()
     over = [
-        shapely.area(shapely.intersection(shape(overlapping(ledger, k), 0), shape(shell, k))) for k in layers
+        shapely.area(shapely.intersection(shape(overlapping(coverage, k), 0), shape(shell, k)))
+        for k in layers
     ]
     return float(sum(over)) / float(shell.area().sum())
 

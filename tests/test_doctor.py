@@ -15,7 +15,7 @@ from threading import Event, Thread
 
 import pytest
 
-from printer_slicer.doctor import Check, Examination, examine, state_of
+from printer_slicer.doctor import Examination, PortCheck, examine, state_of
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.link import Damage, VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -34,7 +34,7 @@ def seen(
     return examine(port, port.now, baud=baud)
 
 
-def by_name(found: Examination) -> dict[str, Check]:
+def by_name(found: Examination) -> dict[str, PortCheck]:
     return {check.name: check for check in found.checks()}
 
 

@@ -10,7 +10,7 @@ from parts import box, joined, layers, plain, pyramid, step_pyramid
 
 from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, slice_stages, transformed
 from printer_slicer.errors import ProfileError, UsageError
-from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.layered import by_layer
 from printer_slicer.model import Heat, Item, LayerPlan
@@ -76,12 +76,12 @@ def test_the_infill_of_heights_is_as_dense_as_they_ask() -> None:
 def test_the_ledger_finds_as_much_plastic_as_the_heights_ask_for() -> None:
     """Layer by layer, whatever it was laid for; solid heights are full, and what they stand on is closed."""
     stages = sliced(TALL, infill_density=0.2, overrides="4:8:infill_density=1")
-    ledger = ledger_of(stack_of(stages.program, 1.75), stages.sections.solid)
+    coverage = coverage_of(stack_of(stages.program, 1.75), stages.sections.solid)
     plan = stages.sections.plan
-    full = ledger.volume / ledger.section_volume
+    full = coverage.volume / coverage.section_volume
     inside = (plan.bottom > 4.3) & (plan.top < 7.9)
 
-    assert ledger.volume.sum() == pytest.approx(volume(stages), rel=1e-6)
+    assert coverage.volume.sum() == pytest.approx(volume(stages), rel=1e-6)
     assert full[inside] == pytest.approx(1, abs=0.02)
     assert full[(plan.bottom > 1) & (plan.top < 4)].max() < 0.55
     # The first full layer lies over sparse infill: it is bridged, not begun in the air.
@@ -226,10 +226,10 @@ def test_an_object_is_filled_as_if_it_were_alone() -> None:
 
 def test_the_ledger_finds_every_object_closed() -> None:
     stages = sliced(PLATE, overrides="lid:infill_density=0.4; can:top_thickness=1.2")
-    ledger = ledger_of(stack_of(stages.program, 1.75), stages.sections.solid)
+    coverage = coverage_of(stack_of(stages.program, 1.75), stages.sections.solid)
 
-    assert ledger.uncovered.area().max() < 0.2
-    assert np.nanmin(ledger.fill.shell) > 0.96  # the raster blurs the inner edge by a cell
+    assert coverage.uncovered.area().max() < 0.2
+    assert np.nanmin(coverage.fill.shell) > 0.96  # the raster blurs the inner edge by a cell
 
 
 def test_speed_and_flow_of_an_object_are_its_alone() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
+from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
 from printer_slicer.model import LayerPlan, Program, Toolpaths
 from printer_slicer.ordering.scarf import scarfed
 from printer_slicer.pipeline import slice_stages
@@ -93,7 +93,7 @@ def test_check_knows_slopes_for_what_they_are() -> None:
     wanted = plain(scarf_length=8)
     stages = slice_stages(cone(12, 6), wanted)
 
-    check = check_gcode(gcode_of(stages.program, wanted), stages.part, Asked())
+    check = check_gcode(gcode_of(stages.program, wanted), stages.part, CheckOptions())
 
     assert [finding.message for finding in check.findings] == []
 

@@ -18,7 +18,7 @@ from printer_slicer import bead
 from printer_slicer.drawing import View, sheet_picture
 from printer_slicer.drawing.canvas import Fill, Line, Picture, Strokes, Text
 from printer_slicer.geometry import Areas
-from printer_slicer.inspection.coverage.sheet import Sheet, levels_of, sheet_of
+from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, levels_of, sheet_of
 from printer_slicer.inspection.coverage.stack import stacked
 from printer_slicer.inspection.coverage.text import beads_of_gcode
 from tests.inspection.coverage.lines import path
@@ -28,7 +28,7 @@ from tests.strategies import clean_areas
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def laid(*lines: str) -> Sheet:
+def laid(*lines: str) -> LayerExtrusions:
     deposit = beads_of_gcode("\n".join(["M83", *lines]).encode())
     return sheet_of(deposit, levels_of(deposit, stacked(deposit.beads)), 0)
 
@@ -52,7 +52,7 @@ def scale_of(picture: Picture) -> float:
     return float(np.ptp(bar.points[:, 0])) / float(words(picture)[-1].removesuffix(" mm"))
 
 
-def body(sheet: Sheet) -> Any:
+def body(sheet: LayerExtrusions) -> Any:
     """What the beads cover, mm, as shapely sees it."""
     lines = shapely.linestrings(np.stack([sheet.beads.begin, sheet.beads.end], axis=1))
     return shapely.union_all(shapely.buffer(lines, sheet.beads.width / 2, quad_segs=32))
@@ -218,7 +218,7 @@ def test_a_layer_of_thousands_of_beads_makes_a_small_file() -> None:
 def test_a_layer_without_a_place_cannot_be_drawn() -> None:
     deposit = beads_of_gcode(b"M83\nG1 X5 E1 Z0.2\nG1 X9 E1 Z0.2")
     sheet = sheet_of(deposit, levels_of(deposit, stacked(deposit.beads)), 0)
-    empty = Sheet(
+    empty = LayerExtrusions(
         0, 1, 0.2, 0.2, sheet.beads.take(np.zeros(0, np.int64)), np.zeros(0), (), np.zeros((0, 2, 2))
     )
 

@@ -7,7 +7,7 @@ import pytest
 
 from printer_slicer.errors import PartError
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
+from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
 from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
@@ -89,7 +89,7 @@ def test_check_finds_nothing_wrong_with_it(plan: LayerPlan) -> None:
     mesh = tower(plan)
     stages = sliced(mesh, plan)
 
-    check = check_gcode(gcode_of(stages.program, spiral()), stages.part, Asked())
+    check = check_gcode(gcode_of(stages.program, spiral()), stages.part, CheckOptions())
 
     assert [finding.message for finding in check.findings] == []
     assert not check.problems

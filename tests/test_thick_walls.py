@@ -14,10 +14,10 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry.engine import ENGINES, using_engine
-from printer_slicer.inspection.coverage.account import ledger_of
-from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.limits import findings
-from printer_slicer.inspection.coverage.raster import Window, filled, mean_around
+from printer_slicer.inspection.coverage.measurement import coverage_of
+from printer_slicer.inspection.coverage.raster import CellWindow, filled, mean_around
 from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
 from printer_slicer.overhangs import graded
@@ -50,13 +50,13 @@ def stack(rings: list[list[Float]], height: float = 0.1) -> Sections:
     return Sections(layers(len(rings), height), Areas.from_rings(rings))
 
 
-def beads_of(paths: Toolpaths) -> Beads:
+def beads_of(paths: Toolpaths) -> Extrusions:
     """Each segment as a bead of its mean width."""
     following = paths.following
     owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
     width, height = (paths.width + paths.width[following]) / 2, paths.height[owner]
     n = len(owner)
-    return Beads(
+    return Extrusions(
         begin=paths.xy,
         end=paths.xy[following],
         z_top=paths.plan.top[paths.layer[owner]],
@@ -68,7 +68,7 @@ def beads_of(paths: Toolpaths) -> Beads:
     )
 
 
-def columns(paths: Toolpaths, window: Window) -> Float:
+def columns(paths: Toolpaths, window: CellWindow) -> Float:
     """How high the plastic of all layers is in each cell, mm, in the mean over about a bead's width."""
     beads = beads_of(paths)
     total = np.zeros((window.deep, window.wide))
@@ -119,7 +119,7 @@ def test_every_column_holds_as_much_as_before(sections: Sections, perimeters: in
     volume = [float(beads_of(paths).volume.sum()) for paths in (before, after)]
     assert volume[1] == pytest.approx(volume[0], rel=1e-3)
     if before.n_paths:
-        window = Window.around(before.xy.min(axis=0), before.xy.max(axis=0), 1.0, 0.2)
+        window = CellWindow.around(before.xy.min(axis=0), before.xy.max(axis=0), 1.0, 0.2)
         total = float(sections.plan.top[-1])
         assert columns(after, window) == pytest.approx(columns(before, window), abs=0.05 * total)
 
@@ -328,7 +328,7 @@ def test_the_ledger_finds_nothing_that_it_does_not_find_without(name: str) -> No
         wanted = plain(**FINE, sparse_every=LIMIT, inner_perimeters_every=every)
         stages = slice_stages(PARTS[name](), wanted)
         ledgers.append(
-            ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+            coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
         )
         seconds.append(float(move_seconds(stages.program, wanted).sum()))
 

@@ -12,7 +12,7 @@ from printer_slicer.cli.policy import finding_facts, finding_lines, refused
 from printer_slicer.commands import lines_of
 from printer_slicer.durations import spoken
 from printer_slicer.gcode import FLAVOURS, read_moves
-from printer_slicer.inspection.dry_run.feasibility import Feasibility, Link, Stretch, feasibility
+from printer_slicer.inspection.dry_run.feasibility import Feasibility, Link, SlowStretch, feasibility
 from printer_slicer.inspection.lint.lint_jobs import lint_file
 from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
@@ -104,7 +104,7 @@ def _summary(told: Feasibility) -> str:
     )
 
 
-def _sentence(one: Stretch) -> str:
+def _sentence(one: SlowStretch) -> str:
     layer = f"layer {one.layer}, " if one.layer else ""
     return (
         f"{layer}lines {one.line} to {one.last_line}: {one.wanted:.0f} lines/s wanted, {one.possible:.0f} come, "

@@ -20,9 +20,9 @@ from printer_slicer.cli.models import plate_name, repaired_plate
 from printer_slicer.commands import read_text
 from printer_slicer.diagnostics import Diagnostic, as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.inspection.coverage.account import Ledger, Rules
-from printer_slicer.inspection.coverage.limits import Limits
-from printer_slicer.inspection.coverage.model_check import Asked, Check, check_gcode
+from printer_slicer.inspection.coverage.limits import CoverageLimits
+from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules
+from printer_slicer.inspection.coverage.model_check import Check, CheckOptions, check_gcode
 from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.profile import load_profile
 
@@ -44,8 +44,8 @@ def check_command(arguments: argparse.Namespace) -> int:
         text = read_text(arguments.gcode)
         mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
         placement = plate.placement if arguments.center or arguments.as_placed or not arguments.drop else None
-        rules = Rules(shell=arguments.shell, skin=arguments.skin)
-        asked = Asked(rules, limits, arguments.filament, placement)
+        rules = CoverageRules(shell=arguments.shell, skin=arguments.skin)
+        asked = CheckOptions(rules, limits, arguments.filament, placement)
         check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
         if arguments.picture:
             report("drawing")
@@ -71,14 +71,14 @@ def _tell_looked(arguments: argparse.Namespace, looked: Looked) -> int:
     return 0
 
 
-def _limits(changes: list[str]) -> Limits:
+def _limits(changes: list[str]) -> CoverageLimits:
     """The usual limits with changes.
 
     Raises:
         UsageError: a name that does not exist, or a value that is no limit.
     """
-    known = {field.name for field in fields(Limits)}
-    limits = Limits()
+    known = {field.name for field in fields(CoverageLimits)}
+    limits = CoverageLimits()
     for change in changes:
         name, _, text = change.partition("=")
         try:
@@ -123,40 +123,40 @@ def _lines(check: Check, model: str) -> Iterator[str]:
         f"{check.match.share:.1%} of the outer perimeters fit it, half within {check.match.spread:.4f} mm"
     )
     yield from (f"  {note}" for note in check.notes)
-    yield from _table(check.ledger)
+    yield from _table(check.coverage)
 
 
-def _table(ledger: Ledger) -> Iterator[str]:
+def _table(coverage: Coverage) -> Iterator[str]:
     """Measurements: the worst layer, and the whole file."""
-    fill, outline = ledger.fill, ledger.outline
-    shell, covered = ledger.shell.area(), ledger.covered.area()
+    fill, outline = coverage.fill, coverage.outline
+    shell, covered = coverage.shell.area(), coverage.covered.area()
     rows = [
         ("", "worst layer", "", "whole file"),
-        _of_areas("shell uncovered", ledger, ledger.uncovered.area(), shell),
-        _of_areas("outside the section", ledger, ledger.outside.area(), covered),
-        _of_areas("overlap", ledger, fill.overlap, covered),
+        _of_areas("shell uncovered", coverage, coverage.uncovered.area(), shell),
+        _of_areas("outside the section", coverage, coverage.outside.area(), covered),
+        _of_areas("overlap", coverage, fill.overlap, covered),
         (
             "unsupported",
-            f"{ledger.hanging.max():.1f} mm",
-            _at(ledger, ledger.hanging),
-            f"{ledger.hanging.sum():.1f} mm",
+            f"{coverage.hanging.max():.1f} mm",
+            _at(coverage, coverage.hanging),
+            f"{coverage.hanging.sum():.1f} mm",
         ),
         (
             "shell holds",
             _said(np.nanmin, fill.shell, ".1%"),
-            _at(ledger, -fill.shell),
+            _at(coverage, -fill.shell),
             f"{_said(np.nanmedian, fill.shell, '.1%')} in the median",
         ),
         (
             "outline off, 95 %",
             _said(np.nanmax, outline.p95, ".3f", " mm"),
-            _at(ledger, outline.p95),
+            _at(coverage, outline.p95),
             f"{_said(np.nanmedian, outline.p95, '.3f', ' mm')} in the median",
         ),
         (
             "outline off, at most",
             _said(np.nanmax, outline.largest, ".3f", " mm"),
-            _at(ledger, outline.largest),
+            _at(coverage, outline.largest),
             f"{_said(np.nanmedian, outline.largest, '.3f', ' mm')} in the median",
         ),
     ]
@@ -164,28 +164,28 @@ def _table(ledger: Ledger) -> Iterator[str]:
     for row in rows:
         cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
         yield f"  {'  '.join(cells)}".rstrip()
-    laid, wanted = float(ledger.volume.sum()), float(ledger.section_volume.sum())
+    laid, wanted = float(coverage.volume.sum()), float(coverage.section_volume.sum())
     share = f", {laid / wanted:.1%} of its volume" if wanted else ""
-    yield f"  {laid:.1f} mm3 laid for the part in {ledger.stack.n_layers} layers{share}; in all"
+    yield f"  {laid:.1f} mm3 laid for the part in {coverage.stack.n_layers} layers{share}; in all"
     kinds = [
-        (volume, Purpose(i).spoken) for i, volume in enumerate(ledger.by_purpose.tolist()) if volume > 0.05
+        (volume, Purpose(i).spoken) for i, volume in enumerate(coverage.by_purpose.tolist()) if volume > 0.05
     ]
     yield f"  {', '.join(f'{name} {volume:.1f}' for volume, name in sorted(kinds, reverse=True))}"
 
 
-def _of_areas(name: str, ledger: Ledger, areas: Float, whole: Float) -> tuple[str, str, str, str]:
+def _of_areas(name: str, coverage: Coverage, areas: Float, whole: Float) -> tuple[str, str, str, str]:
     """A row of the table: mm² in the worst layer and in all, and what share of the whole that is."""
     total, of = float(areas.sum()), float(whole.sum())
     share = f" ({total / of:.2%})" if of else ""
-    return name, f"{areas.max():.2f} mm2", _at(ledger, areas), f"{total:.1f} mm2{share}"
+    return name, f"{areas.max():.2f} mm2", _at(coverage, areas), f"{total:.1f} mm2{share}"
 
 
-def _at(ledger: Ledger, values: Float) -> str:
+def _at(coverage: Coverage, values: Float) -> str:
     """Where the largest value is, if there is any that is not 0."""
     if np.isnan(values).all() or not np.nanmax(np.abs(values)) > 0:
         return ""
     layer = int(np.nanargmax(values))
-    return f"layer {layer + 1} z {ledger.stack.top[layer]:.4g}"
+    return f"layer {layer + 1} z {coverage.stack.top[layer]:.4g}"
 
 
 def _said(pick: Callable[[Float], float], values: Float, how: str, unit: str = "") -> str:
@@ -202,9 +202,9 @@ def _column(values: Float | Sequence[float]) -> list[float | None]:
     return [_number(value) for value in np.asarray(values, np.float64).tolist()]
 
 
-def _facts(check: Check, limits: Limits) -> dict[str, Any]:
+def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     """All that is known, ready for JSON; layers count from 1."""
-    ledger, stack = check.ledger, check.ledger.stack
+    coverage, stack = check.coverage, check.coverage.stack
     found = [
         {key: _number(value) if isinstance(value, float) else value for key, value in as_json(one).items()}
         for one in check.findings
@@ -216,34 +216,34 @@ def _facts(check: Check, limits: Limits) -> dict[str, Any]:
         "findings": found,
         "notes": list(check.notes),
         "limits": asdict(limits),
-        "rules": asdict(ledger.rules),
+        "rules": asdict(coverage.rules),
         "shift": [*_column(check.match.shift), _number(check.z)],
         "matched": check.matched,
         "fit": {"share": _number(check.match.share), "spread": _number(check.match.spread)},
         "filament_diameter": _column(check.deposit.diameter),
-        "shell_depth": _number(ledger.shell_depth),
-        "cell": ledger.fill.cell,
+        "shell_depth": _number(coverage.shell_depth),
+        "cell": coverage.fill.cell,
         "volume_by_purpose": {
             Purpose(i).spoken: _number(volume)
-            for i, volume in enumerate(ledger.by_purpose.tolist())
+            for i, volume in enumerate(coverage.by_purpose.tolist())
             if volume
         },
         "layers": {
             "top": _column(stack.top),
             "height": _column(stack.height),
-            "section_area": _column(ledger.sections.area()),
-            "shell_area": _column(ledger.shell.area()),
-            "covered_area": _column(ledger.covered.area()),
-            "uncovered_area": _column(ledger.uncovered.area()),
-            "outside_area": _column(ledger.outside.area()),
-            "overlap_area": _column(ledger.fill.overlap),
-            "most_times": _column(ledger.fill.most),
-            "shell_fill": _column(ledger.fill.shell),
-            "in_air": _column(ledger.hanging),
-            "outline_p95": _column(ledger.outline.p95),
-            "outline_largest": _column(ledger.outline.largest),
-            "volume": _column(ledger.volume),
-            "section_volume": _column(ledger.section_volume),
+            "section_area": _column(coverage.sections.area()),
+            "shell_area": _column(coverage.shell.area()),
+            "covered_area": _column(coverage.covered.area()),
+            "uncovered_area": _column(coverage.uncovered.area()),
+            "outside_area": _column(coverage.outside.area()),
+            "overlap_area": _column(coverage.fill.overlap),
+            "most_times": _column(coverage.fill.most),
+            "shell_fill": _column(coverage.fill.shell),
+            "in_air": _column(coverage.hanging),
+            "outline_p95": _column(coverage.outline.p95),
+            "outline_largest": _column(coverage.outline.largest),
+            "volume": _column(coverage.volume),
+            "section_volume": _column(coverage.section_volume),
         },
     }
 
@@ -260,5 +260,5 @@ def _draw(check: Check, model: str, path: Path) -> None:
         chosen.setdefault(finding.layer, finding)
     title = visible(f"{check.name} against {model}")
     write_file(
-        path, picture_bytes(material_picture(check.ledger, list(chosen.values())[:_DRAWN], title), path)
+        path, picture_bytes(material_picture(check.coverage, list(chosen.values())[:_DRAWN], title), path)
     )

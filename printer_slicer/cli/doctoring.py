@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, Final
 
 from printer_slicer.cli.common import say, visible
-from printer_slicer.doctor import Check, Examination, examine, state_of
+from printer_slicer.doctor import Examination, PortCheck, examine, state_of
 from printer_slicer.errors import PortError
 from printer_slicer.stream.serial_port import list_ports, open_port
 
@@ -26,7 +26,7 @@ def doctor_command(arguments: argparse.Namespace) -> int:
 
 def _all(arguments: argparse.Namespace) -> int:
     """What the system says of every port."""
-    looked: list[tuple[str, list[Check]]] = []
+    looked: list[tuple[str, list[PortCheck]]] = []
     for port in list_ports():
         name = f"{port.address} ({port.description})" if port.description else port.address
         looked.append((name, list(state_of(port.device).checks())))
@@ -55,7 +55,7 @@ def _one(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _look(arguments: argparse.Namespace) -> tuple[list[Check], Examination | None]:
+def _look(arguments: argparse.Namespace) -> tuple[list[PortCheck], Examination | None]:
     """The port first; only where nothing is in the way, the printer."""
     checks = [] if "://" in arguments.port else list(state_of(arguments.port).checks())
     if any(check.state == "bad" for check in checks):
@@ -63,21 +63,21 @@ def _look(arguments: argparse.Namespace) -> tuple[list[Check], Examination | Non
     try:
         port = open_port(arguments.port, arguments.baud)
     except PortError as error:
-        return [*checks, Check("open", "bad", str(error).splitlines()[0], error.remedy)], None
+        return [*checks, PortCheck("open", "bad", str(error).splitlines()[0], error.remedy)], None
     try:
         found = examine(port, monotonic, baud=arguments.baud)
     except PortError as error:
-        return [*checks, Check("open", "bad", str(error).splitlines()[0], error.remedy)], None
+        return [*checks, PortCheck("open", "bad", str(error).splitlines()[0], error.remedy)], None
     finally:
         port.close()
     return [*checks, *found.checks()], found
 
 
-def _facts(checks: Iterable[Check]) -> list[dict[str, Any]]:
+def _facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
     return [asdict(check) for check in checks]
 
 
-def _lines(checks: Sequence[Check]) -> list[str]:
+def _lines(checks: Sequence[PortCheck]) -> list[str]:
     lines = []
     for check in checks:
         lines.append(f"  {_MARKS[check.state]}  {check.name:<20}{check.what}")

@@ -15,9 +15,9 @@ from printer_slicer.commands import read_text
 from printer_slicer.drawing import View, check_picture, picture_bytes, sheet_picture
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry import Areas
+from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels, levels_of, sheet_of
 from printer_slicer.inspection.coverage.matching import Match
 from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
-from printer_slicer.inspection.coverage.sheet import Levels, Sheet, levels_of, sheet_of
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.coverage.text import Deposit
 from printer_slicer.inspection.deposition.purposes import Purpose
@@ -106,7 +106,7 @@ def _number(arguments: argparse.Namespace, levels: Levels) -> int:
     return number - 1
 
 
-def _refuse_empty(arguments: argparse.Namespace, sheet: Sheet) -> None:
+def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None:
     """A box beside all beads is a mistake.
 
     Raises:
@@ -126,7 +126,7 @@ def _refuse_empty(arguments: argparse.Namespace, sheet: Sheet) -> None:
         )
 
 
-def _facts(arguments: argparse.Namespace, sheet: Sheet, match: Match | None) -> dict[str, Any]:
+def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None) -> dict[str, Any]:
     """What the layer holds, ready for JSON: lengths in mm, volumes in mm³, layers from 1."""
     return {
         "output": str(arguments.output),
@@ -141,7 +141,7 @@ def _facts(arguments: argparse.Namespace, sheet: Sheet, match: Match | None) -> 
     }
 
 
-def _beads(sheet: Sheet) -> Iterator[dict[str, Any]]:
+def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     """Of each kind of bead how much there is, and how wide it is."""
     beads = sheet.beads
     pairs = np.stack([sheet.name, beads.purpose], axis=1)

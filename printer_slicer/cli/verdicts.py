@@ -17,7 +17,7 @@ from printer_slicer.durations import spoken
 from printer_slicer.jobs import Job
 
 if TYPE_CHECKING:
-    from printer_slicer.inspection.deposition.record import Account
+    from printer_slicer.inspection.deposition.record import Deposition
     from printer_slicer.inspection.dry_run.judging import Verdict
     from printer_slicer.profile import Profile
 
@@ -92,7 +92,7 @@ def _time(verdict: Verdict) -> str:
     return f"{spoken(verdict.total_seconds)} in all{more}; {spoken(verdict.simulated_seconds)} of motion"
 
 
-def _roles(account: Account) -> list[str]:
+def _roles(account: Deposition) -> list[str]:
     """Time by what it is for, the longest first."""
     times = {**account.by_role, "travel": account.travel, "extruder alone": account.extruder}
     ordered = sorted(times.items(), key=lambda one: -one[1])
@@ -111,13 +111,13 @@ def _wrapped(words: Sequence[str]) -> list[str]:
     return lines
 
 
-def _heights(account: Account) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _heights(account: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Thickness of each layer, mm, from below."""
     z = np.unique([round(layer.z, 3) for layer in account.layers if layer.number and layer.length > 0])
     return np.diff(z, prepend=0.0)
 
 
-def _layers(verdict: Verdict, account: Account) -> str:
+def _layers(verdict: Verdict, account: Deposition) -> str:
     heights = _heights(account)
     if not len(heights):
         return "none"
@@ -142,7 +142,7 @@ def _filament(verdict: Verdict, profile: Profile) -> str:
     return f"{verdict.report.filament / 1000:.2f} m, {grams:.1f} g of {profile.material.name}{cost}"
 
 
-def _flow(account: Account, profile: Profile) -> str:
+def _flow(account: Deposition, profile: Profile) -> str:
     assert account.peak is not None
     laying = sum(account.by_role.values())
     mean = account.volume / laying if laying else 0.0
@@ -196,7 +196,7 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
     }
 
 
-def _material_facts(account: Account, profile: Profile) -> Mapping[str, object]:
+def _material_facts(account: Deposition, profile: Profile) -> Mapping[str, object]:
     peak = account.peak
     return {
         "seconds_by_role": {name: round(seconds, 3) for name, seconds in account.by_role.items()},

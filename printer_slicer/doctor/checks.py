@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Check"]
+__all__ = ["PortCheck"]
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class PortCheck:
     """One thing that was looked at.
 
     Attributes:

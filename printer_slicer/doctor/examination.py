@@ -13,7 +13,7 @@ from itertools import pairwise
 from statistics import median, quantiles
 from typing import Final
 
-from printer_slicer.doctor.checks import Check
+from printer_slicer.doctor.checks import PortCheck
 from printer_slicer.stream.events import Accepted, Event, Halted, Identified, Temperature
 from printer_slicer.stream.framing import frame
 from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
@@ -67,71 +67,71 @@ class Examination:
     link: LinkSeen
     halted: str
 
-    def checks(self) -> Iterator[Check]:
+    def checks(self) -> Iterator[PortCheck]:
         """What is made of it."""
         if self.halted:
             remedy = "is it the right port, speed (--baud), and cable? is the printer on?"
-            yield Check("printer", "bad", self.halted, remedy)
+            yield PortCheck("printer", "bad", self.halted, remedy)
             return
-        yield Check("printer", "good", self.firmware or "answers, and does not say who it is")
+        yield PortCheck("printer", "good", self.firmware or "answers, and does not say who it is")
         yield from self._capabilities()
         if self.temperatures:
             told = ", ".join(f"{name} {value:g} °C" for name, value in self.temperatures)
-            yield Check("temperatures", "good", told)
+            yield PortCheck("temperatures", "good", told)
         yield from self._speed()
 
-    def _capabilities(self) -> Iterator[Check]:
+    def _capabilities(self) -> Iterator[PortCheck]:
         known = dict(self.capabilities)
         if not known:
-            yield Check("capabilities", "good", "it tells none")
+            yield PortCheck("capabilities", "good", "it tells none")
             return
         has = [name for name in _WORTH if known.get(name)]
         lacks = [name for name in _WORTH if known.get(name) is False]
-        yield Check(
+        yield PortCheck(
             "capabilities", "good", f"{', '.join(has) or 'none of note'}; not {', '.join(lacks) or 'lacking'}"
         )
         protected = known.get("THERMAL_PROTECTION")
         if protected is False:
-            yield Check(
+            yield PortCheck(
                 "thermal protection",
                 "bad",
                 "the firmware says that it has none: a heater that runs away is stopped by nobody",
                 "build it with THERMAL_PROTECTION_HOTENDS and THERMAL_PROTECTION_BED, and stay with it until then",
             )
         elif protected:
-            yield Check("thermal protection", "good", "yes")
+            yield PortCheck("thermal protection", "good", "yes")
 
-    def _speed(self) -> Iterator[Check]:
+    def _speed(self) -> Iterator[PortCheck]:
         if self.answer is None or self.answer_95 is None or self.lines_per_second is None:
-            yield Check("line rate", "warn", "too few lines were answered to tell", "try again")
+            yield PortCheck("line rate", "warn", "too few lines were answered to tell", "try again")
             return
         over = self.answer - (1 / self.wire)
         said = f"{self.answer * 1000:.1f} ms, 95 % within {self.answer_95 * 1000:.1f} ms"
         if over > _LATE:
-            yield Check(
+            yield PortCheck(
                 "answers",
                 "warn",
                 f"{said}: late",
                 "look at the chip's latency timer, a hub, or a busy computer",
             )
         else:
-            yield Check("answers", "good", said)
+            yield PortCheck("answers", "good", said)
         rate = f"{self.lines_per_second:.0f} lines/s with two in flight, the wire could bring {self.wire:.0f}"
         slow = self.lines_per_second < _SLOW * self.wire
         advice = (
             f"check files with `printer-slicer check FILE --link {self.baud} --latency {over * 1000:.0f}`; "
             f"slice for it: --set printer.link_lines_per_second={int(0.95 * self.lines_per_second)}"
         )
-        yield Check("line rate", "warn" if slow else "good", rate, advice if slow else "")
+        yield PortCheck("line rate", "warn" if slow else "good", rate, advice if slow else "")
         if self.link.resends or self.link.questions:
-            yield Check(
+            yield PortCheck(
                 "errors",
                 "warn",
                 f"{self.link.resends} lines were asked for again, {self.link.questions} answers were missing",
                 "a better or shorter cable, another port, no hub",
             )
         else:
-            yield Check("errors", "good", f"none in {self.link.lines} lines")
+            yield PortCheck("errors", "good", f"none in {self.link.lines} lines")
 
 
 def examine(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from printer_slicer.doctor.checks import Check
+from printer_slicer.doctor.checks import PortCheck
 from printer_slicer.stream.holders import holders
 
 if sys.platform != "win32":
@@ -55,10 +55,10 @@ class PortState:
     latency_timer: int | None
     holders: tuple[tuple[int, str], ...]
 
-    def checks(self) -> Iterator[Check]:
+    def checks(self) -> Iterator[PortCheck]:
         """What is made of it."""
         if not self.exists:
-            yield Check(
+            yield PortCheck(
                 "port",
                 "bad",
                 f"there is no {self.address}",
@@ -66,40 +66,40 @@ class PortState:
             )
             return
         if not self.is_port:
-            yield Check(
+            yield PortCheck(
                 "port", "bad", f"{self.address} is no serial port", "`printer-slicer ports` lists them"
             )
             return
         leads = f" ({self.device})" if self.device != self.address else ""
-        yield Check("port", "good", f"{self.address}{leads} is there")
+        yield PortCheck("port", "good", f"{self.address}{leads} is there")
         yield self._permission()
         yield self._held()
         if self.latency_timer is not None:
             yield self._latency()
 
-    def _permission(self) -> Check:
+    def _permission(self) -> PortCheck:
         if self.may_open:
-            return Check("permission", "good", "you may open it")
+            return PortCheck("permission", "good", "you may open it")
         remedy = "log in again, so that the group counts"
         if not self.in_group and self.group:
             remedy = f"sudo usermod -aG {self.group} $USER, then log in again"
-        return Check(
+        return PortCheck(
             "permission", "bad", f"you may not open it; it belongs to the group {self.group}", remedy
         )
 
-    def _held(self) -> Check:
+    def _held(self) -> PortCheck:
         if not self.holders:
-            return Check("in use", "good", "no other program is seen to have it open")
+            return PortCheck("in use", "good", "no other program is seen to have it open")
         who = ", ".join(f"{name} ({pid})" for pid, name in self.holders)
         known = {"ModemManager": "sudo systemctl disable --now ModemManager"}
         remedy = next((known[name] for _, name in self.holders if name in known), "close it there")
-        return Check("in use", "bad", f"held by {who}", remedy)
+        return PortCheck("in use", "bad", f"held by {who}", remedy)
 
-    def _latency(self) -> Check:
+    def _latency(self) -> PortCheck:
         timer = self.latency_timer or 0
         if timer < _SLOW:
-            return Check("latency timer", "good", f"{timer} ms")
-        return Check(
+            return PortCheck("latency timer", "good", f"{timer} ms")
+        return PortCheck(
             "latency timer",
             "warn",
             f"{timer} ms: every answer may wait so long",

@@ -1,4 +1,4 @@
-"""Layers of a ledger from above: what was laid, and what is wrong with it, whole and close up."""
+"""Layers of a coverage from above: what was laid, and what is wrong with it, whole and close up."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, text_width
 from printer_slicer.geometry import Areas, intersection, stroked
-from printer_slicer.inspection.coverage.account import Ledger, overlapping
+from printer_slicer.inspection.coverage.measurement import Coverage, overlapping
 from printer_slicer.inspection.deposition.purposes import Purpose
 
 __all__ = ["material_picture"]
@@ -71,11 +71,11 @@ class _View:
         )
 
 
-def material_picture(ledger: Ledger, shown: Sequence[Diagnostic], title: str) -> Picture:
+def material_picture(coverage: Coverage, shown: Sequence[Diagnostic], title: str) -> Picture:
     """The layers of some findings, each whole and close up.
 
     Args:
-        ledger: what to draw from.
+        coverage: what to draw from.
         shown: one row for each; those without a place are drawn whole only.
         title: over all.
     """
@@ -85,10 +85,10 @@ def material_picture(ledger: Ledger, shown: Sequence[Diagnostic], title: str) ->
     for finding in shown:
         heading = f"layer {finding.layer}, z {finding.z:.4g} mm: {finding.message}"
         y += 26
-        whole, close = _views(ledger, finding, y)
+        whole, close = _views(coverage, finding, y)
         for view in (close, whole):
             if view is not None:
-                shapes += _panel(ledger, finding.layer - 1, view)
+                shapes += _panel(coverage, finding.layer - 1, view)
         if close is not None:
             shapes.append(_frame_of(close, whole))
         shapes.append(Text(_GAP, y - 12, _fitting(heading, wide - 2 * _GAP), _LETTERS, bold=True))
@@ -107,11 +107,11 @@ def _fitting(text: str, room: float) -> str:
     return text
 
 
-def _views(ledger: Ledger, finding: Diagnostic, top: float) -> tuple[_View, _View | None]:
+def _views(coverage: Coverage, finding: Diagnostic, top: float) -> tuple[_View, _View | None]:
     """The whole layer, and what is around the place of the finding."""
-    member = ledger.of_part & (ledger.stack.layer == finding.layer - 1)
-    beads = ledger.stack.beads.take(member)
-    corners = np.concatenate([beads.begin, beads.end, *ledger.sections.rings(finding.layer - 1)])
+    member = coverage.of_part & (coverage.stack.layer == finding.layer - 1)
+    beads = coverage.stack.beads.take(member)
+    corners = np.concatenate([beads.begin, beads.end, *coverage.sections.rings(finding.layer - 1)])
     low, high = corners.min(axis=0) - _BORDER, corners.max(axis=0) + _BORDER
     size = high - low
     scale = min(_PANEL / size[0], _TALLEST / size[1])
@@ -126,15 +126,15 @@ def _views(ledger: Ledger, finding: Diagnostic, top: float) -> tuple[_View, _Vie
     return whole, near
 
 
-def _panel(ledger: Ledger, layer: int, view: _View) -> Iterator[Shape]:
+def _panel(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
     """What lies in a view: beads, what is wrong with them, the outline of the section, and a frame."""
     width, height = view.size
     yield Box(view.left, view.top, width, height, "#fafafa", name="panel")
-    yield from _beads(ledger, layer, view)
-    yield from _filled(ledger.uncovered, layer, view, _UNCOVERED, "uncovered")
-    yield from _filled(ledger.outside, layer, view, _OUTSIDE, "outside")
-    yield from _filled(overlapping(ledger, layer), 0, view, _OVERLAP, "overlap")
-    for ring in _cut(ledger.sections, layer, view).rings(0):
+    yield from _beads(coverage, layer, view)
+    yield from _filled(coverage.uncovered, layer, view, _UNCOVERED, "uncovered")
+    yield from _filled(coverage.outside, layer, view, _OUTSIDE, "outside")
+    yield from _filled(overlapping(coverage, layer), 0, view, _OVERLAP, "overlap")
+    for ring in _cut(coverage.sections, layer, view).rings(0):
         yield Line(view.place(np.concatenate([ring, ring[:1]])), _INK, 1.2, name="section")
     frame = np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)]) + np.array(
         [view.left, view.top]
@@ -142,11 +142,11 @@ def _panel(ledger: Ledger, layer: int, view: _View) -> Iterator[Shape]:
     yield Line(frame, "#888888", 1.5, name="frame")
 
 
-def _beads(ledger: Ledger, layer: int, view: _View) -> Iterator[Shape]:
+def _beads(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
     """The beads of a layer that the view sees, by purpose, and those in the air in a colour of their own."""
-    stack = ledger.stack
+    stack = coverage.stack
     hanging = np.zeros(stack.beads.n_beads, np.bool_)
-    hanging[[one.command - 1 for one in ledger.unsupported]] = True
+    hanging[[one.command - 1 for one in coverage.unsupported]] = True
     own = np.flatnonzero(stack.layer == layer)
     colour = np.where(hanging[own], len(Purpose), stack.beads.purpose[own])
     for one in np.unique(colour).tolist():

@@ -10,8 +10,8 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text
 from printer_slicer.drawing.frame import Panel, marks
-from printer_slicer.inspection.deposition.height_map import Plate
-from printer_slicer.inspection.deposition.record import Account, Layer
+from printer_slicer.inspection.deposition.height_map import PlateHeights
+from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 
 __all__ = ["Mark", "rehearsal_picture"]
 
@@ -71,7 +71,7 @@ class Mark(NamedTuple):
 
 
 def rehearsal_picture(
-    account: Account,
+    account: Deposition,
     found: Sequence[Mark],
     title: str,
     corners: tuple[tuple[float, float], tuple[float, float]],
@@ -111,7 +111,7 @@ def rehearsal_picture(
     return Picture(_WIDE, int(foot + 23 + rows * _ROW), tuple(shapes), title)
 
 
-def _plate(plate: Plate, bed: _Bed) -> Iterator[Shape]:
+def _plate(plate: PlateHeights, bed: _Bed) -> Iterator[Shape]:
     """The bed from above, and how high plastic stands on it."""
     scale, (left, upper) = bed.scale, bed.at(bed.low[0], bed.high[1])
     wide, deep = bed.high[0] - bed.low[0], bed.high[1] - bed.low[1]
@@ -148,7 +148,7 @@ def _heights(panel: Panel, top: float) -> Iterator[Shape]:
     yield Text(panel.left - 6, panel.top - 14, "z mm", _SIZE, anchor="end")
 
 
-def _bars(chart: _Chart, top: float, layers: Sequence[Layer]) -> Iterator[Shape]:
+def _bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> Iterator[Shape]:
     """A value of each layer, over the height."""
     panel, cap = chart.panel, chart.cap
     most = max(*chart.values, cap, 1e-9) if chart.values else 1.0

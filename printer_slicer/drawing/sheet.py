@@ -14,7 +14,7 @@ from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strok
 from printer_slicer.drawing.colours import ROLE_COLOURS, mixed, shaded
 from printer_slicer.drawing.frame import marks
 from printer_slicer.geometry import Areas, intersection
-from printer_slicer.inspection.coverage.sheet import Sheet
+from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions
 from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.roles import Role
 
@@ -108,7 +108,7 @@ class _Frame:
         return np.where(share == np.array([[0.0], [1.0]]), lines[seen], part), seen
 
 
-def sheet_picture(sheet: Sheet, title: str, view: View = View()) -> Picture:
+def sheet_picture(sheet: LayerExtrusions, title: str, view: View = View()) -> Picture:
     """One layer from above.
 
     Beads lie over each other as they were laid, each with a darker edge: of two that overlap, the later one is seen
@@ -141,7 +141,7 @@ def sheet_picture(sheet: Sheet, title: str, view: View = View()) -> Picture:
     return Picture(wide, tall, tuple(shapes), heading)
 
 
-def _bounds(sheet: Sheet, view: View) -> tuple[Float, Float]:
+def _bounds(sheet: LayerExtrusions, view: View) -> tuple[Float, Float]:
     """The corners of what is shown, mm."""
     if view.box is not None:
         corners = np.array(view.box, np.float64)
@@ -154,7 +154,7 @@ def _bounds(sheet: Sheet, view: View) -> tuple[Float, Float]:
     return places.min(axis=0) - reach, places.max(axis=0) + reach
 
 
-def _layer(sheet: Sheet, view: View, frame: _Frame) -> Iterator[Shape]:
+def _layer(sheet: LayerExtrusions, view: View, frame: _Frame) -> Iterator[Shape]:
     """All that has a place on the bed."""
     rings = _cut_section(view, frame)
     if rings:  # as an area: what no bead covers of it stays to be seen
@@ -178,7 +178,7 @@ def _cut_section(view: View, frame: _Frame) -> list[Float]:
 # Beads
 
 
-def _colours(sheet: Sheet) -> tuple[Int, list[tuple[str, str]]]:
+def _colours(sheet: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
     """(B,) the kind of each bead, and name and colour of each kind, in the order of their colours.
 
     A kind is what the file calls by one name; the names of a purpose share its colour, but for top skins.
@@ -196,7 +196,7 @@ def _colours(sheet: Sheet) -> tuple[Int, list[tuple[str, str]]]:
     return kind.ravel(), result
 
 
-def _beads(sheet: Sheet, frame: _Frame) -> Iterator[Shape]:
+def _beads(sheet: LayerExtrusions, frame: _Frame) -> Iterator[Shape]:
     """Every path as it was laid: first the edges of all its beads, then what lies between the edges."""
     lines, seen = _bead_lines(sheet, frame)
     if not len(seen):
@@ -219,7 +219,7 @@ def _beads(sheet: Sheet, frame: _Frame) -> Iterator[Shape]:
         yield Strokes(own, inner, colour, _class(name))
 
 
-def _bead_lines(sheet: Sheet, frame: _Frame) -> tuple[Float, Int]:
+def _bead_lines(sheet: LayerExtrusions, frame: _Frame) -> tuple[Float, Int]:
     """The centre lines of beads (n, 2, 2), mm, as far as they are seen, and which beads these are."""
     beads = sheet.beads
     reach = float(beads.width.max(initial=0.0)) / 2
@@ -264,7 +264,7 @@ def _margins(frame: _Frame, wide: float, tall: float) -> Iterator[Shape]:
     yield Box(right, frame.top, wide - right, bottom - frame.top, _PAPER, name="margin")
 
 
-def _seen(sheet: Sheet, view: View, frame: _Frame) -> list[tuple[str, str]]:
+def _seen(sheet: LayerExtrusions, view: View, frame: _Frame) -> list[tuple[str, str]]:
     """Name and colour of all that is to be explained."""
     kind, kinds = _colours(sheet)
     found = [kinds[i] for i in np.unique(kind[_bead_lines(sheet, frame)[1]]).tolist()]

@@ -14,7 +14,7 @@ from printer_slicer.errors import PartError, PlanError, ProfileError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.engine import using_engine
-from printer_slicer.inspection.coverage.model_check import Asked, check_gcode
+from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
@@ -298,6 +298,6 @@ def test_check_finds_a_part_of_uneven_layers_on_its_raft() -> None:
     plan = LayerPlan.from_tops(np.cumsum([0.2, 0.3, 0.32, 0.32, 0.25, 0.32]))
     stages = slice_stages(box((14, 14, float(plan.top[-1]))), wanted, plan=plan)
 
-    check = check_gcode(gcode_of(stages.program, wanted), stages.part, Asked())
+    check = check_gcode(gcode_of(stages.program, wanted), stages.part, CheckOptions())
 
     assert [finding.message for finding in check.findings] == []

@@ -13,7 +13,7 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, pieces_of, stroked
 from printer_slicer.infill import infill_paths
-from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.model import LayerPlan, Regions, Sections, Toolpaths
 from printer_slicer.perimeters import lay_walls
@@ -145,22 +145,22 @@ def test_nowhere_in_a_solid_box_do_turns_lie_on_rows_or_rows_on_walls(degrees: f
         planner__kind="uniform",
     )
     stages = slice_stages(box((15, 11, 3 * height)), wanted)
-    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
 
     # A little in thick layers, whose turns cannot be that thin, and in corners with a wedge.
-    assert ledger.fill.overlap.max() < 0.008 * ledger.section_volume.max() / height
-    assert ledger.uncovered.area().max() < 0.1
-    assert ledger.volume == pytest.approx(ledger.section_volume, rel=0.01)
+    assert coverage.fill.overlap.max() < 0.008 * coverage.section_volume.max() / height
+    assert coverage.uncovered.area().max() < 0.1
+    assert coverage.volume == pytest.approx(coverage.section_volume, rel=0.01)
 
 
 def test_small_round_skins_are_full_and_nowhere_too_full() -> None:
     wanted = plain(layer_height=0.2, planner__kind="uniform", infill_density=1)
     stages = slice_stages(sphere(5), wanted)
-    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
 
     assert stages.regions.bridge.n_rings == 0
-    assert ledger.uncovered.area().max() < 0.2
-    assert ledger.fill.overlap.sum() < 0.03 * ledger.covered.area().sum()
-    assert np.nanmin(ledger.fill.shell) > 0.96  # the cap under the top is all outer perimeter
-    assert np.nanmedian(ledger.fill.shell) > 0.985
-    assert np.nanmax(ledger.fill.shell) < 1.02
+    assert coverage.uncovered.area().max() < 0.2
+    assert coverage.fill.overlap.sum() < 0.03 * coverage.covered.area().sum()
+    assert np.nanmin(coverage.fill.shell) > 0.96  # the cap under the top is all outer perimeter
+    assert np.nanmedian(coverage.fill.shell) > 0.985
+    assert np.nanmax(coverage.fill.shell) < 1.02

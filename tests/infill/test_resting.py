@@ -14,7 +14,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, Polylines
 from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.resting import rested
-from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
 from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.model import LayerPlan, Mesh, Regions
@@ -47,9 +47,9 @@ def longest_in_the_air(mesh: Mesh, pattern: str) -> float:
     """mm of one bead over sparse infill that turns or ends before it rests on anything."""
     wanted = plain(infill=pattern, infill_density=0.15)
     stages = slice_stages(mesh, wanted)
-    ledger = ledger_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
-    air = beads_over_air(ledger)
-    bridges = ledger.stack.beads.purpose[air.bead] == Purpose.BRIDGE
+    coverage = coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)
+    air = beads_over_air(coverage)
+    bridges = coverage.stack.beads.purpose[air.bead] == Purpose.BRIDGE
 
     assert Role.INTERNAL_BRIDGE in set(stages.toolpaths.role.tolist())
     assert (bridges & air.bridge).any()

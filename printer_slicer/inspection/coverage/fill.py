@@ -9,9 +9,9 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, frozen_array
 from printer_slicer.geometry import Areas, normalize
-from printer_slicer.inspection.coverage.beads import Beads, Purpose
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.raster import (
-    Window,
+    CellWindow,
     cell_for,
     cells_covered,
     filled,
@@ -20,14 +20,14 @@ from printer_slicer.inspection.coverage.raster import (
 )
 from printer_slicer.inspection.coverage.stack import Stack, through_layers
 
-__all__ = ["Fill", "measure_fill", "overlap_cells"]
+__all__ = ["LayerFill", "measure_fill", "overlap_cells"]
 
 _LEAST: Final = 1.0  # mm² of shell, under which its mean fill says nothing
 _LEAST_MARGIN, _WIDEST_MARGIN = 1.0, 5.0  # mm of cells around beads: their width, within reason
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fill:
+class LayerFill:
     """What the raster tells of each layer.
 
     Attributes:
@@ -50,7 +50,7 @@ class Fill:
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64, shape))
 
 
-def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_often: float) -> Fill:
+def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_often: float) -> LayerFill:
     """Measure how full each layer is; ironing, which levels what is there already, is left out.
 
     Args:
@@ -58,7 +58,7 @@ def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_of
         of_part: (B,) which of them make up the part; the rest is left out.
         core: of each section, inside the shell.
         wanted: (L,) mm² of each layer outside the core that are to be filled.
-        too_often: see `Fill`.
+        too_often: see `LayerFill`.
     """
     n, height = stack.n_layers, stack.height
     overlap, most, place, shell = np.zeros(n), np.zeros(n), np.full((n, 2), np.nan), np.full(n, np.nan)
@@ -82,10 +82,10 @@ def measure_fill(stack: Stack, of_part: Bool, core: Areas, wanted: Float, too_of
         if wanted[k] > _LEAST:
             laid = fill * (1 - cells_covered(rows, k, window))
             shell[k] = float(laid.sum()) * cell**2 / wanted[k]
-    return Fill(overlap, most, place, shell, cell)
+    return LayerFill(overlap, most, place, shell, cell)
 
 
-def overlap_cells(beads: Beads, layer_height: float, too_often: float, cell: float) -> Areas:
+def overlap_cells(beads: Extrusions, layer_height: float, too_often: float, cell: float) -> Areas:
     """Where beads of one layer overlap, as a stack of one: the cells of each row side by side as a rectangle."""
     window = _window(cell, beads)
     high = mean_around(filled(beads, window, layer_height), _reach(beads, cell)) > too_often
@@ -115,26 +115,26 @@ class _Slabs:
         self._beads = parts.beads.take(own)
         self._bounds = np.searchsorted(parts.layer[own], np.arange(n + 1))
 
-    def of_layer(self, k: int) -> Beads:
+    def of_layer(self, k: int) -> Extrusions:
         """All that fills layer k, one of the deep ones."""
         return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
-def _cell_of(beads: Beads) -> float:
+def _cell_of(beads: Extrusions) -> float:
     """Return the width of the cells, mm, for the box around beads."""
     ends = np.concatenate([np.zeros((1, 2)), beads.begin, beads.end][bool(beads.n_beads) :])
     return cell_for(ends.min(axis=0), ends.max(axis=0))
 
 
-def _reach(beads: Beads, cell: float) -> int:
+def _reach(beads: Extrusions, cell: float) -> int:
     """Cells to either side of the one in the middle of a window as wide as a usual bead."""
     return max(round((beads.usual_width / cell - 1) / 2), 1)
 
 
-def _window(cell: float, beads: Beads) -> Window:
+def _window(cell: float, beads: Extrusions) -> CellWindow:
     """The cells around beads."""
     ends = np.concatenate([beads.begin, beads.end])
     if not len(ends):
-        return Window(0, 0, 1, 1, cell)
+        return CellWindow(0, 0, 1, 1, cell)
     margin = min(max(float(beads.width.max()), _LEAST_MARGIN), _WIDEST_MARGIN)
-    return Window.around(ends.min(axis=0), ends.max(axis=0), margin, cell)
+    return CellWindow.around(ends.min(axis=0), ends.max(axis=0), margin, cell)

@@ -1,4 +1,4 @@
-"""What is wrong according to a ledger: measurements beyond limits, with their places, the worst first."""
+"""What is wrong according to a coverage: measurements beyond limits, with their places, the worst first."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
-from printer_slicer.inspection.coverage.account import Ledger
+from printer_slicer.inspection.coverage.measurement import Coverage
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 
-__all__ = ["Limits", "excess", "findings", "largest_place", "line_near"]
+__all__ = ["CoverageLimits", "excess", "findings", "largest_place", "line_near"]
 
 _LITTLE: Final = 1.0  # mm² in a layer: less is not told, whatever its share
 _DOTS: Final = 2.0  # squares of the extrusion width that may be missing or added at tips, whatever the share
@@ -23,7 +23,7 @@ _FAR: Final = np.inf
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class CoverageLimits:
     """What is let pass in any layer.
 
     Attributes:
@@ -65,15 +65,15 @@ class _Kind:
     place: Callable[[int], tuple[float, float]]
 
 
-def findings(ledger: Ledger, limits: Limits = Limits()) -> tuple[Diagnostic, ...]:
+def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> tuple[Diagnostic, ...]:
     """Everything beyond the limits, the worst first."""
-    found = [one for kind in _kinds(ledger, limits) for one in _of_kind(ledger, kind)]
+    found = [one for kind in _kinds(coverage, limits) for one in _of_kind(coverage, kind)]
     return tuple(sorted(found, key=lambda one: -excess(one)))
 
 
-def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Diagnostic]:
+def _of_kind(coverage: Coverage, kind: _Kind) -> Iterator[Diagnostic]:
     """One finding for each run of layers."""
-    broken = np.flatnonzero(kind.broken & ~ledger.stack.ramps)
+    broken = np.flatnonzero(kind.broken & ~coverage.stack.ramps)
     if not len(broken):
         return
     cuts = [0, *(np.flatnonzero(np.diff(broken) > 1) + 1).tolist(), len(broken)]
@@ -86,19 +86,19 @@ def _of_kind(ledger: Ledger, kind: _Kind) -> Iterator[Diagnostic]:
             kind.name,
             "error",
             kind.say(layer),
-            line=line_near(ledger, layer, x, y),
+            line=line_near(coverage, layer, x, y),
             layer=layer + 1,
             first=int(run[0]) + 1,
             last=int(run[-1]) + 1,
-            z=float(ledger.stack.top[layer]),
+            z=float(coverage.stack.top[layer]),
             place=None if np.isnan(x) else (x, y),
             amount=float(kind.amount[layer]),
             limit=kind.limit,
         )
 
 
-def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
-    uncovered, shell, covered = ledger.uncovered.area(), ledger.shell.area(), ledger.covered.area()
+def _kinds(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
+    uncovered, shell, covered = coverage.uncovered.area(), coverage.shell.area(), coverage.covered.area()
     share = uncovered / np.maximum(shell, 1e-9)
     yield _Kind(
         "uncovered",
@@ -106,18 +106,18 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
         (share > limits.uncovered) & (uncovered > _LITTLE),
         limits.uncovered,
         lambda k: f"{uncovered[k]:.1f} mm2 of the shell are not covered, {share[k]:.0%} of it",
-        lambda k: largest_place(ledger.uncovered, k),
+        lambda k: largest_place(coverage.uncovered, k),
     )
-    outside = ledger.outside.area()
+    outside = coverage.outside.area()
     yield _Kind(
         "outside",
         outside,
         outside > limits.outside,
         limits.outside,
         lambda k: f"{outside[k]:.1f} mm2 are laid outside the section",
-        lambda k: largest_place(ledger.outside, k),
+        lambda k: largest_place(coverage.outside, k),
     )
-    fill = ledger.fill
+    fill = coverage.fill
     twice = fill.overlap / np.maximum(covered, 1e-9)
     yield _Kind(
         "overlap",
@@ -129,9 +129,9 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
         ),
         lambda k: (float(fill.place[k, 0]), float(fill.place[k, 1])),
     )
-    yield from _of_volume(ledger, limits)
-    yield _of_air(ledger, limits)
-    outline, size = ledger.outline, np.maximum(ledger.sections.area(), covered)
+    yield from _of_volume(coverage, limits)
+    yield _of_air(coverage, limits)
+    outline, size = coverage.outline, np.maximum(coverage.sections.area(), covered)
     yield _Kind(
         "outline",
         outline.p95,
@@ -144,15 +144,15 @@ def _kinds(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
     )
 
 
-def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
+def _of_volume(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Kind]:
     """Missing and surplus material in the shell beyond what is let pass of it and that of the shortest lines."""
-    fill, height, shell = ledger.fill.shell, ledger.stack.height, ledger.shell.area()
-    width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
+    fill, height, shell = coverage.fill.shell, coverage.stack.height, coverage.shell.area()
+    width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
     surplus, missing = (fill - limits.over) * shell, (limits.under - fill) * shell
     least = _DOTS * width**2
     over, under = surplus > least, missing > least
     if over.any():
-        over &= surplus - _beside_fins(ledger, over, width) > least
+        over &= surplus - _beside_fins(coverage, over, width) > least
     for name, limit, broken in (("underfilled", limits.under, under), ("overfilled", limits.over, over)):
         yield _Kind(
             name,
@@ -166,19 +166,19 @@ def _of_volume(ledger: Ledger, limits: Limits) -> Iterator[_Kind]:
         )
 
 
-def _beside_fins(ledger: Ledger, layers: Bool, width: float) -> Float:
+def _beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
     """(L,) mm² that lines cover beside fins narrower than themselves, by layer (L,)."""
-    sections = ledger.sections.of_layers(layers)
+    sections = coverage.sections.of_layers(layers)
     fins = difference(sections, offset_open(sections, width / 2))
-    beside = difference(ledger.covered.of_layers(layers), sections)
+    beside = difference(coverage.covered.of_layers(layers), sections)
     return intersection(beside, offset(fins, width)).area()
 
 
-def _of_air(ledger: Ledger, limits: Limits) -> _Kind:
+def _of_air(coverage: Coverage, limits: CoverageLimits) -> _Kind:
     """Unsupported extrusion."""
-    length, place = ledger.hanging, np.full((ledger.stack.n_layers, 2), np.nan)
-    for one in reversed(ledger.unsupported):
-        place[ledger.layer_at(one.z)] = one.x, one.y
+    length, place = coverage.hanging, np.full((coverage.stack.n_layers, 2), np.nan)
+    for one in reversed(coverage.unsupported):
+        place[coverage.layer_at(one.z)] = one.x, one.y
     return _Kind(
         "unsupported",
         length,
@@ -201,13 +201,13 @@ def largest_place(areas: Areas, layer: int) -> tuple[float, float]:
     return x, y
 
 
-def line_near(ledger: Ledger, layer: int, x: float, y: float) -> int:
+def line_near(coverage: Coverage, layer: int, x: float, y: float) -> int:
     """The line of the G-code that lays the bead of a layer nearest to a place; its first where the place is nan."""
-    own = np.flatnonzero((ledger.stack.layer == layer) & ledger.of_part)
+    own = np.flatnonzero((coverage.stack.layer == layer) & coverage.of_part)
     if not len(own):
         return 0
     if np.isnan(x):
-        return int(ledger.stack.beads.line[own[0]])
-    beads = ledger.stack.beads.take(own)
+        return int(coverage.stack.beads.line[own[0]])
+    beads = coverage.stack.beads.take(own)
     from_middle = np.hypot(*((beads.begin + beads.end) / 2 - (x, y)).T) - beads.length / 2
     return int(beads.line[from_middle.argmin()])

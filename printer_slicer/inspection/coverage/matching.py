@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, boxes
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.inspection.coverage.beads import Beads, Purpose, spread_out
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
 from printer_slicer.inspection.coverage.stack import Stack
 
 __all__ = ["Match", "apart", "first_guess", "fitted", "moved"]
@@ -129,7 +129,7 @@ def apart(stack: Stack, sections: Areas) -> Bool:
     return result
 
 
-def _outer(beads: Beads) -> Bool:
+def _outer(beads: Extrusions) -> Bool:
     """(B,) the outer perimeters, or all beads of the part where nobody tells them apart."""
     outer = beads.purpose == Purpose.OUTER_PERIMETER
     return outer if outer.any() else ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))

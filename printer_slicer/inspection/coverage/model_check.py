@@ -1,4 +1,4 @@
-"""G-code of any slicer against its model: where the model lies in it, and the ledger of its material."""
+"""G-code of any slicer against its model: where the model lies in it, and the coverage of its material."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from printer_slicer.arrays import Bool
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, offset_open
-from printer_slicer.inspection.coverage.account import Ledger, Rules, ledger_of
-from printer_slicer.inspection.coverage.beads import Beads
-from printer_slicer.inspection.coverage.limits import Limits, findings
+from printer_slicer.inspection.coverage.extrusions import Extrusions
+from printer_slicer.inspection.coverage.limits import CoverageLimits, findings
 from printer_slicer.inspection.coverage.matching import Match, apart, first_guess, fitted, moved
+from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of
 from printer_slicer.inspection.coverage.stack import Stack, stacked
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
 from printer_slicer.inspection.coverage.zones import footprint
@@ -25,7 +25,7 @@ from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet
 from printer_slicer.slicing import cut
 
-__all__ = ["Asked", "Check", "check_gcode", "placed_sections", "read_deposit"]
+__all__ = ["Check", "CheckOptions", "check_gcode", "placed_sections", "read_deposit"]
 
 _RESOLUTION: Final = 0.005  # mm; sections are measured with, so they are finer than what is printed
 _BESIDE: Final = 0.002  # mm over and under the middle of a layer: a flat there may be printed with either
@@ -43,7 +43,7 @@ class Check:
 
     Attributes:
         name: of the file.
-        ledger: of its material.
+        coverage: of its material.
         match: where the model lies, and how well it fits; its shift is from where the mesh was.
         matched: whether it was looked for; otherwise it was told.
         z: mm that the model stands over where its mesh was.
@@ -55,7 +55,7 @@ class Check:
     """
 
     name: str
-    ledger: Ledger
+    coverage: Coverage
     match: Match
     matched: bool
     z: float
@@ -72,27 +72,27 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class CheckOptions:
     """How to check: what is measured and let pass, and what is known about the file.
 
     Attributes:
-        rules: of the ledger.
+        rules: of the coverage.
         limits: what is let pass.
         filament_diameter: mm; None: as the file says.
         placement: where the part is; None looks for it.
     """
 
-    rules: Rules = field(default_factory=Rules)
-    limits: Limits = field(default_factory=Limits)
+    rules: CoverageRules = field(default_factory=CoverageRules)
+    limits: CoverageLimits = field(default_factory=CoverageLimits)
     filament_diameter: float | None = None
     placement: Placement | None = None
 
 
-USUAL: Final = Asked()
+USUAL: Final = CheckOptions()
 
 
 def check_gcode(
-    text: bytes, mesh: Mesh, asked: Asked = USUAL, *, name: str = "G-code", report: Report = quiet
+    text: bytes, mesh: Mesh, asked: CheckOptions = USUAL, *, name: str = "G-code", report: Report = quiet
 ) -> Check:
     """Check a G-code text against the part it shall print.
 
@@ -112,17 +112,17 @@ def check_gcode(
     report("matching")
     part, stack, sections, match = _matched(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
-    ledger = ledger_of(stack, sections, asked.rules, apart(stack, sections))
+    coverage = coverage_of(stack, sections, asked.rules, apart(stack, sections))
     return Check(
         name,
-        ledger,
+        coverage,
         match,
         asked.placement is None,
         float(part.bounds[0, 2] - mesh.bounds[0, 2]),
         part.height,
-        findings(ledger, asked.limits),
-        tuple(_problems(ledger, match, part)),
-        tuple(_notes(deposit, ledger)),
+        findings(coverage, asked.limits),
+        tuple(_problems(coverage, match, part)),
+        tuple(_notes(deposit, coverage)),
         deposit,
     )
 
@@ -172,7 +172,7 @@ def placed_sections(
 
 
 def _matched(
-    mesh: Mesh, beads: Beads, stack: Stack, placement: Placement | None
+    mesh: Mesh, beads: Extrusions, stack: Stack, placement: Placement | None
 ) -> tuple[Mesh, Stack, Areas, Match]:
     """The part where it lies, the layers that it has there, its section in each, and how well that fits."""
     part = _put(mesh, stack, placement)
@@ -182,7 +182,7 @@ def _matched(
     own = _around(part, beads)
     again = stacked(beads, own)
     if own.any() and not np.array_equal(again.top, stack.top):
-        # Beads beside the part made layers of their own, such as a line that primes the nozzle.
+        # Extrusions beside the part made layers of their own, such as a line that primes the nozzle.
         stack, pair = again, _cut_twice(part, again)
     else:
         pair = (moved(pair[0], match.shift), moved(pair[1], match.shift))
@@ -223,7 +223,7 @@ def _fit(stack: Stack, sections: Areas, *, look: bool) -> Match:
     return replace(match, shift=(guess[0] + match.shift[0], guess[1] + match.shift[1]))
 
 
-def _around(part: Mesh, beads: Beads) -> Bool:
+def _around(part: Mesh, beads: Extrusions) -> Bool:
     """(B,) the beads of a part that begin near its box."""
     low, high = part.bounds[:, :2]
     near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
@@ -246,27 +246,27 @@ def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
     return low.of_layers(~upper).merge(high.of_layers(upper))
 
 
-def _problems(ledger: Ledger, match: Match, part: Mesh) -> Iterator[str]:
+def _problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
     """What is wrong with the whole."""
-    stack = ledger.stack
+    stack = coverage.stack
     if match.share < _FITS:
         yield (
             f"only {match.share:.0%} of the outer perimeters lie where those of this model would: "
             "is it the model that was sliced, as large and turned as it was?"
         )
-    if ledger.astray.any():
-        lines = stack.beads.line[ledger.astray]
+    if coverage.astray.any():
+        lines = stack.beads.line[coverage.astray]
         many = f"{len(lines)} beads lie" if len(lines) > 1 else "1 bead lies"
         yield f"{many} far from the part, the first in line {lines[0]}"
     over, height = part.height - float(stack.top[-1]), float(stack.height[-1])
-    if -over > height + _ROUNDED or _left_out(part, ledger, over):
+    if -over > height + _ROUNDED or _left_out(part, coverage, over):
         where = "under" if over > 0 else "over"
         yield f"the last layer ends at z {stack.top[-1]:.3g}, {abs(over):.3g} mm {where} the top of the part"
 
 
-def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
+def _left_out(part: Mesh, coverage: Coverage, over: float) -> bool:
     """Whether printable layers are missing above the last layer; the tips of needles are not printable."""
-    stack = ledger.stack
+    stack = coverage.stack
     height = float(stack.height[-1])
     if over <= height / 2 + _ROUNDED:
         return False
@@ -276,24 +276,24 @@ def _left_out(part: Mesh, ledger: Ledger, over: float) -> bool:
         above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
     except PartError:  # the tip is too slender to have a section
         return False
-    width = ledger.stack.beads.take(np.flatnonzero(ledger.of_part)).usual_width
+    width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
     room = offset_open(above, width / 2).area().sum() > _SEEN
     return bool(room or (over > height + _ROUNDED and above.area().sum() > _NEEDLE))
 
 
-def _notes(deposit: Deposit, ledger: Ledger) -> Iterator[str]:
+def _notes(deposit: Deposit, coverage: Coverage) -> Iterator[str]:
     """What was taken for granted, and what is no part of the part."""
-    stack = ledger.stack
+    stack = coverage.stack
     if not deposit.diameter_known:
         diameter = f"{deposit.diameter[0]:g} mm is assumed; --filament changes it"
         yield f"the file does not tell the filament's diameter: {diameter}"
-    if (deposit.beads.purpose[ledger.of_part] == Purpose.UNKNOWN).all():
+    if (deposit.beads.purpose[coverage.of_part] == Purpose.UNKNOWN).all():
         depth = "the shell is taken to be two beads deep; --shell changes it"
         yield f"the file does not tell perimeters from infill: {depth}"
     if stack.spiral:
         yield "z rises along the beads: every turn is taken for a layer; the first and the last, a ramp, are not judged"
     volume = stack.beads.volume
-    beside = float(volume[~ledger.of_part & (stack.beads.purpose != Purpose.SUPPORT)].sum())
+    beside = float(volume[~coverage.of_part & (stack.beads.purpose != Purpose.SUPPORT)].sum())
     if beside > 0.1:
         yield f"{beside:.1f} mm3 lie beside the part (skirt, brim, priming)"
     support = float(volume[stack.beads.purpose == Purpose.SUPPORT].sum())

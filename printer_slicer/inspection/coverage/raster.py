@@ -16,9 +16,9 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, Lines, hatch
-from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.extrusions import Extrusions
 
-__all__ = ["Window", "cell_for", "cells_covered", "filled", "mean_around", "rows_of"]
+__all__ = ["CellWindow", "cell_for", "cells_covered", "filled", "mean_around", "rows_of"]
 
 _FINE, _COARSE = 0.1, 0.2  # mm
 _MANY: Final = 2_000_000  # fine cells
@@ -29,7 +29,7 @@ _AT_ONCE: Final = 1 << 18  # pieces: what bounds the memory
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class CellWindow:
     """A rectangle of cells; cell (i, j) reaches from ((left + j) · cell, (front + i) · cell) on.
 
     Attributes:
@@ -45,13 +45,13 @@ class Window:
     cell: float
 
     @classmethod
-    def around(cls, low: Float, high: Float, margin: float, cell: float) -> Window:
+    def around(cls, low: Float, high: Float, margin: float, cell: float) -> CellWindow:
         """The cells that the box from `low` to `high` (2,) mm, with a margin, touches."""
         left, front = np.floor((low - margin) / cell).astype(int).tolist()
         right, back = np.ceil((high + margin) / cell).astype(int).tolist()
         return cls(left, front, max(right - left, 1), max(back - front, 1), cell)
 
-    def within(self, other: Window) -> tuple[slice, slice]:
+    def within(self, other: CellWindow) -> tuple[slice, slice]:
         """Where these cells are in an array of the cells of a window that holds them."""
         i, j = self.front - other.front, self.left - other.left
         return slice(i, i + self.deep), slice(j, j + self.wide)
@@ -62,7 +62,7 @@ class Window:
         i = np.clip(np.floor(points[:, 1] / self.cell).astype(np.int64) - self.front, 0, self.deep - 1)
         return i, j
 
-    def room(self, beads: Beads) -> float:
+    def room(self, beads: Extrusions) -> float:
         """Mm around the centre lines of beads, of which none comes nearer than that to the outermost cells."""
         ends = np.concatenate([beads.begin, beads.end]) / self.cell
         low = (ends - (self.left, self.front)).min(initial=np.inf)
@@ -79,7 +79,7 @@ def cell_for(low: Float, high: Float) -> float:
     return _FINE if float(np.prod((high - low) / _FINE)) <= _MANY else _COARSE
 
 
-def filled(beads: Beads, window: Window, layer_height: float = np.inf) -> Float:
+def filled(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
     """(deep, wide) how often each cell is filled to the height of the beads in it: 1 where it is just full.
 
     Slopes count by how much of the layer's height they fill.
@@ -118,7 +118,9 @@ def _runs(block: Int) -> list[tuple[int, int]]:
     return list(zip([0, *cuts.tolist()], [*cuts.tolist(), len(block)], strict=True))
 
 
-def _spread(beads: Beads, reach: Float, weight: Float, counts: tuple[Int, Int], window: Window) -> Float:
+def _spread(
+    beads: Extrusions, reach: Float, weight: Float, counts: tuple[Int, Int], window: CellWindow
+) -> Float:
     """(deep · wide,) what the pieces of beads lay in each cell.
 
     Args:
@@ -159,7 +161,7 @@ def rows_of(areas: Areas, cell: float) -> Lines:
     return hatch(areas, angle=0.0, spacing=cell / _ROWS, phase=0.5)
 
 
-def cells_covered(rows: Lines, layer: int, window: Window) -> Float:
+def cells_covered(rows: Lines, layer: int, window: CellWindow) -> Float:
     """(deep, wide) the share of each cell that rows of a layer cover; exact along x, to a quarter of a cell along y."""
     first, last = np.searchsorted(rows.layer, [layer, layer + 1])
     row = rows.row[first:last] // _ROWS - window.front

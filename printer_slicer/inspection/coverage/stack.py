@@ -10,7 +10,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
-from printer_slicer.inspection.coverage.beads import Beads, Purpose, beads_of, median_of
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, beads_of, median_of
 from printer_slicer.model import Program
 
 __all__ = ["Stack", "stack_of", "stacked", "through_layers"]
@@ -46,7 +46,7 @@ class Stack:
         bottom: (L,) mm, where what lies below each layer ends.
     """
 
-    beads: Beads
+    beads: Extrusions
     layer: Int
     top: Float
     bottom: Float
@@ -132,7 +132,7 @@ def stack_of(program: Program, filament_diameter: float) -> Stack:
     return Stack(beads, program.layer[move], plan.top, plan.bottom)
 
 
-def stacked(beads: Beads, part: Bool | None = None) -> Stack:
+def stacked(beads: Extrusions, part: Bool | None = None) -> Stack:
     """The beads in their layers.
 
     A layer is a z at which beads lie flat. Where z rises while beads are laid, a turn of the spiral is one. A layer is
@@ -171,7 +171,7 @@ def stacked(beads: Beads, part: Bool | None = None) -> Stack:
     return Stack(replace(beads, height=_heights(beads, layer, top, bottom, len(levels))), layer, top, bottom)
 
 
-def _lie_flat(beads: Beads, own: Bool) -> Bool:
+def _lie_flat(beads: Extrusions, own: Bool) -> Bool:
     """(B,) which beads are laid at one height.
 
     In spirals z is rounded, so short beads seem flat between others that rise; flat runs so short are no layers.
@@ -193,7 +193,7 @@ def _levels(z: Float) -> Float:
     return np.asarray(values[np.append(np.diff(values) > _LEVEL, True)[: len(values)]])
 
 
-def _is_rim(levels: Float, beads: Beads, sloped: Bool) -> bool:
+def _is_rim(levels: Float, beads: Extrusions, sloped: Bool) -> bool:
     """Whether the highest of the levels is where a spiral ends in a flat turn, and no layer by itself."""
     if len(levels) < 2:
         return False
@@ -203,7 +203,7 @@ def _is_rim(levels: Float, beads: Beads, sloped: Bool) -> bool:
     return bool(levels[-1] - levels[-2] > 2.5 * usual and climbed > 0.9 * (levels[-1] - levels[-2]))
 
 
-def _turns(free: Beads, levels: Float) -> Float:
+def _turns(free: Extrusions, levels: Float) -> Float:
     """(T + 1,) the heights at which the T turns of a spiral begin and end, mm."""
     rise = float(np.maximum(free.rise, 0.0).sum())
     if not rise > 0:
@@ -229,7 +229,7 @@ def _turns(free: Beads, levels: Float) -> Float:
     return np.asarray(even, np.float64)
 
 
-def _heights(beads: Beads, layer: Int, top: Float, bottom: Float, n_flat: int) -> Float:
+def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: int) -> Float:
     """(B,) how thick each bead is.
 
     As thick as its layer, unless it may reach deeper and would be unusually wide otherwise. What comments tell counts

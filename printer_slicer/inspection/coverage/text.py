@@ -11,7 +11,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.gcode import Moves, read_moves
-from printer_slicer.inspection.coverage.beads import Beads, beads_of_moves
+from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of_moves
 from printer_slicer.inspection.deposition.purposes import Purpose, purpose_of
 from printer_slicer.stream.framing import strip
 
@@ -48,7 +48,7 @@ class Deposit:
         settings: what stands in comments as `key = value`.
     """
 
-    beads: Beads
+    beads: Extrusions
     turn: Int
     name: Int
     names: tuple[str, ...]

@@ -18,7 +18,7 @@ from printer_slicer.geometry import (
     window_intersection,
 )
 from printer_slicer.geometry.nearest import Outlines
-from printer_slicer.inspection.coverage.beads import Beads, Purpose, spread_out
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
 from printer_slicer.inspection.coverage.stack import Stack
 
 __all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "without_slits"]
@@ -32,7 +32,7 @@ _FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell th
 _UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by less is upright
 
 
-def lines_of(beads: Beads, layer: Int) -> Int:
+def lines_of(beads: Extrusions, layer: Int) -> Int:
     """(B,) number of the path of each bead: those of a layer that begin where the one before ended are one."""
     new = np.diff(layer) != 0
     new |= (np.abs(beads.begin[1:] - beads.end[:-1]) > _JOINED).any(axis=1)

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.inspection.deposition.marks import Marks, Mishap
+from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.motion.flow import flow_of
 
 __all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "Laid", "runs_of"]
@@ -109,10 +109,10 @@ class Batch(Laid):
         """(n,) whether filament is fed but nothing is extruded."""
         return (self.fed > NOTHING) & ~self.lays
 
-    def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Mishap:
+    def mishap(self, kind: str, at: int, numbers: Int, amount: float) -> Defect:
         """What went wrong at one of the moves, where it ends."""
         x, y, z = self.end[at].tolist()
-        return Mishap(kind, int(self.command[at]), int(numbers[at]), z, x, y, amount)
+        return Defect(kind, int(self.command[at]), int(numbers[at]), z, x, y, amount)
 
 
 def runs_of(at: Int, z: Float, before: float) -> tuple[list[int], list[float]]:

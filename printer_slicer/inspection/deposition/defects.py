@@ -15,11 +15,11 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.inspection.deposition.batches import NOTHING, Batch
-from printer_slicer.inspection.deposition.height_map import Cut, Relief, cut_up
-from printer_slicer.inspection.deposition.marks import Marks, Mishap
+from printer_slicer.inspection.deposition.height_map import HeightMap, MovePieces, cut_up
+from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
 
-__all__ = ["DEEP", "Watch"]
+__all__ = ["DEEP", "DefectFinder"]
 
 DEEP: Final = 0.12
 """mm lower than the plastic in its way that are a crash."""
@@ -30,7 +30,7 @@ _OVER: Final = 1.01
 _MOST_MISHAPS: Final = 200
 
 
-class Watch:
+class DefectFinder:
     """Looks at what is laid.
 
     Args:
@@ -44,11 +44,11 @@ class Watch:
         peak: the highest flow; None without any.
     """
 
-    def __init__(self, relief: Relief, max_flow: float, marks: Marks) -> None:
+    def __init__(self, relief: HeightMap, max_flow: float, marks: Marks) -> None:
         self._relief, self._max_flow, self._marks = relief, max_flow, marks
-        self.mishaps: list[Mishap] = []
+        self.mishaps: list[Defect] = []
         self.counts: dict[str, int] = {}
-        self.peak: Mishap | None = None
+        self.peak: Defect | None = None
 
     def look(self, batch: Batch, numbers: Int) -> None:
         """Look at moves of one height, `numbers` (n,) their layers."""
@@ -77,7 +77,7 @@ class Watch:
             first = int(np.flatnonzero(batch.flow > self._max_flow * _OVER)[0])
             self._tell(batch.mishap("flow", first, numbers, flow))
 
-    def _crash(self, batch: Batch, cut: Cut, cell: Int, numbers: Int) -> None:
+    def _crash(self, batch: Batch, cut: MovePieces, cell: Int, numbers: Int) -> None:
         """The nozzle, lower than what stands in its way."""
         depth = self._relief.depth(cell, cut.z)
         upright = cut.length <= NOTHING
@@ -95,7 +95,7 @@ class Watch:
         worst = float(depth[hit].max())
         self._tell(batch.mishap("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
 
-    def _air(self, batch: Batch, cut: Cut, cell: Int, numbers: Int) -> None:
+    def _air(self, batch: Batch, cut: MovePieces, cell: Int, numbers: Int) -> None:
         """Beads with nothing under them that nothing holds."""
         low = batch.end[cut.move, 2] < _SCRAPES
         if float(cut.length[low].sum()) > MIN_REPORTED_LENGTH:
@@ -108,7 +108,7 @@ class Watch:
             mishap = batch.mishap("unsupported", int(cut.move[at]), numbers, length)
             self._tell(mishap._replace(x=float(cut.x[at]), y=float(cut.y[at])))
 
-    def _tell(self, mishap: Mishap) -> None:
+    def _tell(self, mishap: Defect) -> None:
         """Keep a mishap, one of each kind in a layer."""
         same = next(
             (i for i in range(len(self.mishaps) - 1, -1, -1) if self.mishaps[i].kind == mishap.kind), None

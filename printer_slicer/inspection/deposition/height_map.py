@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 
-__all__ = ["CELL", "Cut", "Plate", "Relief", "cut_up"]
+__all__ = ["CELL", "HeightMap", "MovePieces", "PlateHeights", "cut_up"]
 
 CELL: Final = 0.25
 """mm."""
@@ -25,7 +25,7 @@ _SPARE: Final = 2.0  # mm around what machines reach
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cut:
+class MovePieces:
     """Moves in pieces no longer than a cell.
 
     Attributes:
@@ -40,19 +40,19 @@ class Cut:
     z: Float
     length: Float
 
-    def take(self, which: Int) -> Cut:
+    def take(self, which: Int) -> MovePieces:
         """Some of the pieces."""
-        return Cut(self.move[which], self.x[which], self.y[which], self.z[which], self.length[which])
+        return MovePieces(self.move[which], self.x[which], self.y[which], self.z[which], self.length[which])
 
-    def beside(self, side: Float) -> Cut:
+    def beside(self, side: Float) -> MovePieces:
         """The same pieces, moved with their moves by (n, 2) mm in the plane."""
         x, y = (np.ascontiguousarray(side[:, axis])[self.move] for axis in (0, 1))
         x += self.x
         y += self.y
-        return Cut(self.move, x, y, self.z, self.length)
+        return MovePieces(self.move, x, y, self.z, self.length)
 
 
-def cut_up(start: Float, end: Float) -> Cut:
+def cut_up(start: Float, end: Float) -> MovePieces:
     """Moves from (n, 3) to (n, 3) mm in pieces, in order."""
     way = end - start
     length = np.hypot(way[:, 0], way[:, 1])
@@ -62,7 +62,7 @@ def cut_up(start: Float, end: Float) -> Cut:
     z = start[move, 2] + share * way[move, 2]
     upright = (length == 0)[move]
     z[upright] = np.minimum(start[move, 2], end[move, 2])[upright]
-    return Cut(
+    return MovePieces(
         move,
         start[move, 0] + share * way[move, 0],
         start[move, 1] + share * way[move, 1],
@@ -72,7 +72,7 @@ def cut_up(start: Float, end: Float) -> Cut:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plate:
+class PlateHeights:
     """What stands on the plate, seen from above.
 
     Attributes:
@@ -87,7 +87,7 @@ class Plate:
     cell: float
 
 
-class Relief:
+class HeightMap:
     """The height of everything laid so far.
 
     Args:
@@ -107,7 +107,7 @@ class Relief:
         self._loose = np.zeros(self._outside + 1, np.bool_)
         self.highest = 0.0
 
-    def cells(self, cut: Cut) -> Int:
+    def cells(self, cut: MovePieces) -> Int:
         """(P,) the cell of each piece."""
         # Rounded towards 0, which is cheap: what lies less than a cell outside goes to the edge, where nothing is.
         column = ((cut.x - self._left) * (1 / CELL)).astype(np.int64)
@@ -145,7 +145,7 @@ class Relief:
                 missing = missing[~found]
         return result
 
-    def lay(self, cut: Cut, sideways: Float, width: Float, *, loose: bool) -> None:
+    def lay(self, cut: MovePieces, sideways: Float, width: Float, *, loose: bool) -> None:
         """Plastic reaches up to these pieces of beads now.
 
         Args:
@@ -166,18 +166,18 @@ class Relief:
         self._top[self._outside], self._loose[self._outside] = 0.0, False
         self.highest = max(self.highest, float(cut.z.max()))
 
-    def plate(self, most: int = 260) -> Plate:
+    def plate(self, most: int = 260) -> PlateHeights:
         """What stands on the plate, in at most so many cells to a side."""
         top = self._top[: self._outside].reshape(self._deep, self._wide)
         rows, columns = (np.flatnonzero((top > 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
-            return Plate(np.zeros((0, 0)), self._left, self._front, CELL)
+            return PlateHeights(np.zeros((0, 0)), self._left, self._front, CELL)
         first, last, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
         by = int(max(np.ceil(max(last - first, right - left) / most), 1))
         some = top[first:last, left:right]
         some = np.pad(some, ((0, -some.shape[0] % by), (0, -some.shape[1] % by)))
         coarse = some.reshape(some.shape[0] // by, by, some.shape[1] // by, by).max(axis=(1, 3))
-        return Plate(
+        return PlateHeights(
             coarse.astype(np.float64), self._left + left * CELL, self._front + first * CELL, by * CELL
         )
 

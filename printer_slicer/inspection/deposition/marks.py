@@ -12,7 +12,7 @@ import numpy as np
 from printer_slicer.arrays import Int
 from printer_slicer.inspection.deposition.purposes import Purpose, purpose_of
 
-__all__ = ["Marks", "Mishap", "marks_of"]
+__all__ = ["Defect", "Marks", "marks_of"]
 
 _TOOL: Final = re.compile(rb"[Tt]\d{1,3}\b")
 _OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", re.MULTILINE)
@@ -27,7 +27,7 @@ _SPOKEN: Final = {
 """Names of purposes for messages, where the enum's own name is not clear enough."""
 
 
-class Mishap(NamedTuple):
+class Defect(NamedTuple):
     """A defect of the extrusion.
 
     Attributes:

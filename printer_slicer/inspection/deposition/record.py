@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from printer_slicer.inspection.deposition.height_map import Plate
-from printer_slicer.inspection.deposition.marks import Mishap
+from printer_slicer.inspection.deposition.height_map import PlateHeights
+from printer_slicer.inspection.deposition.marks import Defect
 
-__all__ = ["Account", "Drought", "Layer"]
+__all__ = ["Deposition", "LayerDeposition", "MissingExtrusion"]
 
 
 @dataclass(slots=True)
-class Layer:
+class LayerDeposition:
     """What was done in a layer.
 
     Attributes:
@@ -45,7 +45,7 @@ class Layer:
     _longest: float = 0.0
 
 
-class Drought(NamedTuple):
+class MissingExtrusion(NamedTuple):
     """A stretch in which the nozzle climbs layer by layer, or filament is pushed, but nothing is laid.
 
     Attributes:
@@ -69,7 +69,7 @@ class Drought(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Account:
+class Deposition:
     """What the material came to. Times in s.
 
     Attributes:
@@ -89,7 +89,7 @@ class Account:
         plate: what stands on it at the end.
     """
 
-    layers: Sequence[Layer]
+    layers: Sequence[LayerDeposition]
     by_role: Mapping[str, float]
     travel: float
     extruder: float
@@ -97,10 +97,10 @@ class Account:
     standing: float
     length: float
     speed: float
-    peak: Mishap | None
-    mishaps: Sequence[Mishap]
+    peak: Defect | None
+    mishaps: Sequence[Defect]
     counts: Mapping[str, int]
     laid: int | None
     lost: int | None
-    drought: Drought | None
-    plate: Plate = field(compare=False)
+    drought: MissingExtrusion | None
+    plate: PlateHeights = field(compare=False)

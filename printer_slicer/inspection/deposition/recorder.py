@@ -11,13 +11,13 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
-from printer_slicer.inspection.deposition.defects import DEEP, Watch
-from printer_slicer.inspection.deposition.height_map import Relief
+from printer_slicer.inspection.deposition.defects import DEEP, DefectFinder
+from printer_slicer.inspection.deposition.height_map import HeightMap
 from printer_slicer.inspection.deposition.marks import Marks
-from printer_slicer.inspection.deposition.record import Account, Layer
-from printer_slicer.inspection.deposition.underextrusion import Droughts
+from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
+from printer_slicer.inspection.deposition.underextrusion import MissingExtrusionFinder
 
-__all__ = ["Keeper"]
+__all__ = ["DepositionRecorder"]
 
 _MOST: Final = 65_536  # moves that are kept before they are looked at
 _MOST_LAYERS: Final = 20_000
@@ -27,7 +27,7 @@ _BINS: Final = np.geomspace(1e-3, 1e4, 1400)
 """mm/s, finely enough for a median."""
 
 
-class Keeper:
+class DepositionRecorder:
     """Keeps the account.
 
     Args:
@@ -44,8 +44,8 @@ class Keeper:
         max_flow: float,
         marks: Marks,
     ) -> None:
-        self._relief = Relief(*box)
-        self._watch = Watch(self._relief, max_flow, marks)
+        self._relief = HeightMap(*box)
+        self._watch = DefectFinder(self._relief, max_flow, marks)
         self._area, self._marks = area, marks
         self._reached: dict[
             int, tuple[float, float]
@@ -53,7 +53,7 @@ class Keeper:
         self._waiting: list[tuple[Float, Float, Float]] = []
         self._waits = 0
         self._z, self._laid, self._low = np.nan, np.nan, False
-        self._layers: dict[int, Layer] = {}
+        self._layers: dict[int, LayerDeposition] = {}
         self._heights: dict[float, int] = {}
         self._number = 0
         self._seconds = np.zeros(len(marks.spoken))
@@ -61,7 +61,7 @@ class Keeper:
         self._speeds = np.zeros(len(_BINS) + 1)
         self._laid_first: int | None = None
         self._lost: int | None = None
-        self._droughts = Droughts()
+        self._droughts = MissingExtrusionFinder()
 
     def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
         """Some more moves.
@@ -104,11 +104,11 @@ class Keeper:
             begin, self._z = first, height
         self._wait(rows[begin:], seconds[begin:], fresh[begin:])
 
-    def close(self) -> Account:
+    def close(self) -> Deposition:
         """All that was found."""
         self._look()
         names = self._marks.spoken
-        return Account(
+        return Deposition(
             layers=tuple(self._layers.values()),
             by_role={names[i]: float(s) for i, s in enumerate(self._seconds) if s > 0},
             travel=self._travel,
@@ -194,7 +194,7 @@ class Keeper:
 
     def _add_to(self, number: int, batch: Batch, own: Bool) -> None:
         """Count what was done in a layer."""
-        layer = self._layers.setdefault(number, Layer(number, int(batch.command[own.argmax()])))
+        layer = self._layers.setdefault(number, LayerDeposition(number, int(batch.command[own.argmax()])))
         laid = own & batch.lays
         lengths, volumes = batch.flat[laid], batch.volume[laid]
         length = float(lengths.sum())

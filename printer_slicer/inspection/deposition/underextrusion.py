@@ -8,9 +8,9 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START
-from printer_slicer.inspection.deposition.record import Drought
+from printer_slicer.inspection.deposition.record import MissingExtrusion
 
-__all__ = ["Droughts"]
+__all__ = ["MissingExtrusionFinder"]
 
 _STEP: Final = 1.0  # mm; no layer is higher
 _STEPS: Final = 3  # one after the other: what stands between layers or ends a print does not climb like that
@@ -21,7 +21,7 @@ _PUSHED: Final = (
 _MANY: Final = 20  # moves: most travel is shorter
 
 
-class Droughts:
+class MissingExtrusionFinder:
     """Looks for them in moves as they come.
 
     Attributes:
@@ -29,9 +29,9 @@ class Droughts:
     """
 
     def __init__(self) -> None:
-        self.first: Drought | None = None
+        self.first: MissingExtrusion | None = None
         self._laid = False
-        self._now: Drought | None = None  # what may become one
+        self._now: MissingExtrusion | None = None  # what may become one
         self._steps, self._since = 0, 0.0
 
     def feed(self, rows: Float, lays: Bool) -> None:
@@ -54,7 +54,7 @@ class Droughts:
         flat = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
         if self._now is None:
             command, begin = int(rows[0, COMMAND]), float(rows[0, 3])
-            self._now, self._since = Drought(command, command, 0, 0.0, begin, begin), 0.0
+            self._now, self._since = MissingExtrusion(command, command, 0, 0.0, begin, begin), 0.0
         shows, high = self._climbed(rows, np.cumsum(flat))
         pushes = (rows[:, FED] > NOTHING) & (flat > NOTHING)
         pushed = self._now.pushed + float(flat[pushes].sum())

@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.inspection.deposition.batches import NOTHING, Laid, runs_of
-from printer_slicer.inspection.deposition.height_map import Cut, Relief, cut_up
+from printer_slicer.inspection.deposition.height_map import HeightMap, MovePieces, cut_up
 from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
 from printer_slicer.profile import Profile
@@ -43,7 +43,7 @@ _Box = tuple[tuple[float, float], tuple[float, float]]
 _STRAIGHT: Final = 0.95  # chord divided by length, from which a stretch that rests at both ends is a bridge
 
 
-def unsupported_pieces(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> Int:
+def unsupported_pieces(relief: HeightMap, laid: Laid, cut: MovePieces, cell: Int, marks: Marks) -> Int:
     """Return the unsupported pieces of the extrusions of one height.
 
     Args:
@@ -70,7 +70,7 @@ def unsupported_pieces(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: M
     return np.flatnonzero(~relief.connected(cell, held, _LIP) & ~loose)
 
 
-def deposit(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> None:
+def deposit(relief: HeightMap, laid: Laid, cut: MovePieces, cell: Int, marks: Marks) -> None:
     """Add extrusions to the relief at their full width; arguments as above."""
     width = laid.width(-relief.depth(cell, cut.z))
     loose = np.isin(laid.role, [*marks.loose])[cut.move]
@@ -80,7 +80,7 @@ def deposit(relief: Relief, laid: Laid, cut: Cut, cell: Int, marks: Marks) -> No
             relief.lay(cut.take(own), laid.sideways, width, loose=kind)
 
 
-def _bridges(laid: Laid, cut: Cut, rests: Bool) -> Bool:
+def _bridges(laid: Laid, cut: MovePieces, rests: Bool) -> Bool:
     """(P,) which pieces belong to a straight stretch over a gap that rests at both ends."""
     broken = (np.diff(cut.move) > 0) & (
         np.hypot(*(laid.start[cut.move[1:]] - laid.end[cut.move[:-1]])[:, :2].T) > NOTHING
@@ -131,7 +131,7 @@ class UnsupportedTracker:
 
     def __init__(self, box: _Box, area: float, marks: Marks) -> None:
         self._box, self._area, self._marks = box, area, marks
-        self._relief: Relief | None = None
+        self._relief: HeightMap | None = None
         self._waiting: list[Laid] = []
         self._z = np.nan
         self._found: list[Unsupported] = []
@@ -169,7 +169,7 @@ class UnsupportedTracker:
         if not any(len(one.command) for one in waiting):
             return
         laid = Laid.joined(waiting)
-        relief = self._relief = self._relief or Relief(*self._box)
+        relief = self._relief = self._relief or HeightMap(*self._box)
         cut = cut_up(laid.start, laid.end)
         cell = relief.cells(cut)
         lost = unsupported_pieces(relief, laid, cut, cell, self._marks)

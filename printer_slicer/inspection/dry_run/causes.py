@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from printer_slicer.inspection.deposition.marks import Mishap
-from printer_slicer.inspection.deposition.record import Account
+from printer_slicer.inspection.deposition.marks import Defect
+from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.faults import rule_of
 from printer_slicer.jobs import Job
@@ -54,7 +54,7 @@ class Cause:
         return follows
 
 
-def causes_of(job: Job, report: Report, comparison: Comparison, account: Account) -> list[Cause]:
+def causes_of(job: Job, report: Report, comparison: Comparison, account: Deposition) -> list[Cause]:
     """What the firmware refused or clipped, layer by layer."""
     inches = bool(report.violations) and b"G20" in job.commands
     found: dict[tuple[str, int], Cause] = {}
@@ -70,7 +70,7 @@ def causes_of(job: Job, report: Report, comparison: Comparison, account: Account
     return list(found.values())
 
 
-def left_over(mishaps: Sequence[Mishap], causes: list[Cause]) -> list[Mishap]:
+def left_over(mishaps: Sequence[Defect], causes: list[Cause]) -> list[Defect]:
     """Mishaps that follow from nothing else."""
     left = []
     for one in sorted(mishaps, key=lambda one: one.command):
@@ -89,6 +89,6 @@ def explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> b
     return sum(cause.explains(kind, command, layer) for cause in causes) > 0
 
 
-def layer_of(account: Account, command: int) -> int:
+def layer_of(account: Deposition, command: int) -> int:
     """The layer of a command, as the account counts them; 0 before the first."""
     return max((one.number for one in account.layers if one.first <= command + 1), default=0)

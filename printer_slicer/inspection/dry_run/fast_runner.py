@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.inspection.dry_run.link_timing import Before, Link, Paced, Wire, pace
-from printer_slicer.inspection.dry_run.stretch import GREETING, Chunk, Stretch, limits_at
+from printer_slicer.inspection.dry_run.link_timing import Before, Paced, TimedLink, WireState, pace
+from printer_slicer.inspection.dry_run.stretch import GREETING, Chunk, CommandRun, limits_at
 from printer_slicer.sim.leap import Leap
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -24,7 +24,7 @@ from printer_slicer.stream.events import Event, Identified
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
-__all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "Express", "NeverDoneError"]
+__all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "FastRunner", "NeverDoneError"]
 
 LONGEST_COMMAND: Final = 86400.0
 """s; what a printer has not done by then it never will, or somebody wrote far too large a number."""
@@ -47,7 +47,7 @@ class NeverDoneError(Exception):
     """A command, or the whole print, takes longer than anybody would wait."""
 
 
-class Express:
+class FastRunner:
     """Executes a job.
 
     Args:
@@ -64,12 +64,12 @@ class Express:
         self,
         printer: SimulatedPrinter,
         port: VirtualPort,
-        link: Link,
+        link: TimedLink,
         on_many: Callable[[Sequence[bytes]], None],
     ) -> None:
         self._printer, self._port, self._link = printer, port, link
         self._on_many = on_many
-        self._wire = Wire(0.0, 0.0, (0.0, 0.0), 0.0, 0)
+        self._wire = WireState(0.0, 0.0, (0.0, 0.0), 0.0, 0)
         self._number = GREETING
         self._patience = _PATIENCE[0]
         self.reckoned = 0
@@ -91,7 +91,7 @@ class Express:
         with suppress(_MetError):
             run(streamer, self._port, self._port.now, record=record)
         now = self._port.now()
-        self._wire = Wire(now, now, (now, now), now, 0)
+        self._wire = WireState(now, now, (now, now), now, 0)
         return heard
 
     def execute(self, commands: Sequence[bytes], on_progress: Callable[[int], None]) -> int:
@@ -171,7 +171,7 @@ class Express:
         planned = board.mover.planned
         if planned is None or limits.minimum_cruise_ratio > 0 or limits.planner_blocks < 4:
             return 0
-        stretch = Stretch.read(chunk, at, board)
+        stretch = CommandRun.read(chunk, at, board)
         if stretch is None:
             return 0
         cut = slice(at, at + len(stretch))
@@ -185,7 +185,7 @@ class Express:
             self._land(chunk, stretch, paced)
         return count
 
-    def _land(self, chunk: Chunk, stretch: Stretch, paced: Paced) -> None:
+    def _land(self, chunk: Chunk, stretch: CommandRun, paced: Paced) -> None:
         """Have the firmware take note of what was reckoned."""
         board, count = self._printer.board, paced.done
         self.reckoned += count
@@ -217,7 +217,7 @@ class Express:
         self._wire = paced.wire
 
 
-def _rows(stretch: Stretch, paced: Paced, lines: int) -> tuple[Float, dict[str, Any]]:
+def _rows(stretch: CommandRun, paced: Paced, lines: int) -> tuple[Float, dict[str, Any]]:
     """What `Track` wants to know of the moves, and what `Leap` wants to know of what they lay."""
     moving = paced.moving[paced.moving < paced.done]
     own = slice(0, len(moving))

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 from printer_slicer.commands import lines_of
 from printer_slicer.diagnostics import Diagnostic, Severity
-from printer_slicer.inspection.deposition.marks import Mishap
-from printer_slicer.inspection.deposition.record import Account
+from printer_slicer.inspection.deposition.marks import Defect
+from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.lint.motion import MELTS
 from printer_slicer.jobs import Job
@@ -96,7 +96,7 @@ class Places:
         account: of their material, if it was kept.
     """
 
-    def __init__(self, job: Job, account: Account | None) -> None:
+    def __init__(self, job: Job, account: Deposition | None) -> None:
         self._job = job
         layers = account.layers if account is not None else ()
         self._marks, self._numbers = list(job.marks), list(job.marks.values())
@@ -150,7 +150,7 @@ def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tup
 
 
 def of_material(
-    profile: Profile, account: Account, mishaps: Sequence[Mishap]
+    profile: Profile, account: Deposition, mishaps: Sequence[Defect]
 ) -> Iterator[tuple[int, Diagnostic]]:
     """The first fault of each kind, and in how many layers there are such.
 
@@ -159,7 +159,7 @@ def of_material(
         account: of it.
         mishaps: those of the account that follow from nothing else.
     """
-    say: Mapping[str, Callable[[Mishap], tuple[str, str]]] = {
+    say: Mapping[str, Callable[[Defect], tuple[str, str]]] = {
         "unsupported": lambda one: (
             f"{one.amount:.0f} mm of beads lie in the air, at x {one.x:.1f} y {one.y:.1f}: nothing there holds them",
             "is a layer missing below, or support?",
@@ -197,13 +197,13 @@ def of_material(
         yield account.laid - 1, Diagnostic("speed", "error", what)
 
 
-def _how_often(account: Account, own: Sequence[Mishap]) -> int:
+def _how_often(account: Deposition, own: Sequence[Defect]) -> int:
     """How many layers have mishaps of one kind: more than are listed, if none of the list is left out."""
     listed = sum(one.kind == own[0].kind for one in account.mishaps)
     return account.counts[own[0].kind] if len(own) == listed else len(own)
 
 
-def _of_flow(profile: Profile, own: Sequence[Mishap]) -> Iterator[tuple[int, Diagnostic]]:
+def _of_flow(profile: Profile, own: Sequence[Defect]) -> Iterator[tuple[int, Diagnostic]]:
     """More plastic per second than the material melts."""
     if not own:
         return

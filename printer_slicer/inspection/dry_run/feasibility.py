@@ -22,7 +22,7 @@ from printer_slicer.motion.rules import Block, Limits, make_block
 from printer_slicer.stream.flight import QUESTION_ROOM
 from printer_slicer.stream.framing import frame
 
-__all__ = ["Feasibility", "Link", "Stretch", "feasibility"]
+__all__ = ["Feasibility", "Link", "SlowStretch", "feasibility"]
 
 _BITS: Final = 10  # of a byte on the wire
 _OK: Final = 3  # bytes of an answer
@@ -62,7 +62,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class SlowStretch:
     """Commands during which the machine is slower, or stands still, because lines do not come.
 
     Attributes:
@@ -99,7 +99,7 @@ class Feasibility:
     """
 
     link: Link
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[SlowStretch, ...]
     stalls: int
     stalled_seconds: float
     moving_seconds: float
@@ -263,7 +263,7 @@ class _Run:
         return now if still is None else self.clock.stand_still(now) + still
 
 
-def _stretches(real: _Run, free: _Run, marks: Mapping[int, int]) -> Iterable[Stretch]:
+def _stretches(real: _Run, free: _Run, marks: Mapping[int, int]) -> Iterable[SlowStretch]:
     """Moves that follow each other closely and begin later and later, against those of the other run."""
     commands = list(real.begun)
     takes = [after - before for before, after in pairwise(real.begun.values())]
@@ -285,4 +285,6 @@ def _stretches(real: _Run, free: _Run, marks: Mapping[int, int]) -> Iterable[Str
         at = bisect_right(begins, first)
         layer = marks[begins[at - 1]] if at else 0
         lines = last - first
-        yield Stretch(first, last, needed - wanted, lines / max(wanted, 1e-9), lines / needed, layer=layer)
+        yield SlowStretch(
+            first, last, needed - wanted, lines / max(wanted, 1e-9), lines / needed, layer=layer
+        )

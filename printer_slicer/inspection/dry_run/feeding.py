@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.diagnostics import Diagnostic
-from printer_slicer.inspection.coverage.beads import beads_of
-from printer_slicer.inspection.deposition.record import Account, Layer
+from printer_slicer.inspection.coverage.extrusions import beads_of
+from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.dry_run.causes import layer_of
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
@@ -47,7 +47,7 @@ class Feeding(NamedTuple):
     fault: Diagnostic
 
 
-def misread(job: Job, account: Account) -> Iterator[Feeding]:
+def misread(job: Job, account: Deposition) -> Iterator[Feeding]:
     """Stretches in which E is read as a total and is none, or the other way round."""
     for run in _runs(account.layers, lambda one: one.empty > _LOST * (one.length + one.empty)):
         pushed = sum(one.length + one.empty for one in run)
@@ -74,7 +74,7 @@ def misread(job: Job, account: Account) -> Iterator[Feeding]:
         return
 
 
-def _backward(job: Job, account: Account, begin: tuple[int, int], last: int, back: float) -> Feeding:
+def _backward(job: Job, account: Deposition, begin: tuple[int, int], last: int, back: float) -> Feeding:
     """E that goes back too often, or too far once.
 
     Args:
@@ -99,7 +99,7 @@ def _backward(job: Job, account: Account, begin: tuple[int, int], last: int, bac
     return Feeding(mode, mode, wrong, last, Diagnostic("extrusion", "error", what, remedy="it has to be M83"))
 
 
-def short_of(job: Job, profile: Profile, account: Account) -> Iterator[Feeding]:
+def short_of(job: Job, profile: Profile, account: Deposition) -> Iterator[Feeding]:
     """Where less plastic comes than before, or than the part wants."""
     if account.layers and account.laid is None:
         what = "nothing is laid in the whole file"
@@ -126,7 +126,7 @@ def short_of(job: Job, profile: Profile, account: Account) -> Iterator[Feeding]:
         yield from _thinner(job, some)
 
 
-def clogged(job: Job, profile: Profile, account: Account, missing: float) -> Iterator[Feeding]:
+def clogged(job: Job, profile: Profile, account: Deposition, missing: float) -> Iterator[Feeding]:
     """What was fed and did not come out, and which layers lack it.
 
     Args:
@@ -146,7 +146,9 @@ def clogged(job: Job, profile: Profile, account: Account, missing: float) -> Ite
     )
 
 
-def _runs(layers: Sequence[Layer], wrong: Callable[[Layer], bool]) -> Iterator[list[Layer]]:
+def _runs(
+    layers: Sequence[LayerDeposition], wrong: Callable[[LayerDeposition], bool]
+) -> Iterator[list[LayerDeposition]]:
     """Layers behind each other with something wrong."""
     some = [one for one in layers if one.length + one.empty > 0]
     for is_wrong, run in groupby(some, wrong):
@@ -176,7 +178,7 @@ def _wanted(job: Job, profile: Profile) -> dict[int, float]:
     return dict(enumerate(np.bincount(own, beads.volume).tolist(), 1))
 
 
-def _against(layers: Sequence[Layer], wanted: Mapping[int, float]) -> Iterator[Feeding]:
+def _against(layers: Sequence[LayerDeposition], wanted: Mapping[int, float]) -> Iterator[Feeding]:
     """Layers that hold less than the part wants."""
     volume = {one.number: one.volume for one in layers}
     short = {
@@ -198,7 +200,7 @@ def _against(layers: Sequence[Layer], wanted: Mapping[int, float]) -> Iterator[F
     yield Feeding(begins[0], begins[0], begins[:2][-1], max(short), fault)
 
 
-def _thinner(job: Job, layers: Sequence[Layer]) -> Iterator[Feeding]:
+def _thinner(job: Job, layers: Sequence[LayerDeposition]) -> Iterator[Feeding]:
     """Beads that are all at once much thinner than those of the layers before, and stay so."""
     some = [one for one in layers if one.thick > 0]
     height = np.diff([one.z for one in some], prepend=0.0)

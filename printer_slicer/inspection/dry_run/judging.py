@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from printer_slicer.diagnostics import Diagnostic, sentence
 from printer_slicer.durations import spoken
 from printer_slicer.gcode import read_moves
-from printer_slicer.inspection.deposition.record import Account
+from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.causes import Cause, causes_of, explained, layer_of, left_over
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.faults import (
@@ -68,7 +68,7 @@ class Verdict(Drawn):
     total_seconds: float
     baud: int
     report: Report
-    account: Account | None
+    account: Deposition | None
     faults: tuple[Diagnostic, ...]
     problems: tuple[str, ...]
 
@@ -114,7 +114,7 @@ class Seen(NamedTuple):
         total_seconds: from the first byte to the last; None adds up what the printer did.
     """
 
-    account: Account | None = None
+    account: Deposition | None = None
     targets: Mapping[str, float] = MappingProxyType({})
     link: tuple[int, bool] | None = None
     end: Event | None = None
@@ -174,7 +174,7 @@ def _with_material(
     profile: Profile,
     report: Report,
     comparison: Comparison,
-    known: tuple[Account, list[tuple[int, Diagnostic]]],
+    known: tuple[Deposition, list[tuple[int, Diagnostic]]],
 ) -> list[tuple[int, Diagnostic]]:
     """What the firmware did not do, and what is wrong with the material and does not follow from that."""
     account, of_firmware = known

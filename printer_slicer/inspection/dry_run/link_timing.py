@@ -20,13 +20,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.inspection.dry_run.stretch import Stretch
+from printer_slicer.inspection.dry_run.stretch import CommandRun
 from printer_slicer.motion.ahead import seconds_ahead
 from printer_slicer.motion.rules import Block, Limits
 from printer_slicer.motion.whole import Blocks, corner_squares, make_blocks, moving_of
 from printer_slicer.sim.mover import Planned
 
-__all__ = ["Before", "Link", "Paced", "Wire", "pace"]
+__all__ = ["Before", "Paced", "TimedLink", "WireState", "pace"]
 
 _BITS: Final = 10  # of a byte on the wire
 _ROUNDS: Final = 24  # in which lines may put each other off
@@ -34,7 +34,7 @@ _SAME: Final = 1e-11  # s
 _NEAR: Final = 1e-6  # s; moments this near each other may change places by rounding
 
 
-class Link(NamedTuple):
+class TimedLink(NamedTuple):
     """A serial link and its host.
 
     Attributes:
@@ -54,7 +54,7 @@ class Link(NamedTuple):
 
 
 @dataclass(slots=True)
-class Wire:
+class WireState:
     """Where the conversation stands between two lines.
 
     Attributes:
@@ -70,18 +70,18 @@ class Wire:
     executed: float
     size: int
 
-    def send(self, size: int, room: int, link: Link) -> float:
+    def send(self, size: int, room: int, link: TimedLink) -> float:
         """Send a line of `size` bytes that is reckoned with `room`; the moment at which it has arrived, s."""
         both = room <= link.window_bytes - self.size
         self.out = max(self.out, self.answered[0 if both else 1]) + size * link.byte_seconds
         self.size = size
         return max(self.out + link.latency, self.executed)
 
-    def say(self, size: int, now: float, link: Link) -> None:
+    def say(self, size: int, now: float, link: TimedLink) -> None:
         """The printer says so many bytes at `now`."""
         self.back = max(self.back, now) + size * link.byte_seconds
 
-    def hear(self, now: float, link: Link) -> None:
+    def hear(self, now: float, link: TimedLink) -> None:
         """What it has said ends with the answer to the last line, which was executed at `now`."""
         self.answered = (self.answered[1], self.back + link.latency)
         self.executed = now
@@ -103,7 +103,7 @@ class Paced(NamedTuple):
 
     done: int
     executed: Float
-    wire: Wire
+    wire: WireState
     planned: Planned
     began: int
     seconds: Float
@@ -126,12 +126,12 @@ class Before(NamedTuple):
     limits: Limits
     planned: Planned
     filament: float
-    wire: Wire
+    wire: WireState
     busy: float
     busy_bytes: int
 
 
-def pace(stretch: Stretch, sizes: tuple[Int, Int], before: Before, link: Link) -> Paced:
+def pace(stretch: CommandRun, sizes: tuple[Int, Int], before: Before, link: TimedLink) -> Paced:
     """Send a stretch to a machine that moves.
 
     Args:
@@ -180,7 +180,7 @@ def pace(stretch: Stretch, sizes: tuple[Int, Int], before: Before, link: Link) -
     )
 
 
-def _told_of_late(waits: Float, before: Before, link: Link) -> Bool:
+def _told_of_late(waits: Float, before: Before, link: TimedLink) -> Bool:
     """(n,) before which answers the machine said so late that it is busy that the answer comes behind that."""
     if before.busy <= 0:
         return np.zeros(len(waits), np.bool_)
@@ -250,9 +250,9 @@ class _Talk(NamedTuple):
     answers: Float
     sure: int
 
-    def wire_behind(self, count: int, size: int) -> Wire:
+    def wire_behind(self, count: int, size: int) -> WireState:
         """How the conversation stands behind the first `count` lines, the last of which has `size` bytes."""
-        return Wire(
+        return WireState(
             float(self.sent[count - 1]),
             float(self.free[count - 1]),
             (float(self.answers[count]), float(self.answers[count + 1])),
@@ -261,7 +261,9 @@ class _Talk(NamedTuple):
         )
 
 
-def _conversation(stretch: Stretch, sizes: tuple[Int, Int], place_at: Float, wire: Wire, link: Link) -> _Talk:
+def _conversation(
+    stretch: CommandRun, sizes: tuple[Int, Int], place_at: Float, wire: WireState, link: TimedLink
+) -> _Talk:
     """How the lines go back and forth if the planner has a place for each at `place_at`, (n,) s."""
     size, room = sizes
     byte = link.byte_seconds
@@ -291,7 +293,7 @@ def _queued(wanted: Float, takes: Float, free: float) -> Float:
     return np.asarray(total + np.maximum(free, np.maximum.accumulate(wanted - (total - takes))))
 
 
-def _targets(planned: Planned, stretch: Stretch, moving: Int, filament: float) -> Float:
+def _targets(planned: Planned, stretch: CommandRun, moving: Int, filament: float) -> Float:
     """(b + 1, 4) where the running block, each that waited, and each new one ends; e as filament fed."""
     fed = filament + np.cumsum(stretch.delta[moving, 3])
     new = np.column_stack([stretch.position[moving, :3], fed])

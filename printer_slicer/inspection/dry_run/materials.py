@@ -8,8 +8,8 @@ from math import pi
 import numpy as np
 
 from printer_slicer.inspection.deposition.marks import marks_of
-from printer_slicer.inspection.deposition.record import Account
-from printer_slicer.inspection.deposition.recorder import Keeper
+from printer_slicer.inspection.deposition.record import Deposition
+from printer_slicer.inspection.deposition.recorder import DepositionRecorder
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
@@ -34,14 +34,14 @@ class Materials:
         self.track = Track(self._take)
         self._comparison = comparison
         area = pi * profile.material.filament_diameter**2 / 4
-        self._keeper = Keeper(
+        self._keeper = DepositionRecorder(
             profile.printer.corners,
             area,
             profile.max_flow,
             marks_of(job.commands, job.text, job.marks, job.roles),
         )
 
-    def account(self) -> Account:
+    def account(self) -> Deposition:
         """What it came to."""
         self.track.flush()
         return self._keeper.close()

@@ -12,11 +12,11 @@ from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.fast_runner import (
     LONGEST_COMMAND,
     LONGEST_PRINT,
-    Express,
+    FastRunner,
     NeverDoneError,
 )
 from printer_slicer.inspection.dry_run.judging import Seen, Verdict, judge
-from printer_slicer.inspection.dry_run.link_timing import Link
+from printer_slicer.inspection.dry_run.link_timing import TimedLink
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.inspection.dry_run.materials import Materials
 from printer_slicer.jobs import Job
@@ -184,7 +184,7 @@ def _over_the_wire(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
 def _by_express(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
     """Give every line to the printer when it would have come."""
     window = rig.profile.printer.receive_buffer - 1 - QUESTION_ROOM
-    express = Express(rig.printer, rig.port, Link(rig.baud, _LATENCY, window), rig.comparison.many)
+    express = FastRunner(rig.printer, rig.port, TimedLink(rig.baud, _LATENCY, window), rig.comparison.many)
     commands = rig.job.commands
     for event in express.greet(rig.streamer(commands[:1])):
         on_event(event)

@@ -22,7 +22,7 @@ from printer_slicer.sim.commands import run
 from printer_slicer.sim.moves import FARTHEST
 from printer_slicer.sim.words import Command
 
-__all__ = ["GREETING", "Chunk", "Stretch", "limits_at"]
+__all__ = ["GREETING", "Chunk", "CommandRun", "limits_at"]
 
 _TIMED: Final = frozenset({"M104", "M106", "M107", "M140"})
 _HEATERS: Final = frozenset({"M104", "M140"})
@@ -114,7 +114,7 @@ GREETING: Final = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class CommandRun:
     """What commands that follow each other do to a board as it stands before them.
 
     Attributes:
@@ -143,7 +143,7 @@ class Stretch:
         return len(self.position)
 
     @classmethod
-    def read(cls, chunk: Chunk, begin: int, board: Board) -> Stretch | None:
+    def read(cls, chunk: Chunk, begin: int, board: Board) -> CommandRun | None:
         """The stretch that begins at a command, None if that has to be executed by itself."""
         end = chunk.break_after(begin)
         others = chunk.between(begin, end)
@@ -273,6 +273,6 @@ def _held(values: Float, start: float) -> Float:
     return np.asarray(values[last][1:])
 
 
-def limits_at(stretch: Stretch, count: int, before: Limits) -> Limits:
+def limits_at(stretch: CommandRun, count: int, before: Limits) -> Limits:
     """The limits behind the first `count` commands."""
     return next((after for place, after in reversed(stretch.limits) if place < count), before)

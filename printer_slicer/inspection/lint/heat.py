@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from printer_slicer.inspection.lint.words import Command
+from printer_slicer.inspection.lint.words import LintCommand
 from printer_slicer.profile import Profile
 
-__all__ = ["Heat"]
+__all__ = ["HeaterRules"]
 
 _Heater = Literal["nozzle", "bed", "chamber"]
 
@@ -32,7 +32,7 @@ _KELVIN_ZERO: Final = 273.15
 
 
 @dataclass(slots=True)
-class Heat:
+class HeaterRules:
     """Follows the temperatures of a job.
 
     Attributes:
@@ -44,7 +44,7 @@ class Heat:
     heated: bool = False
     _unit: str = "C"
 
-    def judge(self, command: Command) -> str:
+    def judge(self, command: LintCommand) -> str:
         """What is wrong with the temperature that a command asks for; empty if it asks for none, or for a good one."""
         if command.code == "M149":
             self._unit = next((letter for letter in "CFK" if letter in command.words), self._unit)
@@ -62,7 +62,7 @@ class Heat:
         asked = command.most(_LETTERS)
         return "" if asked is None else self._over(heater, self._celsius(asked))
 
-    def _of_settings(self, command: Command) -> str:
+    def _of_settings(self, command: LintCommand) -> str:
         """Klipper's commands, and macros with temperatures, such as START_PRINT EXTRUDER_TEMP=210."""
         for name, value in command.settings.items():
             if "TEMP" not in name and name not in {"TARGET", "MINIMUM", "EXTRUDER", "HOTEND", "BED"}:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple
 
-from printer_slicer.inspection.lint.words import Command
+from printer_slicer.inspection.lint.words import LintCommand
 
 __all__ = ["firmware_name", "number_faults"]
 
@@ -66,7 +66,7 @@ def firmware_name(flavour: str) -> str:
     return _READINGS[flavour][0]
 
 
-def number_faults(command: Command, flavour: str) -> Iterator[str]:
+def number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
     """Yield a description of each word of a command without a valid number, and how the firmware reads it.
 
     Args:

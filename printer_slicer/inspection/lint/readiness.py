@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.gcode import Moves
-from printer_slicer.inspection.lint.words import Command
+from printer_slicer.inspection.lint.words import LintCommand
 from printer_slicer.own_macros import starts_prints
 from printer_slicer.sim.moves import HARMLESS_LIFT
 
@@ -81,7 +81,7 @@ class Readiness:
         self._cooling = 0.0
         self._found: dict[tuple[str, str, str], _Found] = {}
 
-    def follow(self, index: int, command: Command) -> None:
+    def follow(self, index: int, command: LintCommand) -> None:
         """Process the next command of the job."""
         code = command.code
         if code in _MACROS or starts_prints(code):
@@ -130,7 +130,7 @@ class Readiness:
         if len(self._homed) == len(_AXES):
             self._axes.set(index, _HOMED)
 
-    def _follow_heat(self, index: int, command: Command) -> None:
+    def _follow_heat(self, index: int, command: LintCommand) -> None:
         """Process nozzle targets and commands that wait for them; with several tools the last target applies to all."""
         target = _target(command)
         state = self._heat.now
@@ -144,7 +144,7 @@ class Readiness:
         self._heat.set(index, state)
 
     @staticmethod
-    def _standby(command: Command) -> bool:
+    def _standby(command: LintCommand) -> bool:
         """Whether the command names a tool, which may not be the active one."""
         return "T" in command.words or "P" in command.words
 
@@ -171,7 +171,7 @@ class Readiness:
         found.times += times
 
 
-def _target(command: Command) -> float | None:
+def _target(command: LintCommand) -> float | None:
     """Return the nozzle target that a command sets, °C; None if it sets none."""
     if command.code in {"M104", "M109", "M568"} or (command.code == "G10" and "P" in command.words):
         return command.most("SR")

@@ -10,13 +10,13 @@ from typing import Final
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
-from printer_slicer.inspection.lint.heat import Heat
+from printer_slicer.inspection.lint.heat import HeaterRules
 from printer_slicer.inspection.lint.letter_case import lower_case_fault
 from printer_slicer.inspection.lint.motion import MoveJudge
 from printer_slicer.inspection.lint.numbers import number_faults
 from printer_slicer.inspection.lint.readiness import Readiness
 from printer_slicer.inspection.lint.table import RULES, Rule
-from printer_slicer.inspection.lint.words import Command, read_commands, unusual
+from printer_slicer.inspection.lint.words import LintCommand, read_commands, unusual
 from printer_slicer.profile import Profile
 
 __all__ = ["scan"]
@@ -56,7 +56,7 @@ def scan(
         moves = pieces_of(commands, profile.printer.corners[0], dialect)
     found: dict[_Key, Diagnostic] = {}
     factors: list[tuple[int, float]] = []
-    heat, readiness = Heat(profile), Readiness(profile.printer.flavour)
+    heat, readiness = HeaterRules(profile), Readiness(profile.printer.flavour)
     for index, line in unusual(commands):
         for command in read_commands(line):
             readiness.follow(index, command)
@@ -90,7 +90,7 @@ def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple
     return tuple(sorted(placed, key=lambda one: (one.index, not one.is_error, one.code)))
 
 
-def _said(command: Command, line: bytes, profile: Profile, heat: Heat) -> Iterator[_Key]:
+def _said(command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules) -> Iterator[_Key]:
     """Code, severity, what it does, why that matters."""
     if wrong := heat.judge(command):
         yield "temperature", "error", wrong, "it may burn"

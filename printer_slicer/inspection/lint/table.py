@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from printer_slicer.inspection.lint.words import Command
+from printer_slicer.inspection.lint.words import LintCommand
 from printer_slicer.profile import Printer
 
 __all__ = ["RULES", "Rule", "Said"]
@@ -20,7 +20,7 @@ __all__ = ["RULES", "Rule", "Said"]
 Said = tuple[bool, str]
 """Whether it is refused, and what it does."""
 
-_Judge = Callable[[Command, Printer], Said | None]
+_Judge = Callable[[LintCommand, Printer], Said | None]
 
 _MINUTE: Final = 60.0
 _FAR: Final = 20.0
@@ -63,14 +63,14 @@ def _always(what: str, *, told: bool = False) -> _Judge:
 def _if_any(letters: str, what: str, *, told: bool = False) -> _Judge:
     """Only where one of the letters is there: without, firmware answers what is set."""
 
-    def judge(command: Command, _printer: Printer) -> Said | None:
+    def judge(command: LintCommand, _printer: Printer) -> Said | None:
         """Look for the letters."""
         return (not told, what) if set(command.words) & set(letters) else None
 
     return judge
 
 
-def _limits(command: Command, printer: Printer) -> Said | None:
+def _limits(command: LintCommand, printer: Printer) -> Said | None:
     """Limits above the profile's: a warning; refused if far above it, or for speeds far below it."""
     worst: tuple[float, str] = (1.0, "")
     for letter, asked, most in _asked_limits(command, printer):
@@ -86,7 +86,7 @@ def _limits(command: Command, printer: Printer) -> Said | None:
     return (worst[0] > _FAR, worst[1]) if worst[1] else None
 
 
-def _asked_limits(command: Command, printer: Printer) -> list[tuple[str, float, float]]:
+def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, float, float]]:
     """Letter, asked for, and the profile's, mm and s."""
     rrf = printer.flavour == "reprapfirmware"
     axes = "xyze"
@@ -124,7 +124,7 @@ def _corners(printer: Printer) -> dict[str, float]:
     return {"j": printer.junction_deviation} if printer.corner == "junction_deviation" else {}
 
 
-def _cold(command: Command, _printer: Printer) -> Said | None:
+def _cold(command: LintCommand, _printer: Printer) -> Said | None:
     if command.code == "M302" and any(value for value in command.words.get("P", ())):
         return True, "lets the extruder turn cold"
     least = min((value for letter in "SR" for value in command.words.get(letter, ())), default=None)
@@ -133,17 +133,17 @@ def _cold(command: Command, _printer: Printer) -> Said | None:
     return True, f"lets the extruder turn at {least:g} °C"
 
 
-def _flow_ratio(command: Command, _printer: Printer) -> Said | None:
+def _flow_ratio(command: LintCommand, _printer: Printer) -> Said | None:
     """M221: values that start G-code commonly sets cause a warning; severe under- or overextrusion is refused."""
     return _ratio(command, "extrudes", _FLOW)
 
 
-def _speed_ratio(command: Command, _printer: Printer) -> Said | None:
+def _speed_ratio(command: LintCommand, _printer: Printer) -> Said | None:
     """M220: the firmware limits speeds, so only extreme values are refused."""
     return _ratio(command, "moves at", _SPEED)
 
 
-def _ratio(command: Command, what: str, usual: tuple[float, float]) -> Said | None:
+def _ratio(command: LintCommand, what: str, usual: tuple[float, float]) -> Said | None:
     percent = command.most("S")
     if percent is None or percent == 100:
         return None
@@ -152,31 +152,31 @@ def _ratio(command: Command, what: str, usual: tuple[float, float]) -> Said | No
     return not low <= percent <= high, f"{what} {percent:g} % of {of} from here on"
 
 
-def _off(command: Command, _printer: Printer) -> Said | None:
+def _off(command: LintCommand, _printer: Printer) -> Said | None:
     """Only where a zero switches something off."""
     off = [letter for letter, values in command.words.items() if letter in "SH" and 0 in values]
     return (True, "moves are no longer kept inside the machine") if off else None
 
 
-def _wait(command: Command, _printer: Printer) -> Said | None:
+def _wait(command: LintCommand, _printer: Printer) -> Said | None:
     """With a time it ends by itself; in the middle of a print somebody must come."""
     ends = [value for letter in "PS" for value in command.words.get(letter, ()) if value > 0]
     return (False, "waits for a while") if ends else (True, "waits until somebody presses a button")
 
 
-def _kept(command: Command, _printer: Printer) -> Said | None:
+def _kept(command: LintCommand, _printer: Printer) -> Said | None:
     """G10 with L sets an origin; without, it retracts or sets temperatures of tools."""
     return (True, "sets another origin") if "L" in command.words else None
 
 
-def _nudge(command: Command, _printer: Printer) -> Said | None:
+def _nudge(command: LintCommand, _printer: Printer) -> Said | None:
     """M290: a babystep is small; without letters, or with zeros, it asks or forgets."""
     steps = [abs(value) for letter in "XYZS" for value in command.words.get(letter, ())]
     most = max(steps, default=0.0)
     return (most > _STEP, f"shifts everything by {most:g} mm") if most else None
 
 
-def _says(command: Command, _printer: Printer) -> Said | None:
+def _says(command: LintCommand, _printer: Printer) -> Said | None:
     """M118: the firmware says what the file wants it to say, and hosts may take it for an answer."""
     text = _OPTION.sub("", command.text.partition("M118")[2].lstrip())
     if _ANSWER.match(text):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
-__all__ = ["Command", "read_commands", "takes_text", "unusual"]
+__all__ = ["LintCommand", "read_commands", "takes_text", "unusual"]
 
 _NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _CODE: Final = re.compile(r"([GMTD]) *(-?[0-9]+)(?:\.[0-9]+)?")
@@ -39,7 +39,7 @@ _AT_ONCE: Final = 1 << 15
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class LintCommand:
     """One command of a line.
 
     Attributes:
@@ -91,7 +91,7 @@ def takes_text(code: str) -> bool:
     return code in _TEXTS
 
 
-def read_commands(line: bytes) -> Iterator[Command]:
+def read_commands(line: bytes) -> Iterator[LintCommand]:
     """The commands that firmware may find in a line."""
     text = line.decode("latin-1").strip().upper()
     text = _NUMBERED.sub("", text, count=1) if text.startswith("N") else text
@@ -102,16 +102,16 @@ def read_commands(line: bytes) -> Iterator[Command]:
     code = f"{match[1]}{int(match[2])}"
     rest = _ASIDE.sub(" ", _QUOTED.sub(" ", text[match.end() :]))
     if code in _TEXTS:
-        yield Command(code, text, _words(rest))
+        yield LintCommand(code, text, _words(rest))
         return
     found = list(_FURTHER.finditer(rest))
     own = rest[: found[0].start()] if found else rest
-    yield Command(code, text, _words(own), rest=own)
+    yield LintCommand(code, text, _words(own), rest=own)
     ends = [*(one.start() for one in found), len(rest)][1:]
     for one, end in zip(found, ends, strict=True):
         name = one.group().replace(" ", "")
         own = rest[one.end() : end]
-        yield Command(f"{name[0]}{int(name[1:])}", text, _words(own), further=True, rest=own)
+        yield LintCommand(f"{name[0]}{int(name[1:])}", text, _words(own), further=True, rest=own)
 
 
 def _words(text: str) -> dict[str, list[float]]:
@@ -123,8 +123,8 @@ def _words(text: str) -> dict[str, list[float]]:
     return words
 
 
-def _of_words(text: str) -> Command:
+def _of_words(text: str) -> LintCommand:
     """A command of words, or something that is none."""
     match = _NAME.match(text)
     settings = {name: float(number) for name, number in _SETTING.findall(text) if number}
-    return Command(match[0] if match else "", text, settings=settings)
+    return LintCommand(match[0] if match else "", text, settings=settings)

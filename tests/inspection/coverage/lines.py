@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas
-from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.deposition.purposes import Purpose
 
 __all__ = ["WIDTH", "beads_along", "joined", "path", "sections", "solid", "square"]
@@ -37,11 +37,11 @@ def beads_along(
     height: float = 0.2,
     width: float = WIDTH,
     purpose: Purpose = Purpose.UNKNOWN,
-) -> Beads:
+) -> Extrusions:
     """Beads through points."""
     xy = np.array(points, np.float64)
     n = len(xy) - 1
-    return Beads(
+    return Extrusions(
         begin=xy[:-1],
         end=xy[1:],
         z_top=np.full(n, z),
@@ -53,9 +53,11 @@ def beads_along(
     )
 
 
-def joined(*parts: Beads) -> Beads:
+def joined(*parts: Extrusions) -> Extrusions:
     """Several, one after the other."""
-    return Beads(*(np.concatenate([getattr(part, name) for part in parts]) for name in Beads.__slots__))
+    return Extrusions(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in Extrusions.__slots__)
+    )
 
 
 def square(side: float, low: tuple[float, float] = (0.0, 0.0)) -> Float:
@@ -69,7 +71,7 @@ def sections(*rings: list[Float]) -> Areas:
     return Areas.from_rings(list(rings))
 
 
-def solid(wide: float, rows: int, *, z: float = 0.2, height: float = 0.2, width: float = WIDTH) -> Beads:
+def solid(wide: float, rows: int, *, z: float = 0.2, height: float = 0.2, width: float = WIDTH) -> Extrusions:
     """Parallel beads one spacing apart along x, each from 0 to `wide`; the first has its side at y = 0."""
     gap = float(bead.spacing(width, height))
     return joined(

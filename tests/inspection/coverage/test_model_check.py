@@ -17,9 +17,9 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import write_gcode
-from printer_slicer.inspection.coverage.account import Rules
-from printer_slicer.inspection.coverage.limits import Limits
-from printer_slicer.inspection.coverage.model_check import Asked, Check, check_gcode
+from printer_slicer.inspection.coverage.limits import CoverageLimits
+from printer_slicer.inspection.coverage.measurement import CoverageRules
+from printer_slicer.inspection.coverage.model_check import Check, CheckOptions, check_gcode
 from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh, Program
@@ -39,8 +39,8 @@ def program() -> Program:
     return slice_part(PART, PROFILE)
 
 
-def checked(made: Program, mesh: Mesh = PART, asked: Asked | None = None) -> Check:
-    return check_gcode(write_gcode(made, PROFILE), mesh, asked or Asked())
+def checked(made: Program, mesh: Mesh = PART, asked: CheckOptions | None = None) -> Check:
+    return check_gcode(write_gcode(made, PROFILE), mesh, asked or CheckOptions())
 
 
 def without(made: Program, gone: Bool) -> Program:
@@ -73,11 +73,11 @@ def test_a_slice_of_our_own_passes() -> None:
     assert check.problems == ()
     assert check.ok
     assert check.match.share > 0.99
-    ledger = check.ledger
-    assert ledger.stack.n_layers == program().plan.n_layers
-    assert ledger.outside.area().sum() == pytest.approx(0, abs=0.01)
-    assert ledger.uncovered.area().sum() < 0.002 * ledger.shell.area().sum()
-    assert (np.abs(ledger.fill.shell - 1) < 0.05).all()
+    coverage = check.coverage
+    assert coverage.stack.n_layers == program().plan.n_layers
+    assert coverage.outside.area().sum() == pytest.approx(0, abs=0.01)
+    assert coverage.uncovered.area().sum() < 0.002 * coverage.shell.area().sum()
+    assert (np.abs(coverage.fill.shell - 1) < 0.05).all()
 
 
 def test_every_array_of_a_check_is_read_only() -> None:
@@ -89,11 +89,13 @@ def test_every_array_of_a_check_is_read_only() -> None:
 
 def test_what_is_laid_is_what_is_fed() -> None:
     made = program()
-    ledger = checked(made).ledger
+    coverage = checked(made).coverage
 
     fed = made.filament[made.role != Role.TRAVEL].sum() * np.pi * 1.75**2 / 4
-    assert ledger.by_purpose.sum() == pytest.approx(fed, rel=1e-3)
-    assert ledger.volume.sum() == pytest.approx(ledger.by_purpose.sum() - ledger.by_purpose[Purpose.BESIDE])
+    assert coverage.by_purpose.sum() == pytest.approx(fed, rel=1e-3)
+    assert coverage.volume.sum() == pytest.approx(
+        coverage.by_purpose.sum() - coverage.by_purpose[Purpose.BESIDE]
+    )
 
 
 def test_of_a_sphere_only_the_flattest_layers_are_told() -> None:
@@ -101,9 +103,9 @@ def test_of_a_sphere_only_the_flattest_layers_are_told() -> None:
     # Where the skin ends, solid strips and the anchors of sparse lines lie side by side.
     profile = plain(first_layer_height=0.2)
     mesh = sphere(radius=8)
-    check = check_gcode(write_gcode(slice_part(mesh, profile), profile), mesh, Asked())
+    check = check_gcode(write_gcode(slice_part(mesh, profile), profile), mesh, CheckOptions())
 
-    n_layers = check.ledger.stack.n_layers
+    n_layers = check.coverage.stack.n_layers
     more = [one for one in check.findings if one.code == "overfilled"]
     assert all(one.amount < 1.125 for one in more)
     assert {one.code for one in check.findings} <= {"unsupported", "underfilled", "overfilled"}
@@ -135,7 +137,7 @@ def test_a_missing_wall_is_found() -> None:
     gap = float(bead.spacing(PROFILE.extrusion_width, 0.3))
     # Inner perimeters beside it are wider by what its round side leaves empty.
     wall = (gap - float(bead.side_loss(0.3)) / 2) * (4 * (20 - gap) + 4 * (8 + gap))
-    assert check.ledger.uncovered.area()[worst.layer - 1] == pytest.approx(wall, rel=0.05)
+    assert check.coverage.uncovered.area()[worst.layer - 1] == pytest.approx(wall, rel=0.05)
 
 
 def test_a_missing_inner_wall_is_found() -> None:
@@ -185,7 +187,7 @@ def test_a_skipped_layer_is_found() -> None:
     check = checked(without(made, made.layer == 5))
 
     # The layers above it are one down now: the sixth that is there has twice the height to fill.
-    assert check.ledger.stack.n_layers == made.plan.n_layers - 1
+    assert check.coverage.stack.n_layers == made.plan.n_layers - 1
     assert "underfilled" in kinds_at(check, 5)
     assert other_layers(check, 5) == []
     under = next(one for one in check.findings if one.code == "underfilled")
@@ -222,7 +224,7 @@ def test_infill_laid_twice_is_found() -> None:
 
 def test_a_part_that_begins_in_the_air_is_found() -> None:
     made = program()
-    check = checked(without(made, made.layer < 3), asked=Asked(placement=Placement(center=(0, 0))))
+    check = checked(without(made, made.layer < 3), asked=CheckOptions(placement=Placement(center=(0, 0))))
 
     assert not check.ok
 
@@ -232,7 +234,7 @@ def test_the_wrong_model_is_found() -> None:
     bare = b"\n".join(line for line in text.split(b"\n") if not line.startswith(b";"))
 
     for one in (text, bare):
-        check = check_gcode(one, sphere(radius=10), Asked())
+        check = check_gcode(one, sphere(radius=10), CheckOptions())
         assert any("is it the model" in problem for problem in check.problems)
 
 
@@ -240,8 +242,8 @@ def test_the_wrong_model_is_found() -> None:
 
 
 def test_where_the_part_lies_may_be_told() -> None:
-    right = checked(program(), asked=Asked(placement=Placement(center=(0, 0))))
-    wrong = checked(program(), asked=Asked(placement=Placement(center=(0.5, 0))))
+    right = checked(program(), asked=CheckOptions(placement=Placement(center=(0, 0))))
+    wrong = checked(program(), asked=CheckOptions(placement=Placement(center=(0.5, 0))))
 
     assert right.ok
     assert not right.matched
@@ -249,11 +251,11 @@ def test_where_the_part_lies_may_be_told() -> None:
 
 
 def test_limits_decide_what_is_told() -> None:
-    assert checked(program(), asked=Asked(limits=Limits(under=1.08))).findings != ()
+    assert checked(program(), asked=CheckOptions(limits=CoverageLimits(under=1.08))).findings != ()
 
 
 def test_a_deeper_shell_holds_the_infill_to_account() -> None:
-    check = checked(program(), asked=Asked(rules=Rules(shell=5.0)))
+    check = checked(program(), asked=CheckOptions(rules=CoverageRules(shell=5.0)))
 
     assert {"uncovered", "underfilled"} <= {one.code for one in check.findings}
 
@@ -261,7 +263,7 @@ def test_a_deeper_shell_holds_the_infill_to_account() -> None:
 def test_a_file_without_comments_is_understood() -> None:
     made = program()
     text = b"\n".join(line for line in write_gcode(made, PROFILE).split(b"\n") if not line.startswith(b";"))
-    check = check_gcode(text, PART, Asked())
+    check = check_gcode(text, PART, CheckOptions())
 
     assert check.findings == ()
     assert check.problems == ()
@@ -273,9 +275,9 @@ def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
     text = write_gcode(program(), PROFILE)
     bare = b"\n".join(line for line in text.split(b"\n") if not line.startswith(b";"))
     prime = b"M83\nG0 X-100 Y-100 Z0.42\nG1 X-40 E8\nG92 E0\n"
-    check = check_gcode(prime + bare, PART, Asked())
+    check = check_gcode(prime + bare, PART, CheckOptions())
 
-    assert check.ledger.stack.top[0] == pytest.approx(0.3)
+    assert check.coverage.stack.top[0] == pytest.approx(0.3)
     assert check.findings == ()
 
 
@@ -285,7 +287,7 @@ def test_beads_that_fly_far_away_are_told_and_measured_no_further() -> None:
     check = check_gcode(b"\n".join([*lines[: at + 2], b"G1 X900000 E5", *lines[at + 2 :]]), PART)
 
     assert any("far from the part" in problem and str(at + 3) in problem for problem in check.problems)
-    assert check.ledger.covered.xy.max() < 100
+    assert check.coverage.covered.xy.max() < 100
 
 
 def test_beads_on_the_bed_itself_make_no_layer() -> None:
@@ -293,7 +295,7 @@ def test_beads_on_the_bed_itself_make_no_layer() -> None:
     at = lines.index(b";TYPE:Perimeter")
     check = check_gcode(b"\n".join([*lines[:at], b"G1 Z0", b"G1 X3 E9", b"G1 Z0.3", *lines[at:]]), PART)
 
-    assert check.ledger.stack.top[0] == pytest.approx(0.3)
+    assert check.coverage.stack.top[0] == pytest.approx(0.3)
 
 
 def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
@@ -302,12 +304,12 @@ def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
     check = checked(replace(made, filament=made.filament * np.where(huge, 1e4, 1.0)))
 
     assert {"overfilled", "outside", "outline"} <= kinds_at(check, 3)
-    assert check.ledger.covered.xy.max() < 20.1
+    assert check.coverage.covered.xy.max() < 20.1
 
 
 def test_text_without_beads_is_refused() -> None:
     with pytest.raises(UsageError, match="no beads"):
-        check_gcode(b"G28\nG1 X10\n", PART, Asked())
+        check_gcode(b"G28\nG1 X10\n", PART, CheckOptions())
     with pytest.raises(UsageError, match="binary G-code"):
         check_gcode(b"GCDE\x01\x00", PART)
 
@@ -321,7 +323,7 @@ def test_a_file_of_prusaslicer_passes(tmp_path: Path) -> None:
     export_stl(PART, model)
     command = ["prusa-slicer", "--export-gcode", str(model), "--output", str(gcode), "--layer-height", "0.3"]
     subprocess.run(command, check=True, capture_output=True, timeout=LAST_RESORT)
-    check = check_gcode(gcode.read_bytes(), PART, Asked())
+    check = check_gcode(gcode.read_bytes(), PART, CheckOptions())
 
     assert check.problems == ()
     assert check.findings == ()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from printer_slicer import bead
-from printer_slicer.inspection.coverage.account import ledger_of
+from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import Stack, stack_of, stacked, through_layers
 from printer_slicer.inspection.coverage.text import beads_of_gcode
 from printer_slicer.inspection.deposition.purposes import Purpose
@@ -165,11 +165,11 @@ def test_a_program_keeps_the_layers_of_its_plan_even_where_nothing_fits() -> Non
     profile = plain(layer_height=0.3, planner__kind="uniform", min_feature=1)
     stages = slice_stages(cone(radius=4, height=8), profile)
     stack = stack_of(stages.program, profile.material.filament_diameter)
-    ledger = ledger_of(stack, stages.sections.solid)
+    coverage = coverage_of(stack, stages.sections.solid)
 
     assert stack.n_layers == stages.sections.plan.n_layers
-    assert ledger.volume[-1] == 0
-    assert ledger.fill.shell[:20] == pytest.approx(np.ones(20), abs=0.1)
+    assert coverage.volume[-1] == 0
+    assert coverage.fill.shell[:20] == pytest.approx(np.ones(20), abs=0.1)
 
 
 def test_no_beads_have_no_layers() -> None:

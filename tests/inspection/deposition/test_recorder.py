@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from printer_slicer.inspection.deposition.marks import Marks
-from printer_slicer.inspection.deposition.record import Account
-from printer_slicer.inspection.deposition.recorder import Keeper
+from printer_slicer.inspection.deposition.record import Deposition
+from printer_slicer.inspection.deposition.recorder import DepositionRecorder
 
 AREA = 2.405  # mm²
 NO_MARKS = Marks()
 
 
-def account(*moves: tuple[float, float, float], kept_back: float = 0.0, marks: Marks = NO_MARKS) -> Account:
+def account(
+    *moves: tuple[float, float, float], kept_back: float = 0.0, marks: Marks = NO_MARKS
+) -> Deposition:
     """Moves to x at z that feed so much, each 1 s long, over a large plate."""
-    keeper = Keeper(((0.0, 0.0), (200.0, 200.0)), AREA, 100.0, marks)
+    keeper = DepositionRecorder(((0.0, 0.0), (200.0, 200.0)), AREA, 100.0, marks)
     rows, at = [], (0.0, 0.2)
     for command, (x, z, fed) in enumerate(moves, 1):
         rows.append((command, at[0], 50.0, at[1], x, 50.0, z, fed, 10.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import write_gcode
-from printer_slicer.inspection.coverage.beads import Beads, beads_of
+from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
 from printer_slicer.inspection.deposition.purposes import Purpose
 from printer_slicer.pipeline import slice_part
@@ -24,7 +24,7 @@ def read(*lines: str, diameter: float | None = None) -> Deposit:
     return beads_of_gcode("\n".join(lines).encode(), filament_diameter=diameter)
 
 
-def only(*lines: str) -> Beads:
+def only(*lines: str) -> Extrusions:
     beads = read(*lines).beads
     assert beads.n_beads == 1
     return beads
@@ -172,7 +172,7 @@ def test_a_program_and_its_text_lay_the_same() -> None:
 def test_the_width_of_a_bead_comes_from_what_it_holds() -> None:
     text = "\n".join(["M83", *path([(0, 0), (10, 0), (10, 5)], 0.2, 0.2)])
     beads = beads_of_gcode(text.encode()).beads
-    flat = Beads(
+    flat = Extrusions(
         beads.begin,
         beads.end,
         beads.z_top,

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, normalize
-from printer_slicer.inspection.coverage.account import Rules, ledger_of
-from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.matching import moved
+from printer_slicer.inspection.coverage.measurement import CoverageRules, coverage_of
 from printer_slicer.inspection.coverage.stack import Stack, stacked
 from printer_slicer.inspection.deposition.purposes import Purpose
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid
@@ -31,11 +31,11 @@ def turned(xy: Float, degrees: float) -> Float:
     return np.asarray(xy @ np.array([(cos(angle), sin(angle)), (-sin(angle), cos(angle))]))
 
 
-def with_ends(beads: Beads, begin: Float, end: Float) -> Beads:
+def with_ends(beads: Extrusions, begin: Float, end: Float) -> Extrusions:
     return replace(beads, begin=begin, end=end)
 
 
-def loops(side: float, deep: float, count: int = 1) -> Beads:
+def loops(side: float, deep: float, count: int = 1) -> Extrusions:
     """Beads along a rectangle from the origin, one spacing inside each other, the first with its side on the edge."""
     found = []
     for k in range(count):
@@ -61,13 +61,13 @@ def test_beads_that_tile_a_rectangle_leave_nothing_open_and_nothing_twice(
     deep = rows * gap + 2 * side
     section = np.array([(0, 0), (wide, 0), (wide, deep), (0, deep)])
     tiles = with_ends(beads, turned(beads.begin, degrees), turned(beads.end, degrees))
-    ledger = ledger_of(stacked(tiles), sections([turned(section, degrees)]))
+    coverage = coverage_of(stacked(tiles), sections([turned(section, degrees)]))
 
-    assert ledger.uncovered.area()[0] == 0
-    assert ledger.fill.overlap[0] == 0
-    assert ledger.volume[0] == pytest.approx(wide * rows * gap * height)
+    assert coverage.uncovered.area()[0] == 0
+    assert coverage.fill.overlap[0] == 0
+    assert coverage.volume[0] == pytest.approx(wide * rows * gap * height)
     # The outline is followed to the side; at the ends the half-circles are left out here.
-    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.03)
+    assert coverage.fill.shell[0] == pytest.approx(1, abs=0.03)
 
 
 @settings(max_examples=25, deadline=None)
@@ -79,13 +79,15 @@ def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
     section = np.array([(0, 0), (side, 0), (side, deep), (0, deep)])
     place = np.array([by, 0.0])
     shifted = with_ends(beads, turned(beads.begin + place, degrees), turned(beads.end + place, degrees))
-    ledger = ledger_of(stacked(shifted), sections([turned(section, degrees)]), Rules(shell=2 * GAP))
+    coverage = coverage_of(
+        stacked(shifted), sections([turned(section, degrees)]), CoverageRules(shell=2 * GAP)
+    )
 
-    assert ledger.outline.p95[0] == pytest.approx(abs(by), abs=ARC)
+    assert coverage.outline.p95[0] == pytest.approx(abs(by), abs=ARC)
     # A round corner lacks (√2 - 1)/2 of the width, and more when it is shifted.
     corner = (np.sqrt(2) - 1) * WIDTH / 2
-    assert abs(by) - ARC < ledger.outline.largest[0] < abs(by) + corner + ARC
-    assert ledger.outside.area()[0] == pytest.approx(
+    assert abs(by) - ARC < coverage.outline.largest[0] < abs(by) + corner + ARC
+    assert coverage.outside.area()[0] == pytest.approx(
         max(abs(by) - 0.1, 0) * (deep - (4 - pi) * WIDTH / 4), abs=0.08
     )
 
@@ -95,8 +97,10 @@ def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
 def test_flow_is_volume(rings: list[Float], share: float) -> None:
     beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
     section = normalize(sections(rings))
-    usual = ledger_of(stacked(beads), section)
-    other = ledger_of(stacked(replace(beads, area=beads.area * share)), section, Rules(usual.shell_depth))
+    usual = coverage_of(stacked(beads), section)
+    other = coverage_of(
+        stacked(replace(beads, area=beads.area * share)), section, CoverageRules(usual.shell_depth)
+    )
 
     assert other.volume == pytest.approx(usual.volume * share)
     assert other.by_purpose == pytest.approx(usual.by_purpose * share)
@@ -112,10 +116,10 @@ def test_it_does_not_matter_where_and_how_a_layer_lies(
     rings: list[Float], x: float, y: float, degrees: float
 ) -> None:
     beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
-    rules = Rules(shell=0.8)
-    here = ledger_of(stacked(beads), normalize(sections(rings)), rules)
+    rules = CoverageRules(shell=0.8)
+    here = coverage_of(stacked(beads), normalize(sections(rings)), rules)
     place = np.array([x, y])
-    there = ledger_of(
+    there = coverage_of(
         stacked(with_ends(beads, turned(beads.begin, degrees) + place, turned(beads.end, degrees) + place)),
         moved(normalize(sections([turned(ring, degrees) for ring in rings])), (x, y)),
         rules,
@@ -143,15 +147,15 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
     section = normalize(sections(rings))
     lines = [np.vstack([ring, ring[:1]]) * 0.97 for ring in rings]
     beads = joined(*(beads_along(list(map(tuple, line)), width=width) for line in lines))
-    ledger = ledger_of(stacked(beads), section, Rules(shell=depth))
+    coverage = coverage_of(stacked(beads), section, CoverageRules(shell=depth))
 
     part = shape(section, 0)
     covered = shapely.union_all(
         [shapely.buffer(shapely.LineString(line), width / 2, quad_segs=32) for line in lines]
     )
     length = sum(shapely.LineString(line).length for line in lines)
-    assert ledger.covered.area()[0] == pytest.approx(covered.area, abs=ARC * (2 * length + 1))
-    assert ledger.outside.area()[0] == pytest.approx(
+    assert coverage.covered.area()[0] == pytest.approx(covered.area, abs=ARC * (2 * length + 1))
+    assert coverage.outside.area()[0] == pytest.approx(
         shapely.difference(covered, shapely.buffer(part, 0.1, join_style="mitre", mitre_limit=2.0)).area,
         abs=ARC * (2 * length + 1) + 0.1,
     )
@@ -160,14 +164,14 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
     bare = shapely.difference(part, covered)
     least, most = (without_slits(bare, slit).area for slit in (0.11, 0.09))  # type: ignore[attr-defined]
     slack = ARC * (2 * length + part.length) + 0.1
-    assert least - slack <= ledger.uncovered.area()[0] <= most + slack
+    assert least - slack <= coverage.uncovered.area()[0] <= most + slack
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(1.2, 30), st.floats(1.2, 30))
 def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
     section = np.array([(0, 0), (side, 0), (side, deep), (0, deep)])
-    ledger = ledger_of(stacked(loops(side, deep)), sections([section]), Rules(shell=WIDTH))
+    coverage = coverage_of(stacked(loops(side, deep)), sections([section]), CoverageRules(shell=WIDTH))
 
     half = WIDTH / 2
     along = np.linspace(0, half, 2001)
@@ -179,8 +183,8 @@ def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
     reached = straight + np.cumsum(weight[order])
     share = reached[-1] - max(0.05 * reached[-1], 2.0)  # 2 mm are let pass
     wanted = off[order][np.searchsorted(reached, share)] if reached[0] < share else 0.0
-    assert ledger.outline.p95[0] == pytest.approx(wanted, abs=2 * ARC)
-    assert ledger.outline.largest[0] == pytest.approx((np.sqrt(2) - 1) * half, abs=ARC)
+    assert coverage.outline.p95[0] == pytest.approx(wanted, abs=2 * ARC)
+    assert coverage.outline.largest[0] == pytest.approx((np.sqrt(2) - 1) * half, abs=ARC)
 
 
 # --- spirals ---
@@ -197,7 +201,7 @@ def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> t
     area = np.full(n, share * float(bead.cross_section(WIDTH, height)))
     purpose = np.full(n, Purpose.OUTER_PERIMETER)
     rise = np.full(n, height / sides)
-    beads = Beads(xy[:-1], xy[1:], z[1:], rise, np.full(n, np.nan), area, purpose, np.zeros(n))
+    beads = Extrusions(xy[:-1], xy[1:], z[1:], rise, np.full(n, np.nan), area, purpose, np.zeros(n))
     stack = stacked(beads)
     around = 2 * pi * np.arange(128) / 128
     unit = np.stack([np.cos(around), np.sin(around)], axis=1)
@@ -208,15 +212,15 @@ def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> t
 @given(st.floats(-0.7, 0.7), st.floats(0.9, 1.1))
 def test_a_spiral_holds_what_its_wall_needs_however_it_slopes(slope: float, share: float) -> None:
     stack, around = spiral(slope, share)
-    ledger = ledger_of(stack, around)
+    coverage = coverage_of(stack, around)
 
     assert stack.spiral
     # Where every wall slopes, how thick they are is only known from what they hold.
     known = share if abs(slope) < 0.05 else max(share, 1.0)
-    assert ledger.fill.shell[1:-1] == pytest.approx(np.full(stack.n_layers - 2, known), abs=0.04)
+    assert coverage.fill.shell[1:-1] == pytest.approx(np.full(stack.n_layers - 2, known), abs=0.04)
 
 
 def test_an_upright_spiral_with_too_little_plastic_is_told() -> None:
     stack, around = spiral(0.0, 0.8)
 
-    assert ledger_of(stack, around).fill.shell[1:-1] == pytest.approx(np.full(3, 0.8), abs=0.04)
+    assert coverage_of(stack, around).fill.shell[1:-1] == pytest.approx(np.full(3, 0.8), abs=0.04)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import write_gcode
-from printer_slicer.inspection.coverage.sheet import Levels, Sheet, levels_of, sheet_of
+from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels, levels_of, sheet_of
 from printer_slicer.inspection.coverage.stack import stacked
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
 from printer_slicer.pipeline import slice_stages
@@ -24,7 +24,7 @@ def square(z: float, height: float = 0.2, at: float = 0.0) -> list[str]:
     return path([(at, 0), (at + 20, 0), (at + 20, 20), (at, 20), (at, 0)], z, height)
 
 
-def sheets(*lines: str) -> list[Sheet]:
+def sheets(*lines: str) -> list[LayerExtrusions]:
     deposit, levels = read(*lines)
     return [sheet_of(deposit, levels, number) for number in range(levels.n_levels)]
 

@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
-from printer_slicer.inspection.coverage.beads import Beads, Purpose
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.coverage.text import Deposit
 
-__all__ = ["Levels", "Sheet", "levels_of", "sheet_of"]
+__all__ = ["LayerExtrusions", "Levels", "levels_of", "sheet_of"]
 
 _LEVEL: Final = 0.004  # mm: heights of the nozzle closer than this are one layer, as in a stack
 
@@ -29,7 +29,7 @@ class Levels:
         of_stack: (L,) the same layer in the stack of the part; -1 where there is none.
     """
 
-    beads: Beads
+    beads: Extrusions
     level: Int
     top: Float
     bottom: Float
@@ -56,7 +56,7 @@ class Levels:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sheet:
+class LayerExtrusions:
     """What one layer holds, in the order in which it is laid.
 
     Attributes:
@@ -73,7 +73,7 @@ class Sheet:
     count: int
     top: float
     height: float
-    beads: Beads
+    beads: Extrusions
     name: Int
     names: tuple[str, ...]
     travel: Float
@@ -118,7 +118,7 @@ def _new_heights(z: Float, known: Float) -> Float:
     return np.asarray(values[np.abs(values[:, None] - known).min(axis=1) > 2 * _LEVEL])
 
 
-def sheet_of(deposit: Deposit, levels: Levels, number: int) -> Sheet:
+def sheet_of(deposit: Deposit, levels: Levels, number: int) -> LayerExtrusions:
     """What one layer holds.
 
     Args:
@@ -133,7 +133,7 @@ def sheet_of(deposit: Deposit, levels: Levels, number: int) -> Sheet:
         raise ValueError(f"layer {number} is not in the file, which has {levels.n_levels} layers")
     mine: Bool = levels.level == number
     leads = np.append(mine, False)[deposit.before]
-    return Sheet(
+    return LayerExtrusions(
         number=number,
         count=levels.n_levels,
         top=float(levels.top[number]),

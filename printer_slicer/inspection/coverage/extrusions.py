@@ -15,13 +15,13 @@ from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_r
 from printer_slicer.model import Program
 from printer_slicer.roles import Role
 
-__all__ = ["Beads", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
+__all__ = ["Extrusions", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
 
 _NOTHING: Final = 1e-9  # mm³ or mm: less is rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Beads:
+class Extrusions:
     """Straight beads in the order in which they are laid.
 
     Attributes:
@@ -82,9 +82,9 @@ class Beads:
         """Mm, of the bead in the middle of all length: files may have as many short turns as rows."""
         return median_of(self.width, self.length)
 
-    def take(self, chosen: Int | Bool) -> Beads:
+    def take(self, chosen: Int | Bool) -> Extrusions:
         """Some of them, by index or by flags (B,)."""
-        return Beads(
+        return Extrusions(
             self.begin[chosen],
             self.end[chosen],
             self.z_top[chosen],
@@ -103,7 +103,7 @@ def median_of(values: Float, weights: Float) -> float:
     return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0
 
 
-def spread_out(beads: Beads, count: int) -> tuple[Float, Int]:
+def spread_out(beads: Extrusions, count: int) -> tuple[Float, Int]:
     """Points (count, 2) evenly along all beads, mm, and the bead of each."""
     reached = np.cumsum(beads.length)
     if not len(reached):
@@ -114,7 +114,7 @@ def spread_out(beads: Beads, count: int) -> tuple[Float, Int]:
     return beads.begin[bead] + share[:, None] * (beads.end - beads.begin)[bead], bead
 
 
-def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
+def beads_of(program: Program, filament_diameter: float) -> tuple[Extrusions, Int]:
     """The beads of a program, and (B,) the index of the move that lays each.
 
     Args:
@@ -125,7 +125,7 @@ def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
     begin, end = program.start, program.xyz
     length = np.hypot(*(end - begin)[:, :2].T)
     kept = np.flatnonzero((program.role != Role.TRAVEL) & (laid > _NOTHING) & (length > _NOTHING))
-    beads = Beads(
+    beads = Extrusions(
         begin=begin[kept, :2],
         end=end[kept, :2],
         z_top=end[kept, 2],
@@ -138,7 +138,7 @@ def beads_of(program: Program, filament_diameter: float) -> tuple[Beads, Int]:
     return beads, kept
 
 
-def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Beads, Int, float]:
+def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Extrusions, Int, float]:
     """The beads of moves, with unknown height and purpose.
 
     A bead is laid where filament is fed in a move along x or y, less what was pulled back before and is only put back.
@@ -158,7 +158,7 @@ def beads_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple[Bead
     moving = (volume > _NOTHING) & (length > _NOTHING)
     kept = np.flatnonzero(moving)
     end = moves.end[kept, :2]
-    beads = Beads(
+    beads = Extrusions(
         begin=end - moves.delta[kept, :2],
         end=end,
         z_top=moves.end[kept, 2],

@@ -1,4 +1,4 @@
-"""The ledger of beads whose answers are known: areas, fill, overlap, unsupported extrusion, outlines."""
+"""The coverage of beads whose answers are known: areas, fill, overlap, unsupported extrusion, outlines."""
 
 from __future__ import annotations
 
@@ -12,68 +12,68 @@ from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.geometry import Areas
-from printer_slicer.inspection.coverage.account import Ledger, Rules, ledger_of, overlapping
-from printer_slicer.inspection.coverage.beads import Beads
+from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.limits import excess, findings
 from printer_slicer.inspection.coverage.matching import first_guess, fitted, moved
+from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of, overlapping
 from printer_slicer.inspection.coverage.stack import stacked
 from printer_slicer.inspection.deposition.purposes import Purpose
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid, square
 
 HEIGHT = 0.2
 GAP = float(bead.spacing(WIDTH, HEIGHT))
-RULES = Rules()
+RULES = CoverageRules()
 ROUND = 0.01  # mm² that the chords of a round end may lack
 
 
 def ring(
     side: float, z: float = HEIGHT, inset: float = WIDTH / 2, purpose: Purpose = Purpose.UNKNOWN
-) -> Beads:
+) -> Extrusions:
     """A closed bead along a square of this side, `inset` within it."""
     a, b = inset, side - inset
     return beads_along([(a, a), (b, a), (b, b), (a, b), (a, a)], z=z, purpose=purpose)
 
 
-def account(beads: Beads, *rings: list[np.ndarray], rules: Rules = RULES) -> Ledger:  # type: ignore[type-arg]
-    return ledger_of(stacked(beads), sections(*rings), rules)
+def account(beads: Extrusions, *rings: list[np.ndarray], rules: CoverageRules = RULES) -> Coverage:  # type: ignore[type-arg]
+    return coverage_of(stacked(beads), sections(*rings), rules)
 
 
 # --- areas ---
 
 
 def test_one_loop_covers_its_outline() -> None:
-    ledger = account(ring(20), [square(20)])
+    coverage = account(ring(20), [square(20)])
 
-    assert ledger.covered.area()[0] == pytest.approx(
+    assert coverage.covered.area()[0] == pytest.approx(
         4 * WIDTH * (20 - WIDTH) - (4 - pi) * WIDTH**2 / 4, abs=ROUND
     )
-    assert ledger.outside.area()[0] == 0
-    assert ledger.volume.tolist() == pytest.approx([4 * (20 - WIDTH) * GAP * HEIGHT])
-    assert ledger.section_volume.tolist() == pytest.approx([400 * HEIGHT])
+    assert coverage.outside.area()[0] == 0
+    assert coverage.volume.tolist() == pytest.approx([4 * (20 - WIDTH) * GAP * HEIGHT])
+    assert coverage.section_volume.tolist() == pytest.approx([400 * HEIGHT])
 
 
 def test_the_shell_that_one_loop_leaves_open_is_uncovered() -> None:
-    ledger = account(ring(20), [square(20), square(12, (4, 4))[::-1]], rules=Rules(shell=1.0))
+    coverage = account(ring(20), [square(20), square(12, (4, 4))[::-1]], rules=CoverageRules(shell=1.0))
 
     # Nothing lies along the hole; there the shell, and where air begins above and below, is the whole section.
-    wanted = 400 - 144 - float(ledger.covered.area()[0])
-    assert ledger.shell.area()[0] == pytest.approx(400 - 144)
-    assert ledger.uncovered.area()[0] == pytest.approx(wanted, abs=0.1)
+    wanted = 400 - 144 - float(coverage.covered.area()[0])
+    assert coverage.shell.area()[0] == pytest.approx(400 - 144)
+    assert coverage.uncovered.area()[0] == pytest.approx(wanted, abs=0.1)
 
 
 def test_what_is_laid_beyond_the_section_is_outside() -> None:
-    ledger = account(beads_along([(0, 5), (30, 5)]), [square(20)], rules=Rules(beyond=0.1))
+    coverage = account(beads_along([(0, 5), (30, 5)]), [square(20)], rules=CoverageRules(beyond=0.1))
 
     # From the left, half a round end; from the right 10 mm and half a round end; but for 0.1 mm on either side.
     long = 10 * WIDTH + pi * WIDTH**2 / 4 - 2 * 0.1 * WIDTH
-    assert ledger.outside.area()[0] == pytest.approx(long, abs=0.01)
+    assert coverage.outside.area()[0] == pytest.approx(long, abs=0.01)
 
 
 def test_gaps_narrower_than_a_slit_are_not_told() -> None:
     beads = joined(beads_along([(0, 0.225), (20, 0.225)]), beads_along([(0, 0.725), (20, 0.725)]))
     section = np.array([(0, 0), (20, 0), (20, 0.95), (0, 0.95)])
     narrow, wide = (
-        account(beads, [section], rules=Rules(slit=slit)).uncovered.area()[0] for slit in (0.06, 0.04)
+        account(beads, [section], rules=CoverageRules(slit=slit)).uncovered.area()[0] for slit in (0.06, 0.04)
     )
 
     assert narrow == pytest.approx(0, abs=0.02)
@@ -89,12 +89,12 @@ def test_beads_a_spacing_apart_fill_a_layer_just_once(height: float) -> None:
     beads = solid(12.0, rows, z=height, height=height)
     gap, side = float(bead.spacing(WIDTH, height)), float(bead.side_loss(height))
     wide = rows * gap + 2 * side
-    ledger = account(beads, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
+    coverage = account(beads, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
 
-    assert ledger.fill.overlap.tolist() == [0]
-    assert ledger.fill.most[0] == pytest.approx(1, abs=0.02)
-    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
-    assert ledger.volume[0] == pytest.approx(12 * rows * gap * height)
+    assert coverage.fill.overlap.tolist() == [0]
+    assert coverage.fill.most[0] == pytest.approx(1, abs=0.02)
+    assert coverage.fill.shell[0] == pytest.approx(1, abs=0.02)
+    assert coverage.volume[0] == pytest.approx(12 * rows * gap * height)
 
 
 @pytest.mark.parametrize("degrees", [0, 17, 30, 45])
@@ -103,28 +103,28 @@ def test_it_does_not_matter_in_which_direction_a_layer_is_filled(degrees: float)
     matrix = np.array([(np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))])
     wide = 30 * GAP + (WIDTH - GAP)
     section = np.array([(0, 0), (12, 0), (12, wide), (0, wide)]) @ matrix
-    ledger = account(replace(beads, begin=beads.begin @ matrix, end=beads.end @ matrix), [section])
+    coverage = account(replace(beads, begin=beads.begin @ matrix, end=beads.end @ matrix), [section])
 
-    assert ledger.fill.overlap.tolist() == [0]
-    assert ledger.fill.most[0] == pytest.approx(1, abs=0.03)
-    assert ledger.fill.shell[0] == pytest.approx(1, abs=0.02)
+    assert coverage.fill.overlap.tolist() == [0]
+    assert coverage.fill.most[0] == pytest.approx(1, abs=0.03)
+    assert coverage.fill.shell[0] == pytest.approx(1, abs=0.02)
 
 
 def test_large_plates_have_coarser_cells() -> None:
     far = joined(solid(12.0, 30), beads_along([(200, 200), (210, 200)]))
     wide = 30 * GAP + (WIDTH - GAP)
-    ledger = account(far, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)]), square(9.9, (200, 199.775))])
+    coverage = account(far, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)]), square(9.9, (200, 199.775))])
 
-    assert (account(solid(12.0, 30), [square(12)]).fill.cell, ledger.fill.cell) == (0.1, 0.2)
-    assert ledger.fill.most[0] == pytest.approx(1, abs=0.06)
-    assert ledger.volume[0] == pytest.approx(far.volume.sum())
+    assert (account(solid(12.0, 30), [square(12)]).fill.cell, coverage.fill.cell) == (0.1, 0.2)
+    assert coverage.fill.most[0] == pytest.approx(1, abs=0.06)
+    assert coverage.volume[0] == pytest.approx(far.volume.sum())
 
 
 def test_the_inside_of_a_right_angled_corner_is_not_told() -> None:
-    ledger = account(joined(ring(20), ring(20, inset=WIDTH / 2 + GAP)), [square(20)])
+    coverage = account(joined(ring(20), ring(20, inset=WIDTH / 2 + GAP)), [square(20)])
 
-    assert ledger.fill.overlap.tolist() == [0]
-    assert 1 < ledger.fill.most[0] < 1.3
+    assert coverage.fill.overlap.tolist() == [0]
+    assert 1 < coverage.fill.most[0] < 1.3
 
 
 @pytest.mark.parametrize("filled", [False, True])
@@ -136,18 +136,18 @@ def test_a_shell_with_nothing_inside_is_full_but_for_three_hundredths(filled: bo
     stack = stacked(
         joined(beads, replace(beads, z_top=beads.z_top * 2), replace(beads, z_top=beads.z_top * 3))
     )
-    ledger = ledger_of(stack, sections(*[[square(20)]] * 3), Rules(shell=2 * GAP + WIDTH - GAP))
+    coverage = coverage_of(stack, sections(*[[square(20)]] * 3), CoverageRules(shell=2 * GAP + WIDTH - GAP))
 
     # Half of what makes the inner one wider lies inside of the shell.
     missing = float(bead.side_loss(HEIGHT)) / (2 * GAP) / (2 if filled else 1)
-    assert ledger.fill.shell[1] == pytest.approx(0.985 - missing, abs=0.016)
+    assert coverage.fill.shell[1] == pytest.approx(0.985 - missing, abs=0.016)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 1.2])
 def test_the_shell_holds_as_much_as_is_laid(share: float) -> None:
     beads = solid(12.0, 30)
     wide = 30 * GAP + (WIDTH - GAP)
-    some = Beads(
+    some = Extrusions(
         beads.begin,
         beads.end,
         beads.z_top,
@@ -157,9 +157,9 @@ def test_the_shell_holds_as_much_as_is_laid(share: float) -> None:
         beads.purpose,
         beads.line,
     )
-    ledger = account(some, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
+    coverage = account(some, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
 
-    assert ledger.fill.shell[0] == pytest.approx(share, rel=0.03)
+    assert coverage.fill.shell[0] == pytest.approx(share, rel=0.03)
 
 
 def test_a_bead_laid_twice_overlaps_along_its_length() -> None:
@@ -191,7 +191,7 @@ def test_short_beads_however_many_do_not_change_how_overlap_is_judged() -> None:
 BELOW = (0.2, 0.4, 0.6, 0.8)
 
 
-def two_posts(top: Beads) -> Ledger:
+def two_posts(top: Extrusions) -> Coverage:
     """Two blocks 25 mm apart, 0.8 mm high, and beads above them."""
     blocks = (
         beads_along([(x, y * GAP), (x + 5, y * GAP)], z=z)
@@ -212,19 +212,19 @@ def test_a_straight_bead_over_a_gap_that_is_held_at_both_ends_is_a_bridge() -> N
 
 
 def test_a_bead_that_ends_in_the_air_hangs_but_for_what_is_near_its_hold() -> None:
-    ledger = two_posts(beads_along([(1, 3), (25, 3)], z=1.0))
+    coverage = two_posts(beads_along([(1, 3), (25, 3)], z=1.0))
 
-    assert ledger.hanging[:4].tolist() == [0] * 4
-    assert ledger.hanging[4] == pytest.approx(20 - 5, abs=0.8)
-    (one,) = ledger.unsupported
+    assert coverage.hanging[:4].tolist() == [0] * 4
+    assert coverage.hanging[4] == pytest.approx(20 - 5, abs=0.8)
+    (one,) = coverage.unsupported
     assert (one.x, one.y) == pytest.approx((10, 3), abs=0.8)
     assert one.z == pytest.approx(1.0)
 
 
 def test_a_bead_that_turns_in_the_air_hangs() -> None:
-    ledger = two_posts(beads_along([(1, 1), (20, 1), (20, 4), (1, 4)], z=1.0))
+    coverage = two_posts(beads_along([(1, 1), (20, 1), (20, 4), (1, 4)], z=1.0))
 
-    assert ledger.hanging[4] == pytest.approx(2 * (15 - 5) + 3, abs=1.6)
+    assert coverage.hanging[4] == pytest.approx(2 * (15 - 5) + 3, abs=1.6)
 
 
 def test_a_bead_a_little_beside_the_one_below_rests_on_it() -> None:
@@ -253,19 +253,19 @@ def test_supports_carry_what_is_laid_over_them_at_a_little_distance() -> None:
 @pytest.mark.parametrize("off", [0.0, 0.2, -0.2])
 def test_the_outline_is_off_by_how_much_the_part_is_too_large(off: float) -> None:
     beads = joined(ring(20, inset=WIDTH / 2 - off), ring(20, inset=WIDTH / 2 - off + GAP))
-    ledger = account(beads, [square(20)], rules=Rules(shell=0.8))
+    coverage = account(beads, [square(20)], rules=CoverageRules(shell=0.8))
 
-    assert ledger.outline.p95[0] == pytest.approx(abs(off), abs=0.02)
+    assert coverage.outline.p95[0] == pytest.approx(abs(off), abs=0.02)
     # At corners beads are round.
-    assert ledger.outline.largest[0] <= np.hypot(off, off) + 0.1
+    assert coverage.outline.largest[0] <= np.hypot(off, off) + 0.1
 
 
 def test_a_void_inside_does_not_change_the_outline() -> None:
     beads = joined(ring(6), ring(6, inset=WIDTH / 2 + GAP))
-    ledger = account(beads, [square(6)], rules=Rules(shell=3.0))
+    coverage = account(beads, [square(6)], rules=CoverageRules(shell=3.0))
 
-    assert ledger.uncovered.area()[0] > 10
-    assert ledger.outline.largest[0] < 0.1
+    assert coverage.uncovered.area()[0] > 10
+    assert coverage.outline.largest[0] < 0.1
 
 
 # --- matching ---
@@ -298,20 +298,20 @@ def test_a_box_is_found_wherever_it_is_printed(
 
     assert np.add(guess, match.shift) == pytest.approx([x, y], abs=2e-3)
     assert match.share == 1
-    ledger = ledger_of(stack, moved(section, np.add(guess, match.shift)))
-    assert ledger.volume.sum() == pytest.approx(beads.volume.sum())
-    assert ledger.outside.area().sum() == pytest.approx(0, abs=1e-3)
-    assert (ledger.covered.area() <= section.area() + 0.1).all()
+    coverage = coverage_of(stack, moved(section, np.add(guess, match.shift)))
+    assert coverage.volume.sum() == pytest.approx(beads.volume.sum())
+    assert coverage.outside.area().sum() == pytest.approx(0, abs=1e-3)
+    assert (coverage.covered.area() <= section.area() + 0.1).all()
 
 
 def test_layers_and_sections_must_be_as_many() -> None:
     with pytest.raises(ValueError, match="1 layers of beads, 2 sections"):
-        ledger_of(stacked(ring(20)), Areas.empty(2))
+        coverage_of(stacked(ring(20)), Areas.empty(2))
 
 
 def test_findings_are_runs_of_layers_and_the_worst_comes_first() -> None:
     beads = joined(*(ring(20, z=0.2 * (k + 1), inset=-2.0 if k in {3, 4} else WIDTH / 2) for k in range(8)))
-    found = findings(account(beads, *[[square(20)]] * 8, rules=Rules(shell=0.4)))
+    found = findings(account(beads, *[[square(20)]] * 8, rules=CoverageRules(shell=0.4)))
     outside = [one for one in found if one.code == "outside"]
 
     assert [(one.first, one.last) for one in outside] == [(4, 5)]

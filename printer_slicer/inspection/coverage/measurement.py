@@ -1,4 +1,4 @@
-"""The ledger itself: beads of all layers against the sections of the part."""
+"""The coverage itself: beads of all layers against the sections of the part."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, frozen_array
 from printer_slicer.geometry import Areas, difference, offset, offset_open, union
-from printer_slicer.inspection.coverage.beads import Beads, Purpose
-from printer_slicer.inspection.coverage.fill import Fill, measure_fill, overlap_cells
+from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
+from printer_slicer.inspection.coverage.fill import LayerFill, measure_fill, overlap_cells
 from printer_slicer.inspection.coverage.outline import OutlineError, outline_error
 from printer_slicer.inspection.coverage.stack import Stack, through_layers
 from printer_slicer.inspection.coverage.zones import (
@@ -24,7 +24,7 @@ from printer_slicer.inspection.coverage.zones import (
 from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
 
-__all__ = ["Ledger", "Rules", "ledger_of", "overlapping"]
+__all__ = ["Coverage", "CoverageRules", "coverage_of", "overlapping"]
 
 _DOTS: Final = 3.0  # squares of the extrusion width: smaller islands may be missing
 
@@ -35,7 +35,7 @@ _INNER: Final = 1.25  # extrusion widths: walls thicker than twice this have inn
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class CoverageRules:
     """What is measured.
 
     Attributes:
@@ -54,7 +54,7 @@ class Rules:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ledger:
+class Coverage:
     """What was laid, against what should be there; areas in mm², volumes in mm³, lengths in mm.
 
     Attributes:
@@ -76,7 +76,7 @@ class Ledger:
         by_purpose: (P,) laid for each `Purpose`.
     """
 
-    rules: Rules
+    rules: CoverageRules
     stack: Stack
     of_part: Bool
     astray: Bool
@@ -87,7 +87,7 @@ class Ledger:
     uncovered: Areas
     outside: Areas
     outline: OutlineError
-    fill: Fill
+    fill: LayerFill
     unsupported: tuple[Unsupported, ...]
     volume: Float
     section_volume: Float
@@ -115,8 +115,10 @@ class Ledger:
         return min(int(np.searchsorted(self.stack.top, z - _LEVEL)), self.stack.n_layers - 1)
 
 
-def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Bool | None = None) -> Ledger:
-    """The ledger of beads against the sections of a part.
+def coverage_of(
+    stack: Stack, sections: Areas, rules: CoverageRules = CoverageRules(), beside: Bool | None = None
+) -> Coverage:
+    """The coverage of beads against the sections of a part.
 
     Args:
         stack: the beads.
@@ -144,7 +146,7 @@ def ledger_of(stack: Stack, sections: Areas, rules: Rules = Rules(), beside: Boo
     wanted = np.maximum(_to_be_full(sections, stack, depth).area() - inner.area(), 0.0)
     inner = inner.of_layers(~stack.rising)
     own, laid = of_part[source], slabs.beads.volume
-    return Ledger(
+    return Coverage(
         rules=rules,
         stack=stack,
         of_part=of_part,
@@ -189,7 +191,7 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
     return tracker.close()
 
 
-def _outline(sections: Areas, body: Areas, stack: Stack, rules: Rules) -> OutlineError:
+def _outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineError:
     """Measure the distance between the outlines of the part and of the print."""
     part, printed = (without_slits(one, rules.slit) for one in (sections, body))
     return outline_error(part, printed, _DOTS * stack.beads.usual_width**2)
@@ -215,7 +217,7 @@ def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Boo
     return mine & ~astray, astray
 
 
-def _far_off(beads: Beads, sections: Areas) -> Bool:
+def _far_off(beads: Extrusions, sections: Areas) -> Bool:
     """(B,) which beads begin or end far from everything that is to be printed; of no part none does."""
     if not sections.n_rings:
         return np.zeros(beads.n_beads, np.bool_)
@@ -224,8 +226,8 @@ def _far_off(beads: Beads, sections: Areas) -> Bool:
     return np.asarray(far[0] | far[1])
 
 
-def overlapping(ledger: Ledger, layer: int) -> Areas:
+def overlapping(coverage: Coverage, layer: int) -> Areas:
     """Where the beads of a layer overlap, to a cell, as a stack of one layer."""
-    own = np.flatnonzero(ledger.of_part & (ledger.stack.layer == layer))
-    height = float(ledger.stack.height[layer])
-    return overlap_cells(ledger.stack.beads.take(own), height, ledger.rules.too_often, ledger.fill.cell)
+    own = np.flatnonzero(coverage.of_part & (coverage.stack.layer == layer))
+    height = float(coverage.stack.height[layer])
+    return overlap_cells(coverage.stack.beads.take(own), height, coverage.rules.too_often, coverage.fill.cell)
