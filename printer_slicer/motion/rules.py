@@ -101,7 +101,7 @@ class Lookahead:
         """
         return [(queued.block, queued.corner) for queued in self._queue], self._last, self._square
 
-    def leap(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
+    def skip_to(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
         """Go on with other blocks than before, as `planned` gives them. Without `minimum_cruise_ratio` only."""
         self._queue = deque(
             _Queued(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue

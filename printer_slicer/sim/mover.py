@@ -194,12 +194,12 @@ class Mover:
             tuple(queue), last, square, tuple(self.targets), self._standing, self._began, self.ends
         )
 
-    def leap(self, planned: Planned, seconds: float) -> None:
+    def skip_to(self, planned: Planned, seconds: float) -> None:
         """Have made moves that took so many seconds, without a break, and be in the middle of others.
 
         Whoever has reckoned all that has done it by the rules of this planner; see `motion.ahead`.
         """
-        self._lookahead.leap(planned.queue, planned.last, planned.square)
+        self._lookahead.skip_to(planned.queue, planned.last, planned.square)
         self.targets = deque(planned.targets)
         self._standing, self._began, self.ends = planned.standing, planned.began, planned.ends
         self._tally.motion_seconds += seconds

@@ -14,12 +14,12 @@ from collections import deque
 from math import inf, nextafter, pi
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.sim.batch import Batch, BatchStart
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.card import Card
 from printer_slicer.sim.card_commands import abort, finished, write_line
 from printer_slicer.sim.commands import run, straight_of
 from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
-from printer_slicer.sim.leap import Leap
 from printer_slicer.sim.line_reader import Line, LineReader
 from printer_slicer.sim.moves import STOP_SECONDS
 from printer_slicer.sim.refusals import Refusals
@@ -160,12 +160,17 @@ class SimulatedPrinter:
             self._enqueue((number, text))
             self._pump()
 
-    def leap(self, leap: Leap) -> None:
-        """Have executed many plain commands, as somebody else has reckoned that it would; see `Leap`."""
+    def start_batch(self, now: float) -> BatchStart | None:
+        """Return what a run of simple commands from `now`, s, depends on; None while nothing moves."""
+        self._board.mover.advance(now)
+        return BatchStart.of(self._board, self.undisturbed_until)
+
+    def apply_batch(self, batch: Batch) -> None:
+        """Have executed a run of simple commands, whose effect somebody else has computed."""
         assert not self.working
-        self._reader.last = leap.number
+        self._reader.last = batch.number
         self._numbered = True
-        leap.land(self._board)
+        batch.apply(self._board)
         self._next = self._next_event()
 
     def reset(self, now: float) -> None:

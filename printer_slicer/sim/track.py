@@ -48,7 +48,7 @@ class Track:
         if len(self._seconds) >= ROWS:
             self.flush()
 
-    def leapt(self, rows: bytes, seconds: bytes) -> None:
+    def add_batch(self, rows: bytes, seconds: bytes) -> None:
         """Many moves were planned, and many begun."""
         self._rows.frombytes(rows)
         self._seconds.frombytes(seconds)

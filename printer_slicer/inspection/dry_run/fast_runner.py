@@ -1,9 +1,9 @@
 """A job on the simulated printer without its bytes: the times are those that the conversation would take.
 
 Host and printer greet each other as they do. Then every line goes to the firmware at the moment at which it would have
-arrived, with two lines in flight; and where nothing else can happen, thousands of lines are reckoned at once and the
-firmware takes note of them, see `stretch` and `pace`. What is executed, and when, is the same as over the wire, but for
-bytes of some answers that nobody waits for.
+arrived, with two lines in flight; and where nothing else can happen, the effect of thousands of lines is computed at
+once and handed to the firmware, see `command_runs` and `link_timing`. What is executed, and when, is the same as over
+the wire, but for bytes of some answers that nobody waits for.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.inspection.dry_run.link_timing import Before, Paced, TimedLink, WireState, pace
-from printer_slicer.inspection.dry_run.stretch import GREETING, Chunk, CommandRun, limits_at
-from printer_slicer.sim.leap import Leap
+from printer_slicer.inspection.dry_run.command_runs import GREETING, Chunk, CommandRun, limits_at
+from printer_slicer.inspection.dry_run.link_timing import Paced, TimedLink, WireState, pace
+from printer_slicer.sim.batch import Batch, BatchStart
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Event, Identified
@@ -165,38 +165,33 @@ class FastRunner:
 
     def _leap(self, chunk: Chunk, at: int) -> int:
         """Execute as many commands at once as can be; how many that were."""
-        board = self._printer.board
-        limits = board.limits
-        board.mover.advance(self._wire.executed)
-        planned = board.mover.planned
-        if planned is None or limits.minimum_cruise_ratio > 0 or limits.planner_blocks < 4:
+        start = self._printer.start_batch(self._wire.executed)
+        if start is None or start.limits.minimum_cruise_ratio > 0 or start.limits.planner_blocks < 4:
             return 0
-        stretch = CommandRun.read(chunk, at, board)
+        stretch = CommandRun.read(chunk, at, start)
         if stretch is None:
             return 0
         cut = slice(at, at + len(stretch))
-        told = board.busy_seconds, len(board.busy_report) + 1
-        before = Before(limits, planned, board.filament, self._wire, *told)
-        paced = pace(stretch, (chunk.sizes[cut], chunk.rooms[cut]), before, self._link)
+        paced = pace(stretch, (chunk.sizes[cut], chunk.rooms[cut]), start, self._wire, self._link)
         count = paced.done
-        if count and paced.executed[-1] >= self._printer.undisturbed_until:
+        if count and paced.executed[-1] >= start.until:
             count = 0
         if count:
-            self._land(chunk, stretch, paced)
+            self._land(chunk, stretch, paced, start)
         return count
 
-    def _land(self, chunk: Chunk, stretch: CommandRun, paced: Paced) -> None:
+    def _land(self, chunk: Chunk, stretch: CommandRun, paced: Paced, start: BatchStart) -> None:
         """Have the firmware take note of what was reckoned."""
-        board, count = self._printer.board, paced.done
+        count = paced.done
         self.reckoned += count
         begin = stretch.begin
         self._on_many(chunk.commands[begin : begin + count])
         self._number += count
         x, y, z, e = stretch.position[count - 1].tolist()
         ways = stretch.delta[:count, 3]
-        rows, laid = _rows(stretch, paced, board.tally.lines)
+        rows, laid = _rows(stretch, paced, start.commands)
         feeding = np.flatnonzero(ways != 0)
-        leap = Leap(
+        batch = Batch(
             texts=chunk.texts[begin : begin + count],
             number=self._number,
             now=float(paced.executed[-1]),
@@ -204,7 +199,7 @@ class FastRunner:
             extruded_at=float(paced.executed[feeding[-1]]) if len(feeding) else -np.inf,
             position=(x, y, z, e),
             feed=float(stretch.feed[count - 1]),
-            limits=limits_at(stretch, count, board.limits),
+            limits=limits_at(stretch, count, start.limits),
             planned=paced.planned,
             seconds=float(paced.seconds.sum()),
             fed=float(ways[ways > 0].sum()),
@@ -213,12 +208,12 @@ class FastRunner:
             rows=rows.tobytes(),
             row_seconds=paced.seconds.tobytes(),
         )
-        self._printer.leap(leap)
+        self._printer.apply_batch(batch)
         self._wire = paced.wire
 
 
 def _rows(stretch: CommandRun, paced: Paced, lines: int) -> tuple[Float, dict[str, Any]]:
-    """What `Track` wants to know of the moves, and what `Leap` wants to know of what they lay."""
+    """What `Track` wants to know of the moves, and what `Batch` wants to know of what they lay."""
     moving = paced.moving[paced.moving < paced.done]
     own = slice(0, len(moving))
     end, delta = stretch.position[moving], stretch.delta[moving]

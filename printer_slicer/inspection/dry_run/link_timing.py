@@ -20,13 +20,14 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.inspection.dry_run.stretch import CommandRun
+from printer_slicer.inspection.dry_run.command_runs import CommandRun
 from printer_slicer.motion.ahead import seconds_ahead
 from printer_slicer.motion.rules import Block, Limits
 from printer_slicer.motion.whole import Blocks, corner_squares, make_blocks, moving_of
+from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.mover import Planned
 
-__all__ = ["Before", "Paced", "TimedLink", "WireState", "pace"]
+__all__ = ["Paced", "TimedLink", "WireState", "pace"]
 
 _BITS: Final = 10  # of a byte on the wire
 _ROUNDS: Final = 24  # in which lines may put each other off
@@ -111,36 +112,19 @@ class Paced(NamedTuple):
     blocks: Blocks
 
 
-class Before(NamedTuple):
-    """How things stand before a stretch.
-
-    Attributes:
-        limits: in force.
-        planned: what is being made, and what waits.
-        filament: mm fed when the plan so far ends.
-        wire: how the conversation stands.
-        busy: s after which, and again and again, a command that waits is told of; 0: never.
-        busy_bytes: of that.
-    """
-
-    limits: Limits
-    planned: Planned
-    filament: float
-    wire: WireState
-    busy: float
-    busy_bytes: int
-
-
-def pace(stretch: CommandRun, sizes: tuple[Int, Int], before: Before, link: TimedLink) -> Paced:
+def pace(
+    stretch: CommandRun, sizes: tuple[Int, Int], before: BatchStart, wire: WireState, link: TimedLink
+) -> Paced:
     """Send a stretch to a machine that moves.
 
     Args:
         stretch: of commands.
         sizes: (n,) bytes of their lines, twice; see `Chunk`.
-        before: how things stand.
+        before: the printer before it.
+        wire: how the conversation stands.
         link: what it goes over.
     """
-    limits, planned, filament, wire = before[:4]
+    limits, planned, filament = before.limits, before.planned, before.filament
     moving, length = moving_of(np.ascontiguousarray(stretch.delta.T))
     fresh = make_blocks(
         np.ascontiguousarray(stretch.delta[moving].T),
@@ -180,13 +164,13 @@ def pace(stretch: CommandRun, sizes: tuple[Int, Int], before: Before, link: Time
     )
 
 
-def _told_of_late(waits: Float, before: Before, link: TimedLink) -> Bool:
+def _told_of_late(waits: Float, before: BatchStart, link: TimedLink) -> Bool:
     """(n,) before which answers the machine said so late that it is busy that the answer comes behind that."""
-    if before.busy <= 0:
+    if before.busy_seconds <= 0:
         return np.zeros(len(waits), np.bool_)
-    rest = (waits + _NEAR) % before.busy
+    rest = (waits + _NEAR) % before.busy_seconds
     return np.asarray(
-        (waits + _NEAR >= before.busy) & (rest < before.busy_bytes * link.byte_seconds + 2 * _NEAR)
+        (waits + _NEAR >= before.busy_seconds) & (rest < before.busy_bytes * link.byte_seconds + 2 * _NEAR)
     )
 
 

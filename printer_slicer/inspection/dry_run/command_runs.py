@@ -17,9 +17,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain import plain_moves
 from printer_slicer.motion.rules import Limits
-from printer_slicer.sim.board import Board
-from printer_slicer.sim.commands import run
-from printer_slicer.sim.moves import FARTHEST
+from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.words import Command
 
 __all__ = ["GREETING", "Chunk", "CommandRun", "limits_at"]
@@ -67,11 +65,10 @@ class Chunk:
         return [(self.others[at], self.kinds[at], self.texts[self.others[at]]) for at in range(first, last)]
 
 
-def _keeps_hot(kind: str, target: float, board: Board) -> bool:
+def _keeps_hot(kind: str, target: float, start: BatchStart) -> bool:
     """Whether a new target is one that the firmware takes as it is, and that lets filament be fed."""
-    if kind == "M140":
-        return 0.0 <= target <= board.bed.spec.highest
-    return board.coldest_extrusion <= target <= board.hotend.spec.highest
+    low, high = start.bed_targets if kind == "M140" else start.targets
+    return low <= target <= high
 
 
 def _kind(text: str) -> str:
@@ -115,7 +112,7 @@ GREETING: Final = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CommandRun:
-    """What commands that follow each other do to a board as it stands before them.
+    """What commands that follow each other do to a printer as it stands before them.
 
     Attributes:
         begin: the first of them in its chunk.
@@ -143,36 +140,36 @@ class CommandRun:
         return len(self.position)
 
     @classmethod
-    def read(cls, chunk: Chunk, begin: int, board: Board) -> CommandRun | None:
+    def read(cls, chunk: Chunk, begin: int, start: BatchStart) -> CommandRun | None:
         """The stretch that begins at a command, None if that has to be executed by itself."""
         end = chunk.break_after(begin)
         others = chunk.between(begin, end)
         for place, kind, text in others:
-            if kind in _HEATERS and not _keeps_hot(kind, Command(text).value("S") or 0.0, board):
+            if kind in _HEATERS and not _keeps_hot(kind, Command(text).value("S") or 0.0, start):
                 end = place
                 break
         if end <= begin:
             return None
         others = [(place - begin, kind, text) for place, kind, text in others if place < end]
-        position, delta = _ways(chunk.words[begin:end], board, others)
-        delta[:, 3] *= board.e_ratio
-        allowed = _allowed(position, delta, chunk.is_plain[begin:end], board)
+        position, delta = _ways(chunk.words[begin:end], start, others)
+        delta[:, 3] *= start.e_ratio
+        allowed = _allowed(position, delta, chunk.is_plain[begin:end], start)
         count = len(allowed) if allowed.all() else int(allowed.argmin())
         if count == 0:
             return None
         others = [other for other in others if other[0] < count]
-        limits = tuple(_accelerations(board, others))
+        limits = tuple(_accelerations(start, others))
         feeds = chunk.words[begin:end, 4]
-        feed = _held(np.where(feeds > 0, feeds * board.unit / 60.0, np.nan), board.feed)
+        feed = _held(np.where(feeds > 0, feeds * start.unit / 60.0, np.nan), start.feed)
         cut = slice(0, count)
         return cls(
             begin,
             position[cut],
             delta[cut],
             feed[cut],
-            feed[cut] * board.speed_ratio,
-            _wanted(delta[cut], board.limits, limits),
-            _answers(position[cut], board, others),
+            feed[cut] * start.speed_ratio,
+            _wanted(delta[cut], start.limits, limits),
+            _answers(position[cut], start, others),
             limits,
             tuple((place, text) for place, kind, text in others if kind in _TIMED),
         )
@@ -181,60 +178,52 @@ class CommandRun:
 _Others = list[tuple[int, str, str]]
 
 
-def _ways(words: Float, board: Board, others: _Others) -> tuple[Float, Float]:
-    """(n, 4) positions and ways; what the board has is where they begin."""
-    unit, offset = board.unit, board.offset
+def _ways(words: Float, start: BatchStart, others: _Others) -> tuple[Float, Float]:
+    """(n, 4) positions and ways; what the printer has is where they begin."""
+    unit, offset = start.unit, start.offset
     position, delta = np.zeros((len(words), 4)), np.zeros((len(words), 4))
     for axis in range(3):
-        if board.relative:
+        if start.relative:
             steps = np.where(np.isnan(words[:, axis]), 0.0, words[:, axis] * unit)
-            position[:, axis] = np.cumsum(np.append(board.position[axis], steps))[1:]
+            position[:, axis] = np.cumsum(np.append(start.position[axis], steps))[1:]
         else:
-            position[:, axis] = _held(words[:, axis] * unit + -offset[axis], board.position[axis])
-        delta[:, axis] = np.diff(position[:, axis], prepend=board.position[axis])
+            position[:, axis] = _held(words[:, axis] * unit + -offset[axis], start.position[axis])
+        delta[:, axis] = np.diff(position[:, axis], prepend=start.position[axis])
     told = np.array([place for place, kind, _ in others if kind == _SETS_E], np.int64)
     value = np.array([Command(text).value("E") for _, kind, text in others if kind == _SETS_E]) * unit
     e = words[:, 3] * unit
-    if board.relative_e:
+    if start.relative_e:
         steps = np.where(np.isnan(e), 0.0, e)
         total = np.cumsum(steps)
         base = np.full(len(e), np.nan)
         base[told] = value - total[told]
-        position[:, 3] = total + _held(base, board.position[3])
+        position[:, 3] = total + _held(base, start.position[3])
         delta[:, 3] = steps
     else:
         e[told] = value
-        position[:, 3] = _held(e, board.position[3])
-        delta[:, 3] = np.diff(position[:, 3], prepend=board.position[3])
+        position[:, 3] = _held(e, start.position[3])
+        delta[:, 3] = np.diff(position[:, 3], prepend=start.position[3])
         delta[told, 3] = 0.0
     return position, delta
 
 
-def _allowed(position: Float, delta: Float, is_plain: Bool, board: Board) -> Bool:
+def _allowed(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -> Bool:
     """(n,) which commands the firmware executes as they are written."""
-    over = 0.0 if board.guarded else FARTHEST
-    low, high = np.array(board.machine.box_min) - over, np.array(board.machine.box_max) + over
+    low, high = np.array(start.low), np.array(start.high)
     good = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
-    if not (board.guarded or board.warned_unhomed or all(board.homed)):
+    if not start.moves:
         good = ~is_plain
     feeds = delta[:, 3] != 0
-    if board.loose:
-        good &= ~feeds
-    if not board.hot:
+    if not start.feeds:
         return np.asarray(good & ~feeds)
-    return np.asarray(good & ~(feeds & (np.abs(delta[:, 3]) > board.machine.longest_extrusion)))
+    return np.asarray(good & ~(feeds & (np.abs(delta[:, 3]) > start.longest_extrusion)))
 
 
-def _accelerations(board: Board, others: _Others) -> list[tuple[int, Limits]]:
+def _accelerations(start: BatchStart, others: _Others) -> list[tuple[int, Limits]]:
     """The limits from each command on that changes accelerations; what that means the firmware says."""
-    before, found = board.limits, []
-    for place, kind, text in others:
-        if kind == _ACCELERATION:
-            run(board, text)
-            found.append((place, board.limits))
-    if found:
-        board.set_limits(before)
-    return found
+    own = [(place, text) for place, kind, text in others if kind == _ACCELERATION]
+    limits = start.limits_after([text for _, text in own])
+    return [(place, after) for (place, _), after in zip(own, limits, strict=True)]
 
 
 def _wanted(delta: Float, limits: Limits, changes: Sequence[tuple[int, Limits]]) -> Float:
@@ -253,22 +242,19 @@ def _wanted(delta: Float, limits: Limits, changes: Sequence[tuple[int, Limits]])
     return np.asarray(np.where(feeds, np.where(travels, table[:, 0], table[:, 2]), table[:, 1]))
 
 
-def _answers(position: Float, board: Board, others: _Others) -> Int:
+def _answers(position: Float, start: BatchStart, others: _Others) -> Int:
     """(n,) bytes of each answer. The step counts behind G92 are taken for those where the plan ends."""
     answer = np.full(len(position), _OK)
-    here = board.position
     for place, kind, _ in others:
         if kind == _SETS_E:
             x, y, z, e = position[place].tolist()
-            board.position = (x, y, z, e)
-            answer[place] += len(board.place()) + 1
-    board.position = here
+            answer[place] += start.place_bytes((x, y, z, e))
     return answer
 
 
-def _held(values: Float, start: float) -> Float:
-    """(n,) the last value that is a number, `start` before the first."""
-    values = np.append(start, values)
+def _held(values: Float, before: float) -> Float:
+    """(n,) the last value that is a number, `before` before the first."""
+    values = np.append(before, values)
     last = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[last][1:])
 
