@@ -107,6 +107,22 @@ def test_slicing_an_stl_imports_neither_trimesh_nor_the_serial_library(tmp_path:
     assert taken & {"trimesh", "scipy", "networkx", "serial", "rich"} == set()
 
 
+@pytest.mark.parametrize(("wanted", "fewest", "most"), [("", 0, 0), ("16x16, 16x16/QOI", 2, 9)])
+def test_slicing_imports_pillow_only_for_thumbnails(
+    tmp_path: Path, wanted: str, fewest: int, most: int
+) -> None:
+    """And not all of the formats that Pillow knows, which are more than 40."""
+    code = (
+        "import sys\nfrom printer_slicer.cli import main\nassert main(sys.argv[1:]) == 0\n"
+        "print('loaded:', *[name for name in sys.modules if name.startswith('PIL')])"
+    )
+    arguments = ["slice", str(BOX), "-o", str(tmp_path / "box.gcode"), "-q", "--set", f"thumbnails={wanted}"]
+    names = python(code, *arguments).rpartition("loaded:")[2].split()
+
+    assert fewest <= len([name for name in names if name.endswith("Plugin")]) <= most
+    assert bool(names) == bool(wanted)
+
+
 def test_slicing_imports_no_ledger(tmp_path: Path) -> None:
     code = (
         "import sys\nfrom printer_slicer.cli import main\nassert main(sys.argv[1:]) == 0\n"

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Float
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
-from printer_slicer.thumbnails import png_bytes
+from printer_slicer.thumbnails import encode_image
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -292,7 +292,7 @@ def _svg_part(shape: Shape) -> str:
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" {size}'
             return f'<rect{_svg_name(shape.name)} {place} fill="{shape.colour}"{edge}/>'
         case Raster():
-            data = b64encode(png_bytes(shape.pixels)).decode("ascii")
+            data = b64encode(encode_image(shape.pixels, "PNG")).decode("ascii")
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" width="{shape.width}" height="{shape.height}"'
             return f'<image {place} href="data:image/png;base64,{data}"/>'
         case Text():

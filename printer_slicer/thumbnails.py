@@ -1,22 +1,29 @@
-"""Facets -> pictures: seen from the front right and above, in parallel lines, lit, on nothing.
+"""Thumbnails: pictures of the part, rendered with numpy, encoded by Pillow, and written as comments of a G-code file.
 
-One picture is drawn larger than all that are wanted, with a buffer of depths; the wanted ones are means over its
-pixels. Facets become rows of pixels, rows become pixels, many at once: what lies between three straight edges on one
-row is one stretch. A facet that covers no middle of a pixel, as most of a fine mesh, costs nothing after that is known.
+The part is seen from the front right and above, in parallel projection, lit, on a transparent ground. One picture is
+drawn larger than all that are wanted, with a depth buffer; the wanted ones are means over its pixels. Facets become
+rows of pixels, rows become pixels, many at once: what lies between three straight edges on one row is one span. A
+facet that covers no centre of a pixel, as most of a fine mesh, costs nothing after that is known.
+
+In the file a picture begins with its size and the number of letters that follow: `; thumbnail begin 300x300 12345` for
+PNG, `; thumbnail_QOI begin ...` for QOI. Source: what Moonraker, OctoPrint's thumbnail tool and py-gcode-metadata read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
 from math import cos, radians, sin
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.model import Mesh
 
-__all__ = ["Picture", "pictures"]
+__all__ = ["Picture", "encode_image", "render", "thumbnail_lines"]
 
 Picture = NDArray[np.uint8]
 """(h, w, 4) red, green, blue, opacity; row 0 is the top."""
@@ -32,9 +39,46 @@ _LIGHTS: Final = ((np.array([-0.30, -0.50, 0.80]), 0.78), (np.array([0.80, -0.45
 _AMBIENT: Final = 0.14
 _GLOSS: Final = 150.0  # added where light comes straight on
 _EDGE: Final = 0.55  # how bright the outline of something in front of something else is
+_KEYWORDS: Final[Mapping[str, str]] = {"PNG": "thumbnail", "QOI": "thumbnail_QOI"}
+"""What a picture of each format begins with in the file."""
+_ROW: Final = 78  # letters of a picture in one comment
 
 
-def pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list[Picture]:
+def render(part: Mesh, width: int, height: int) -> Picture:
+    """The part as a picture (height, width, 4), red, green, blue and opacity from 0 to 255."""
+    return _pictures(part.triangles, [(width, height)])[0]
+
+
+def thumbnail_lines(part: Mesh, wanted: Sequence[str]) -> list[str]:
+    """Comments that hold pictures.
+
+    Args:
+        part: what is shown.
+        wanted: one picture each, `300x300` or `300x300/QOI`; PNG where no format is named.
+    """
+    parsed = [one.partition("/") for one in wanted]
+    sizes = [(int(size.partition("x")[0]), int(size.partition("x")[2])) for size, _, _ in parsed]
+    lines: list[str] = []
+    for picture, (size, _, name) in zip(_pictures(part.triangles, sizes), parsed, strict=True):
+        text = b64encode(encode_image(picture, name or "PNG")).decode("ascii")
+        keyword = _KEYWORDS[name or "PNG"]
+        rows = [f"; {text[at : at + _ROW]}" for at in range(0, len(text), _ROW)]
+        lines += [";", f"; {keyword} begin {size} {len(text)}", *rows, f"; {keyword} end", ";"]
+    return lines
+
+
+def encode_image(picture: Picture, file_format: str) -> bytes:
+    """The bytes of an image file, PNG or QOI."""
+    # Without its plugin for QOI, Pillow imports all of its formats to find it.
+    from PIL import Image, QoiImagePlugin  # noqa: F401, PLC0415 - only pictures need it
+
+    options: dict[str, Any] = {"compress_level": 9} if file_format == "PNG" else {}
+    data = io.BytesIO()
+    Image.fromarray(picture).save(data, file_format, **options)
+    return data.getvalue()
+
+
+def _pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list[Picture]:
     """The part in pictures of some sizes (width, height), px.
 
     Args:

@@ -10,8 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from printer_slicer.thumbnails import render
-from printer_slicer.thumbnails.shading import Picture, _pixels, _seen, pictures
+from printer_slicer.thumbnails import Picture, _pictures, _pixels, _seen, render
 from tests.parts import box, joined, sphere
 
 
@@ -84,12 +83,12 @@ def test_place_size_and_order_of_facets_do_not_matter(
 
 
 def test_pictures_of_several_sizes_show_the_same() -> None:
-    large, small = pictures(sphere(10).triangles, [(200, 200), (50, 50)])
+    large, small = _pictures(sphere(10).triangles, [(200, 200), (50, 50)])
     means = large.reshape(50, 4, 50, 4, 4).mean(axis=(1, 3))
     solid = small[..., 3] == 255
 
     assert np.abs(means - small)[solid].mean() < 4
-    assert pictures(sphere(10).triangles, []) == []
+    assert _pictures(sphere(10).triangles, []) == []
 
 
 @pytest.mark.parametrize("size", [(50, 0.001, 0.001), (0.001, 0.001, 50), (1000, 1000, 0.01)])
