@@ -21,7 +21,7 @@ __all__ = ["MODELS", "SHELLS", "actions_of", "complete", "shell_code"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")
-MODELS: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
+MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _KINDS: Final = ("printer", "material", "quality")
 _Words = Iterable[str] | Mapping[str, str]
 """What may come next; with meanings, where the shell shows them."""

@@ -60,7 +60,7 @@ def add_models(
         )
     else:
         what = "parts, on one plate as their files place them" + (
-            "; or G-code of any slicer" if gcode else ": STL, 3MF, OBJ, PLY, AMF, GLB, STEP, ..."
+            "; or G-code of any slicer" if gcode else ": STL, 3MF, OBJ, PLY, OFF, GLB, STEP, ..."
         )
         parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
     _add_group(parser)

@@ -1,7 +1,7 @@
 """A file becomes a `Mesh`, and a `Mesh` a file.
 
 One module per format; `reading` chooses between them, and `soundness` judges what came out. STL and OBJ are read
-piece by piece, 3MF and AMF as streams of XML, GLB, PLY and OFF from their arrays; STEP goes through OpenCASCADE,
+piece by piece, 3MF as a stream of XML, GLB, PLY and OFF from their arrays; STEP goes through OpenCASCADE,
 imported only then.
 
 What a file may contain and still be a part: it has facets, all coordinates are finite, and it extends in x, y and z.

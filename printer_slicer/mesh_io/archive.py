@@ -74,7 +74,7 @@ class Archive:
             )
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise MeshError(
-                f"{self.path}: packed in a way that 3MF and AMF do not allow ({info.compress_type})",
+                f"{self.path}: packed in a way that 3MF does not allow ({info.compress_type})",
                 remedy="Pack it again as an ordinary ZIP archive.",
             )
         if self._expanded + info.file_size > self._limits.expanded_bytes:

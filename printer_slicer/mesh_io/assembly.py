@@ -1,4 +1,4 @@
-"""Objects that consist of objects, each moved by a matrix: what 3MF and AMF have in common."""
+"""Objects that consist of objects, each moved by a matrix: what 3MF and glTF have in common."""
 
 from __future__ import annotations
 

@@ -21,16 +21,16 @@ class Limits:
     """What `load_mesh` takes; everything beyond is a `MeshError`.
 
     Attributes:
-        facets: of one file, copies of objects counted as often as they are placed; also its vertices, as 3MF, AMF, GLB
-            and OBJ store them, and a third of the vertices of all copies.
+        facets: of one file, copies of objects counted as often as they are placed; also its vertices, as 3MF, GLB and
+            OBJ store them, and a third of the vertices of all copies.
         file_bytes: length of a file of any format.
         text_bytes: length of a file that is read as a whole: PLY, OFF, GLB, glTF with the files it
             names, STEP.
-        expanded_bytes: length of all that is unpacked from one 3MF or AMF archive, or of an AMF file.
+        expanded_bytes: length of all that is unpacked from one 3MF archive.
         expansion: unpacked length divided by packed length of a member of an archive, where it is over 1 MiB.
         members: files in an archive.
-        instances: objects of one file, each copy counted; also components and constellations on the way to them.
-        nesting: of components in components, and of constellations.
+        instances: objects of one file, each copy counted; also components on the way to them.
+        nesting: of components in components.
         json_bytes: length of the text in a GLB.
         names: different names of elements and attributes in an XML document.
         xml_depth: elements in elements.

@@ -1,14 +1,14 @@
 """XML from anywhere, read element by element with expat.
 
 A document type is refused, and with it entities of every kind: expanding, external, nested. So nothing is ever fetched
-or multiplied. Depth and length of the markup are limited; text is cut off at a length that any number fits.
+or multiplied. Depth and length of the markup are limited, and the text between the tags is not kept.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from printer_slicer.errors import MeshError
@@ -22,9 +22,6 @@ __all__ = ["Handler", "Reader", "number_in", "whole_in"]
 Handler = Callable[[list[str]], None]
 """Takes the attributes of an element: name, value, name, value, ..."""
 
-LONGEST_TEXT: Final = 256
-"""Letters kept of the text of an element."""
-
 
 class Reader:
     """Calls one function per element by its name; subclasses say which.
@@ -32,14 +29,12 @@ class Reader:
     Names are those of the document where it has no namespace, and `namespace name` where it has one.
 
     Attributes:
-        text: of the element that is open, without that of elements in it; filled only between `gather` and its end.
         namespaces: prefix -> namespace, as the document declares them.
     """
 
     def __init__(self, path: Path, limits: Limits, what: str = "") -> None:
         self.path = path
         self.limits = limits
-        self.text = ""
         self.namespaces: dict[str, str] = {}
         self._what = f" {what}" if what else ""
         self._depth = 0
@@ -88,15 +83,9 @@ class Reader:
             # The parser and its handlers hold each other; a large document should not wait for the collector.
             self._parser.StartElementHandler = self._parser.EndElementHandler = None
             self._parser.StartNamespaceDeclHandler = self._parser.StartDoctypeDeclHandler = None
-            self._parser.CharacterDataHandler = None
 
     def check(self) -> None:
         """Is called now and then: to look how much there is, and to raise a MeshError if it is too much."""
-
-    def gather(self, _attributes: list[str] | None = None) -> None:
-        """Begin to keep the text of the element that has just begun."""
-        self.text = ""
-        self._parser.CharacterDataHandler = self._add_text
 
     def fault(self, what: str, remedy: str = EXPORT_AGAIN) -> MeshError:
         """An error that names the line that is being read."""
@@ -117,10 +106,6 @@ class Reader:
         handler = self._ends.get(name)
         if handler:
             handler()
-            self._parser.CharacterDataHandler = None
-
-    def _add_text(self, text: str) -> None:
-        self.text = (self.text + text)[:LONGEST_TEXT]
 
     def _declare(self, prefix: str | None, namespace: str) -> None:
         if len(self.namespaces) >= self.limits.names:

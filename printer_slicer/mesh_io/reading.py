@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMATS", "Model", "load_mesh", "load_model"]
 
-FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "amf", "glb", "gltf", "step")
+FORMATS: Final = ("stl", "3mf", "obj", "ply", "off", "glb", "gltf", "step")
 """Extensions of the formats that can be read, without dot."""
 ALIASES: Final = {"stp": "step"}
 
@@ -46,6 +46,8 @@ PACKED: Final = (
     b"\x28\xb5\x2f\xfd",
 )
 """How files that programs have packed begin: gzip, 7z, RAR, xz, bzip2, zstd."""
+AMF: Final = re.compile(rb"<(\w+:)?amf[\s>]")
+"""What an AMF begins with, a format that was given up: few programs still write it."""
 VERTEX: Final = re.compile(rb"(?<![^\r\n])[ \t]*v[ \t]+[-+.\d]")
 FACE: Final = re.compile(rb"(?<![^\r\n])[ \t]*f[ \t]+[-+]?\d")
 """How lines of an OBJ begin."""
@@ -98,7 +100,7 @@ def _quiet(_share: float) -> None:
 def load_mesh(path: str | os.PathLike[str], *, units: str | None = None, limits: Limits = LIMITS) -> Mesh:
     """Mesh in a file, in mm, where the file has it: it is not moved to the bed.
 
-    Binary and ASCII STL, 3MF, OBJ, PLY, OFF, AMF, GLB and, with the extra `step`, STEP, known by what they begin with
+    Binary and ASCII STL, 3MF, OBJ, PLY, OFF, GLB, glTF and, with the extra `step`, STEP, known by what they begin with
     and else by extension. Several solids or objects in a file become one mesh, as the file places them.
 
     Args:
@@ -163,14 +165,18 @@ def _kind(source: Source) -> str:
     suffix = source.path.suffix.lower().removeprefix(".")
     suffix = ALIASES.get(suffix, suffix)
     for number, (magic, kind) in enumerate(MAGIC):
-        if source.head.startswith(magic) and (number < N_CERTAIN or suffix not in FORMATS):
-            return "amf" if kind == "3mf" and suffix == "amf" else kind
+        if (
+            source.head.startswith(magic)
+            and (number < N_CERTAIN or suffix not in FORMATS)
+            and suffix != "amf"
+        ):
+            return kind
     if suffix in FORMATS:
         return suffix
+    if suffix == "amf" or AMF.search(source.head[:4096]):
+        raise UsageError(f"{source.path}: AMF files are not read", remedy="Export the part as 3MF or STL.")
     if looks_like_ascii_stl(source):
         return "stl"
-    if re.search(rb"<(\w+:)?amf[\s>]", source.head[:4096]):
-        return "amf"
     if VERTEX.search(source.head) and FACE.search(source.whole(LIMITS.text_bytes)):
         return "obj"
     names = ", ".join(f".{name}" for name in FORMATS)
@@ -194,18 +200,11 @@ def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
     return _scaled(triangles, unit or "mm"), unit or "mm", notes
 
 
-def _read_zip(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
-    from printer_slicer.mesh_io.amf import amf_member, read_amf  # noqa: PLC0415
+def _read_zip(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.archive import unpacking  # noqa: PLC0415
     from printer_slicer.mesh_io.three_mf import read_three_mf  # noqa: PLC0415
 
-    if kind == "amf" and not source.head.startswith(b"PK"):
-        if source.size > limits.expanded_bytes:
-            source.whole(limits.expanded_bytes)
-        return read_amf(source.chunks(), source.path, limits, unit)
     with unpacking(source, limits) as archive:
-        if member := amf_member(archive):
-            return read_amf(archive.pieces(member), source.path, limits, unit)
         return read_three_mf(archive, limits, unit)
 
 
@@ -248,7 +247,6 @@ def _read_other(source: Source, kind: str, unit: str | None, limits: Limits) -> 
 _READERS: Final = {
     "stl": _read_stl,
     "3mf": _read_zip,
-    "amf": _read_zip,
     "obj": _read_obj,
     "glb": _read_glb,
     "gltf": _read_gltf,

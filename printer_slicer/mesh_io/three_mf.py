@@ -40,7 +40,7 @@ UNDERSTOOD: Final = tuple(f"{HOME}{name}/" for name in ("core", "production", "m
 RELATIONS: Final = "_rels/.rels"
 RELATION: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
 START: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
-OTHERS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
+OTHERS: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
 """Names of models that somebody has packed as they are."""
 PAINT: Final = {
     "custom_supports": "supports",

@@ -44,7 +44,7 @@ OTHER_NAMES: Final[Mapping[str, str]] = {
     "feet": "foot",
     "microns": "micron",
 }
-"""What 3MF, AMF and glTF files call them."""
+"""What 3MF files call them."""
 
 TINY: Final = 0.5
 """mm; no nozzle prints a part that is nowhere larger than one bead."""

@@ -276,4 +276,20 @@ def test_numbers_mean_what_the_person_says(tmp_path: Path) -> None:
 def test_a_file_with_the_wrong_extension_is_known_by_how_it_begins(tmp_path: Path, wrong: str) -> None:
     for name in ("deflated.3mf", "part.glb"):
         assert read(tmp_path, every_format()[name], wrong).kind == name[-3:]
-    assert read(tmp_path, zipped({"x.amf": every_format()["plain.amf"]}), wrong).mesh.n_facets == 12
+
+
+@pytest.mark.parametrize("name", ["part.amf", "part"])
+def test_an_amf_is_refused_with_the_formats_to_use(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path, "<?xml version='1.0'?>\n<amf unit='millimeter'><object id='1'/></amf>", name)
+
+    with pytest.raises(UsageError, match=r"part\S*: AMF files are not read") as caught:
+        load_mesh(path)
+
+    assert caught.value.remedy == "Export the part as 3MF or STL."
+
+
+def test_a_packed_amf_is_refused_with_the_formats_to_use(tmp_path: Path) -> None:
+    path = write(tmp_path, zipped({"part.amf": "<amf/>"}), "part.amf")
+
+    with pytest.raises(UsageError, match="AMF files are not read"):
+        load_mesh(path)

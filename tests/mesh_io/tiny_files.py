@@ -20,8 +20,6 @@ __all__ = [
     "FACES",
     "MIXED",
     "QUADS",
-    "amf",
-    "amf_mesh",
     "ascii_stl",
     "binary_stl",
     "every_format",
@@ -124,25 +122,6 @@ def model_xml(objects: Mapping[int, str], build: str, *, unit: str = "millimeter
 def three_mf(model: str, more: Mapping[str, str | bytes] | None = None) -> bytes:
     members = {"_rels/.rels": RELATIONS.format("/3D/3dmodel.model"), "3D/3dmodel.model": model}
     return zipped(members | dict(more or {}))
-
-
-# AMF
-
-
-def amf_mesh(corners: Float = CORNERS, faces: Any = FACES, kind: str = "") -> str:
-    points = "".join(
-        f"<vertex><coordinates><x>{x!r}</x><y>{y!r}</y><z>{z!r}</z></coordinates></vertex>"
-        for x, y, z in np.asarray(corners).tolist()
-    )
-    facets = "".join(
-        f"<triangle><v1>{a}</v1><v2>{b}</v2><v3>{c}</v3></triangle>" for a, b, c in np.asarray(faces).tolist()
-    )
-    attribute = f' type="{kind}"' if kind else ""
-    return f"<mesh><vertices>{points}</vertices><volume{attribute}>{facets}</volume></mesh>"
-
-
-def amf(content: str, unit: str = "millimeter") -> str:
-    return f'<?xml version="1.0" encoding="utf-8"?>\n<amf unit="{unit}" version="1.1">{content}</amf>'
 
 
 # GLB
@@ -253,18 +232,12 @@ def every_format() -> dict[str, bytes]:
         item(1) + item(2, (0, 1, 0, -1, 0, 0, 0, 0, 1, 0, 0, 0)) + item(1, more=' printable="0"'),
         unit="inch",
     )
-    moved = "<instance objectid='1'><deltax>9</deltax><rz>90</rz></instance>"
-    constellation = amf(
-        f"<object id='1'>{amf_mesh()}</object><constellation id='2'>{moved}</constellation>", "inch"
-    )
     return {
         "binary.stl": binary_stl(),
         "ascii.stl": ascii_stl().encode(),
         "utf16.stl": ascii_stl(BOX[:4]).encode("utf-16"),
         "deflated.3mf": three_mf(grouped),
         "stored.3mf": zipped({"3D/3dmodel.model": grouped}, zipfile.ZIP_STORED),
-        "plain.amf": constellation.encode(),
-        "packed.amf": zipped({"part.amf": constellation}, zipfile.ZIP_STORED),
         "part.obj": obj().encode(),
         "ascii.ply": ply(),
         "binary.ply": ply(binary=True),
