@@ -5,26 +5,21 @@ from __future__ import annotations
 import json
 import os
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
-from threading import Event as Flag
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.input_files import check_is_file, read_input
 
 if TYPE_CHECKING:
-    from printer_slicer.printing.setup import Setup
+    from filelock import BaseFileLock
 
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
+    from printer_slicer.printing.setup import Setup
 
 __all__ = [
     "DamagedPrint",
@@ -42,7 +37,7 @@ __all__ = [
     "unfinished",
 ]
 
-_A_MOMENT = 0.02  # s
+_PROBE_SECONDS = 0.04  # a process that looks whether a print is running holds its lock for less
 _MOST_HEAD = 1 << 24  # bytes
 _HEAD, _JOB, _LOCK = "head.json", "job.gcode", "lock"
 _IN_HEAD = {"name": str, "port": str, "baud": int, "begun": str, "boot": str, "setup": dict}
@@ -78,7 +73,7 @@ class Print:
     begun: str
     boot: str
     _setup: Mapping[str, Any]
-    _lock: int = -1
+    _lock: BaseFileLock | None = None
 
     @property
     def setup(self) -> Setup:
@@ -99,27 +94,26 @@ class Print:
 
     def hold(self) -> bool:
         """Make it this process's print; whether it was nobody else's."""
-        # Somebody who only looks, see `running`, holds it for a moment.
-        return self._try_to_hold() or (not Flag().wait(_A_MOMENT) and self._try_to_hold())
+        return self._try_to_hold(_PROBE_SECONDS)
 
-    def _try_to_hold(self) -> bool:
-        handle = os.open(self.folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    def _try_to_hold(self, seconds: float) -> bool:
+        """Lock the print; the lock ends with the process, however that ends."""
+        from filelock import FileLock, Timeout  # noqa: PLC0415 - slow
+
+        # Another thread than the one that began a print may end it.
+        lock = FileLock(self.folder / _LOCK, mode=0o600, thread_local=False)
         try:
-            if sys.platform == "win32":
-                msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-            else:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(handle)
+            lock.acquire(timeout=seconds, poll_interval=_PROBE_SECONDS / 4)
+        except Timeout:
             return False
-        self._lock = handle
+        self._lock = lock
         return True
 
     def release(self) -> None:
         """Let others have it."""
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        if self._lock:
+            self._lock.release()
+            self._lock = None
 
     @property
     def is_running(self) -> bool:
@@ -136,9 +130,9 @@ class Print:
         Raises:
             OSError: that cannot be found out: its lock is no file.
         """
-        if self._lock >= 0:
+        if self._lock:
             return True
-        if not self._try_to_hold():
+        if not self._try_to_hold(0):
             return True
         self.release()
         return False
