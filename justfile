@@ -55,6 +55,10 @@ bench *ARGS:
 install *ARGS:
     python benchmarks/installing.py {{ARGS}}
 
+# the fragments of changelog.d become the section of this version in CHANGELOG.md; --draft only shows it
+changelog *ARGS:
+    python -m benchmarks.changelog {{ARGS}}
+
 # the site, in build/site; warnings are errors
 docs:
     sphinx-build -W --keep-going -q -b html docs build/site
