@@ -25,6 +25,10 @@ contracts:
 test *ARGS:
     python -m pytest {{workers}} {{ARGS}}
 
+# tests that need no terminals, links or signals of Unix: what CI runs on macOS and Windows
+portable *ARGS:
+    python -m pytest {{workers}} tests/adhesion tests/gcode tests/geometry tests/infill tests/macros tests/mesh_io tests/motion tests/planning tests/profile tests/stream tests/surface tests/travels --ignore tests/mesh_io/test_damage.py --ignore tests/mesh_io/test_gltf.py --ignore tests/mesh_io/test_stl.py --ignore tests/profile/test_profile.py --ignore tests/profile/test_toml_text.py --ignore tests/stream/test_stream_ports.py {{ARGS}}
+
 # the properties once more with examples that no run has tried; what fails is kept in .hypothesis and tried again first
 random *ARGS:
     python -m pytest {{workers}} -m hypothesis --hypothesis-profile random {{ARGS}}
