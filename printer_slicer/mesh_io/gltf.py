@@ -1,6 +1,7 @@
-"""glTF as a text, with its numbers in it or in files beside it.
+"""glTF 2.0: nodes, meshes, accessors, with what compilers of it may do to positions; as text, and as GLB.
 
-Only what is in the folder of the model, or below it, becomes part of it.
+Only what decides the shape is looked at: never materials or images. A glTF may name files in its folder or below it,
+which become part of it; a GLB may not.
 """
 
 from __future__ import annotations
@@ -8,14 +9,20 @@ from __future__ import annotations
 import base64
 import errno
 import json
+import struct
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
 
+import numpy as np
+
 from printer_slicer.errors import MeshError
 from printer_slicer.input_files import read_input
+from printer_slicer.mesh_io.assembly import Body, Use, assembled
 from printer_slicer.mesh_io.files import without_byte_order_mark
-from printer_slicer.mesh_io.glb import FAULTS, check_extensions, read_scene, reason_of
-from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
+from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
+from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
+from printer_slicer.mesh_io.units import UNITS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,9 +30,194 @@ if TYPE_CHECKING:
     from printer_slicer.arrays import Float
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["read_gltf"]
+__all__ = ["read_glb", "read_gltf"]
 
+Numbers = np.ndarray[tuple[int, ...], np.dtype[Any]]
+JSON_CHUNK: Final = 0x4E4F534A
+BINARY_CHUNK: Final = 0x004E4942
+COMPONENTS: Final = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COLUMNS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+TRIANGLES, STRIP, FAN = 4, 5, 6
+INSTANCING: Final = "EXT_mesh_gpu_instancing"
+KNOWN: Final = (
+    INSTANCING,
+    "KHR_mesh_quantization",
+    "KHR_materials",
+    "KHR_texture",
+    "KHR_lights",
+    "EXT_texture",
+    "KHR_xmp",
+)
+"""How the names of extensions begin that are followed, or do not change what is read here."""
+PACKING: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+SCENE: Final = ("scene", 0)
 TOGETHER: Final = "Keep the files of a glTF together, or export it as GLB."
+UPRIGHT: Final = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""glTF's y points up, ours is z; for rows."""
+
+
+FAULTS: Final = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    struct.error,
+)
+"""What reading raises where something in a file does not fit together."""
+
+
+class _Document:
+    """The text of a file, and the arrays that it describes in its buffers."""
+
+    def __init__(
+        self, tree: dict[str, Any], buffers: Mapping[int, bytes | memoryview], path: Path, limits: Limits
+    ) -> None:
+        self.tree = tree
+        self._limits = limits
+        self._path = path
+        self._n_vertices = self._n_facets = self._n_instances = 0
+        self.n_bent = self.n_morphed = 0
+        self._buffers = dict(buffers)
+        self._length = sum(map(len, buffers.values()))
+
+    def check_packed(self, what: dict[str, Any]) -> None:
+        """Refuse numbers that are only there in a packed form; files should say so in front, but not all do.
+
+        Raises:
+            MeshError: a primitive, or a part of the buffer, has one of the extensions that pack.
+        """
+        for name in PACKING:
+            if name in what.get("extensions", {}):
+                raise _unknown(self._path, name)
+
+    def array(self, index: int) -> Numbers:
+        """(count, columns) the numbers of an accessor."""
+        accessor = self.tree["accessors"][_index(index)]
+        count, columns = int(accessor["count"]), COLUMNS[accessor["type"]]
+        kind = np.dtype(COMPONENTS[accessor["componentType"]])
+        if not 0 <= count <= 3 * self._limits.facets:
+            raise ValueError(f"an accessor of {count} items")
+        if "bufferView" in accessor:
+            numbers = self._numbers(accessor, kind, count, columns)
+        elif count <= self._length:
+            numbers = np.zeros((count, columns), dtype=kind)
+        else:
+            raise ValueError(f"{count} items without any bytes")
+        if "sparse" in accessor:
+            numbers = self._replaced(numbers, accessor["sparse"])
+        if accessor.get("normalized"):
+            return np.maximum(numbers / np.iinfo(kind).max, -1.0)
+        return numbers
+
+    def count(self, n_vertices: int, n_facets: int) -> None:
+        """So many vertices and facets more.
+
+        Raises:
+            MeshError: too many; several primitives can share the same bytes.
+        """
+        self._n_vertices += n_vertices
+        self._n_facets += n_facets
+        check_vertices(self._n_vertices, self._path, self._limits)
+        check_facets(self._n_facets, self._path, self._limits)
+
+    def count_instances(self, count: int) -> None:
+        """So many instances more.
+
+        Raises:
+            MeshError: too many; several nodes can share the same bytes.
+        """
+        self._n_instances += count
+        check_instances(self._n_instances, self._path, self._limits)
+
+    def notes(self) -> list[str]:
+        """What deserves a look."""
+        return [
+            f"{number} meshes are {what}, which is not followed: they are read as they were drawn"
+            for number, what in (
+                (self.n_bent, "bent by a skeleton"),
+                (self.n_morphed, "changed by morph weights"),
+            )
+            if number
+        ]
+
+    def _replaced(self, numbers: Numbers, sparse: dict[str, Any]) -> Numbers:
+        """The numbers, with some of them replaced."""
+        count = int(sparse["count"])
+        kind = np.dtype(COMPONENTS[sparse["indices"]["componentType"]])
+        places = self._numbers(sparse["indices"], kind, count, 1)[:, 0]
+        replaced = numbers.copy()
+        replaced[places] = self._numbers(sparse["values"], numbers.dtype, count, numbers.shape[1])
+        return replaced
+
+    def _numbers(self, where: dict[str, Any], kind: np.dtype[Any], count: int, columns: int) -> Numbers:
+        """(count, columns) numbers as they lie in a buffer; nothing is copied."""
+        view = self.tree["bufferViews"][_index(where["bufferView"])]
+        start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+        offset, least = int(where.get("byteOffset", 0)), columns * kind.itemsize
+        stride = int(view.get("byteStride", least))
+        buffer = self._buffer(view)
+        if min(start, length, offset) < 0 or stride < least or start + length > len(buffer):
+            raise ValueError("a part of the buffer that is not there")
+        if count and offset + (count - 1) * stride + least > length:
+            raise ValueError(f"{count} items do not fit their part of the buffer")
+        return np.ndarray(
+            (count, columns), kind, buffer[start : start + length], offset, (stride, kind.itemsize)
+        )
+
+    def _buffer(self, view: dict[str, Any]) -> memoryview | bytes:
+        """The buffer that a view is a part of."""
+        number = _index(view["buffer"])
+        if number not in self._buffers:
+            uri = self.tree["buffers"][number].get("uri")
+            if uri is None:
+                self.check_packed(view)
+                raise ValueError(f"the bytes of buffer {number} are not there")
+            head, comma, text = str(uri).partition(",")
+            if not comma or not head.lower().startswith("data:") or not head.lower().endswith("base64"):
+                raise ValueError("a part of it is in another file")
+            self._buffers[number] = base64.b64decode(text, validate=True)
+        return self._buffers[number]
+
+
+def _check_extensions(tree: Mapping[str, Any], path: Path) -> None:
+    """Refuse a file that cannot be understood without an extension that is not known here.
+
+    Raises:
+        MeshError: it is one.
+        TypeError: what it requires is no list.
+    """
+    for name in tree.get("extensionsRequired", []):
+        if not str(name).startswith(KNOWN):
+            raise _unknown(path, str(name))
+
+
+def read_glb(
+    data: bytes, path: Path, limits: Limits, unit: str | None, *, y_up: bool = True
+) -> tuple[Float, str, list[str]]:
+    """Everything in the scene of a GLB file, z up.
+
+    Args:
+        data: the file.
+        path: of the file, for messages.
+        limits: of what it holds.
+        unit: the key in UNITS that its numbers mean; None: metres, as glTF says.
+        y_up: whether its y points up, as glTF says.
+
+    Returns:
+        (F, 3, 3) corners, mm; the unit they were written in; what deserves a look.
+
+    Raises:
+        MeshError: it is no sound GLB.
+    """
+    try:
+        tree, binary = _chunks(data, limits)
+        # Bytes in the file itself are those of its first buffer, if that has no others.
+        is_own = tree.get("buffers") and tree["buffers"][0].get("uri") is None
+        return _read_scene(tree, {0: binary} if is_own else {}, path, limits, unit, y_up=y_up)
+    except FAULTS as error:
+        raise MeshError(f"{path}: not a sound .glb file: {_reason_of(error)}", remedy=COPY_AGAIN) from error
 
 
 def read_gltf(
@@ -45,11 +237,57 @@ def read_gltf(
     try:
         tree = json.loads(without_byte_order_mark(data))
         _check_version(tree)
-        check_extensions(tree, path)
+        _check_extensions(tree, path)
         buffers = _buffers(tree, path, limits.file_bytes - len(data))
-        return read_scene(tree, buffers, path, limits, unit)
+        return _read_scene(tree, buffers, path, limits, unit)
     except FAULTS as error:
-        raise MeshError(f"{path}: not a sound .gltf file: {reason_of(error)}", remedy=EXPORT_AGAIN) from error
+        raise MeshError(
+            f"{path}: not a sound .gltf file: {_reason_of(error)}", remedy=EXPORT_AGAIN
+        ) from error
+
+
+def _read_scene(
+    tree: dict[str, Any],
+    buffers: Mapping[int, bytes | memoryview],
+    path: Path,
+    limits: Limits,
+    unit: str | None,
+    *,
+    y_up: bool = True,
+) -> tuple[Float, str, list[str]]:
+    """Everything in the scene of a glTF, z up.
+
+    Args:
+        tree: the text of it.
+        buffers: number -> bytes of those that are known; others may stand in the text.
+        path: of the file, for messages.
+        limits: of what it holds.
+        unit: as for `read_glb`.
+        y_up: as for `read_glb`.
+
+    Returns:
+        As `read_glb`.
+
+    Raises:
+        MeshError: there is too much in it, or an extension is not known.
+        FAULTS: something in it does not fit together.
+    """
+    _check_extensions(tree, path)
+    document = _Document(tree, buffers, path, limits)
+    bodies = _bodies(document)
+    bodies[SCENE] = _scene(tree)
+    own_unit = unit or "m"
+    return (
+        assembled([Use(SCENE, UPRIGHT if y_up else None)], bodies, path, limits, UNITS[own_unit]),
+        own_unit,
+        document.notes(),
+    )
+
+
+def _reason_of(error: Exception) -> str:
+    """What to say of one of `FAULTS`."""
+    reason = str(error).partition("\n")[0][:200] or type(error).__name__
+    return f"no {reason}" if isinstance(error, KeyError) else reason
 
 
 def _check_version(tree: object) -> None:
@@ -133,3 +371,180 @@ def _beside(uri: str, path: Path, most: int) -> bytes:
         raise MeshError(
             f"{path}: names a file that cannot be read: {uri!r}: {reason}", remedy=TOGETHER
         ) from None
+
+
+def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
+    """The text of a GLB, and its bytes; none where it has none."""
+    magic, version, _ = struct.unpack_from("<4sLL", data)
+    if magic != b"glTF" or version != 2:
+        raise ValueError("not binary glTF of version 2")
+    chunks: dict[int, memoryview] = {}
+    place, view = 12, memoryview(data)
+    while place + 8 <= len(data):
+        length, kind = struct.unpack_from("<LL", data, place)
+        if place + 8 + length > len(data):
+            raise ValueError(f"a chunk of {length} bytes, but only {len(data) - place - 8} are left")
+        chunks.setdefault(kind, view[place + 8 : place + 8 + length])
+        place += 8 + length
+    if len(chunks[JSON_CHUNK]) > limits.json_bytes:
+        raise ValueError(f"{len(chunks[JSON_CHUNK])} bytes of text; at most {limits.json_bytes} are read")
+    tree = json.loads(bytes(chunks[JSON_CHUNK]))
+    if not isinstance(tree, dict):
+        raise TypeError("no JSON object")
+    return tree, chunks.get(BINARY_CHUNK, memoryview(b""))
+
+
+def _scene(tree: dict[str, Any]) -> Body:
+    """What stands in the scene."""
+    nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
+    if scenes:
+        begin = [_index(index) for index in scenes[_index(tree.get("scene", 0))].get("nodes", [])]
+    else:
+        children = {_index(child) for node in nodes for child in node.get("children", [])}
+        begin = [index for index in range(len(nodes)) if index not in children]
+    return Body("the scene", parts=[Use(("node", index), _matrix(nodes[index])) for index in begin])
+
+
+def _bodies(document: _Document) -> dict[Hashable, Body]:
+    """Nodes and the meshes they hold."""
+    bodies: dict[Hashable, Body] = {}
+    nodes = document.tree.get("nodes", [])
+    for index, node in enumerate(nodes):
+        body = bodies["node", index] = Body(f"node {index}")
+        if "mesh" in node:
+            key = ("mesh", _index(node["mesh"]))
+            if key not in bodies:
+                bodies[key] = _mesh(document, key[1])
+            document.n_bent += "skin" in node
+            document.n_morphed += _is_morphed(node, document.tree["meshes"][key[1]])
+            body.parts += [Use(key, matrix) for matrix in _instances(document, node)]
+        children = [_index(child) for child in node.get("children", [])]
+        body.parts += [Use(("node", child), _matrix(nodes[child])) for child in children]
+    return bodies
+
+
+def _is_morphed(node: dict[str, Any], mesh: dict[str, Any]) -> bool:
+    """Whether weights move the vertices of a mesh."""
+    return any(node.get("weights", mesh.get("weights", []))) and any(
+        "targets" in primitive for primitive in mesh["primitives"]
+    )
+
+
+def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | None]:
+    """The matrices (4, 4) of the copies of the mesh of a node; mostly there is one, which is not moved."""
+    if INSTANCING not in node.get("extensions", {}):
+        return [None]
+    attributes = node["extensions"][INSTANCING]["attributes"]
+    places = {
+        name: document.array(attributes[name]).astype(np.float64)
+        for name in ("TRANSLATION", "ROTATION", "SCALE")
+        if name in attributes
+    }
+    counts = {len(numbers) for numbers in places.values()}
+    if len(counts) != 1:
+        raise ValueError("instances that are not placed, or by lists of different lengths")
+    count = counts.pop()
+    document.count_instances(count)
+    return list(
+        _matrices(
+            places.get("TRANSLATION", np.zeros((count, 3))),
+            places.get("ROTATION", np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))),
+            places.get("SCALE", np.ones((count, 3))),
+        )
+    )
+
+
+def _mesh(document: _Document, index: int) -> Body:
+    """The facets of all primitives of a mesh."""
+    body = Body(f"mesh {index}")
+    for primitive in document.tree["meshes"][index]["primitives"]:
+        mode = primitive.get("mode", TRIANGLES)
+        if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in primitive["attributes"]:
+            continue
+        if any("bufferView" not in document.tree["accessors"][_index(one)] for one in _accessors(primitive)):
+            document.check_packed(primitive)
+        points = document.array(primitive["attributes"]["POSITION"])
+        if points.shape[1] != 3:
+            raise ValueError("positions that are not x, y, z")
+        if "indices" in primitive:
+            corners = document.array(primitive["indices"])[:, 0].astype(np.int64)
+        else:
+            corners = np.arange(len(points), dtype=np.int64)
+        if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
+            raise ValueError(f"a facet with vertex {corners.max()} of {len(points)}")
+        document.count(len(points), len(corners) // 3 if mode == TRIANGLES else len(corners))
+        faces = _faces(corners, mode) + len(body.xyz) // 3
+        body.xyz.frombytes(points.astype(np.float64).tobytes())
+        body.corners.frombytes(faces.tobytes())
+    return body
+
+
+def _accessors(primitive: dict[str, Any]) -> list[Any]:
+    """Those of the positions and of the corners."""
+    return [primitive["attributes"]["POSITION"], *([primitive["indices"]] if "indices" in primitive else [])]
+
+
+def _unknown(path: Path, extension: str) -> MeshError:
+    """What to say of a file that cannot be read without an extension."""
+    return MeshError(
+        f"{path}: the file needs the glTF extension '{extension[:60]}', which is not known here",
+        remedy="Export it without compression, or as STL or 3MF.",
+    )
+
+
+def _faces(corners: Numbers, mode: int) -> Numbers:
+    """(F, 3) facets of a list, a strip or a fan of corners."""
+    if mode == TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    count = max(len(corners) - 2, 0)
+    first = np.arange(count)
+    if mode == FAN:
+        return np.stack([corners[first * 0], corners[first + 1], corners[first + 2]], axis=1)
+    odd = first % 2  # every second facet of a strip runs the other way
+    return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
+
+
+def _matrix(node: dict[str, Any]) -> Float | None:
+    """(4, 4) of a node, for rows."""
+    if "matrix" in node:
+        return _finite(np.reshape(np.array(node["matrix"], dtype=np.float64), (4, 4)))
+    if not node.keys() & {"translation", "rotation", "scale"}:
+        return None
+    translation, rotation, scale = (
+        np.reshape(np.array(node.get(name, usual), dtype=np.float64), (1, len(usual)))
+        for name, usual in (("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)))
+    )
+    matrix: Float = _matrices(translation, rotation, scale)[0]
+    return matrix
+
+
+def _matrices(translation: Float, rotation: Float, scale: Float) -> Float:
+    """(N, 4, 4) for rows, of shifts (N, 3), quaternions (N, 4), their real part last, and scales (N, 3)."""
+    if translation.shape[1] != 3 or rotation.shape[1] != 4 or scale.shape[1] != 3:
+        raise ValueError("what is moved in other than three directions")
+    matrices = np.zeros((len(translation), 4, 4))
+    x, y, z, w = rotation.T
+    matrices[:, :3, :3] = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+            [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+            [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+    matrices[:, :3, :3] *= scale[:, :, None]
+    matrices[:, 3, :3] = translation
+    matrices[:, 3, 3] = 1
+    return _finite(matrices)
+
+
+def _finite(matrices: Float) -> Float:
+    if not np.isfinite(matrices).all():
+        raise ValueError("a node that is moved by no number")
+    return matrices
+
+
+def _index(value: object) -> int:
+    """A place in a list; Python would count negative ones from the end."""
+    if not isinstance(value, int) or value < 0:
+        raise ValueError(f"{str(value)[:20]} where an index should be")
+    return value

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.mesh_io.ascii_stl import looks_like_ascii_stl, read_ascii_stl
 from printer_slicer.mesh_io.binary_stl import announces_its_size, read_binary_stl
-from printer_slicer.mesh_io.files import Progress, Source, opened
+from printer_slicer.mesh_io.files import Progress, Source, opened, without_byte_order_mark
 from printer_slicer.mesh_io.limits import LIMITS, Limits
-from printer_slicer.mesh_io.soundness import blocks, sound
+from printer_slicer.mesh_io.soundness import COPY_AGAIN, blocks, sound
 from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
 from printer_slicer.model import Item, Mesh
 
@@ -137,7 +137,7 @@ def load_model(
     unit = checked_unit(units) if units is not None else None
     with opened(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _kind(source)
-        triangles, own_unit, notes, *shares = _READERS.get(kind, _read_other)(source, kind, unit, limits)
+        triangles, own_unit, notes, *shares = _READERS[kind](source, kind, unit, limits)
         items = _items(shares[0] if shares else [], triangles, path.stem)
         kept, n_folded = sound(triangles, path)
     items = tuple(item.without_facets() for item in items) if n_folded else items
@@ -209,7 +209,7 @@ def _read_zip(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
 
 
 def _read_glb(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
-    from printer_slicer.mesh_io.glb import read_glb  # noqa: PLC0415
+    from printer_slicer.mesh_io.gltf import read_glb  # noqa: PLC0415
 
     return read_glb(source.whole(limits.text_bytes), source.path, limits, unit)
 
@@ -237,10 +237,18 @@ def _read_obj(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
     return _scaled(triangles, unit or "mm"), unit or "mm", notes
 
 
-def _read_other(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
-    from printer_slicer.mesh_io.others import read_other  # noqa: PLC0415
+def _read_table(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
+    from printer_slicer.mesh_io.off import read_off  # noqa: PLC0415
+    from printer_slicer.mesh_io.ply import read_ply  # noqa: PLC0415
 
-    triangles = read_other(source.whole(limits.text_bytes), kind, source.path, limits)
+    read = read_ply if kind == "ply" else read_off
+    try:
+        triangles = read(without_byte_order_mark(source.whole(limits.text_bytes)), source.path, limits)
+    except MeshError:
+        raise
+    except (ValueError, LookupError, TypeError, ArithmeticError) as error:
+        reason = str(error).partition("\n")[0][:200] or type(error).__name__
+        raise MeshError(f"{source.path}: not a sound .{kind} file: {reason}", remedy=COPY_AGAIN) from error
     return _scaled(triangles, unit or "mm"), unit or "mm", []
 
 
@@ -248,6 +256,8 @@ _READERS: Final = {
     "stl": _read_stl,
     "3mf": _read_zip,
     "obj": _read_obj,
+    "ply": _read_table,
+    "off": _read_table,
     "glb": _read_glb,
     "gltf": _read_gltf,
     "step": _read_step,

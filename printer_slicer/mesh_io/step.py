@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import MeshError, UsageError
-from printer_slicer.mesh_io.glb import read_glb
+from printer_slicer.mesh_io.gltf import read_glb
 from printer_slicer.mesh_io.soundness import COPY_AGAIN
 
 if TYPE_CHECKING:
