@@ -5,7 +5,7 @@
 1. Every printer, print and filament preset: imported, or the reason. Fails under 95 %.
 2. N printers with their default print and filament, evenly spread: dimensions, limits, temperatures and speeds
    against PrusaSlicer's own reading (`--save`).
-3. N printers: start and end G-code as we render the translated macros against those in PrusaSlicer's own file, and
+3. N printers: start and end G-code as we fill them in against those in PrusaSlicer's own file, and
    pressure advance against what its commands there mean to the firmware.
 4. N printers: the box, sliced and printed on the simulated printer; or the reason why not.
 """
@@ -219,7 +219,7 @@ def same_line(ours: str, theirs: str) -> bool:
 
 
 def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
-    """How many lines of start and end G-code differ, besides those that the import said it left out."""
+    """How many lines of start and end G-code differ."""
     made, settings, _ = triple(*printer)
     if len(made) < 3:
         print(f"macros   {printer[1]}: not all of its presets import")
@@ -237,17 +237,12 @@ def compare_macros(printer: tuple[Path, str], folder: Path) -> int:
     except PrinterSlicerError as error:
         print(f"macros   {printer[1]}: {str(error).splitlines()[0]}")
         return 0
-    told = ("kept as a comment", "here, there")
     filament = theirs.pop(FILAMENT, None)
     advance = [] if filament is None else unlike_advance(made["material"], filament)
-    left_out = sum(any(word in note.text for word in told) for note in made["printer"].notes)
     wrong = [line for key in theirs for line in unlike(ours.get(key, []), theirs[key])]
-    more = wrong[: max(len(wrong) - left_out, 0)]
     total = sum(map(len, theirs.values()))
-    print(
-        f"macros   {printer[1]}: {total} commands, {left_out} left out; {'; '.join(more) or 'the others are the same'}"
-    )
-    return len(more) + len(advance)
+    print(f"macros   {printer[1]}: {total} commands; {'; '.join(wrong) or 'all the same'}")
+    return len(wrong) + len(advance)
 
 
 def unlike_advance(material: Imported, theirs: list[str]) -> list[str]:

@@ -54,5 +54,6 @@ def gcode_of(  # noqa: PLR0913 - every choice has a usual value
         labels=labels,
         flavour=strategies.own_flavour,
         made=made,
+        name=part.name if part else "",
     )
     return checked_lines(text, strategies.on_lines)

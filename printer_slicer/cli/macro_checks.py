@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -10,16 +9,13 @@ from typing import Any, Final
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Note
 from printer_slicer.inspection.lint.scan import scan
-from printer_slicer.macros import Value, read_template
+from printer_slicer.macros import Value, read_template, with_other_names
 from printer_slicer.profile import Profile, load_profile, profile_from, settings_of
 from printer_slicer.profile.reading import flatten
 
 __all__ = ["with_macro_notes"]
 
 _MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
-_MARK: Final = re.compile(r"\{(?:if|elif)\b[^{}]*\}|\{else\}|\{endif\}")
-_SHOWN: Final = re.compile(r"\{[^{}]*\}")
-_BRACES: Final = str.maketrans({"\x01": "(", "\x02": ")"})
 
 
 def with_macro_notes(made: Sequence[Imported]) -> list[Imported]:
@@ -51,8 +47,9 @@ def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[N
             if isinstance(value, (bool, int, float, str)):
                 names[f"{kind}.{key}"] = value
                 names.setdefault(key, value)
+    known = with_other_names(names)
     for name in _MACROS:
-        commands = list(_commands(str(one.values.get(name, "")), names))
+        commands = list(_commands(str(one.values.get(name, "")), known))
         yield from _refused(commands, profile, f"{one.source}: {name}")
 
 
@@ -64,17 +61,11 @@ def _refused(commands: Sequence[bytes], profile: Profile, place: str) -> Iterato
 
 
 def _commands(macro: str, names: Mapping[str, Value]) -> Iterator[bytes]:
-    """The commands of a macro, those of all branches, with values where they are known and 0 elsewhere."""
-    for line in macro.replace("{{", "\x01").replace("}}", "\x02").splitlines():
-        for piece in _MARK.split(line.partition(";")[0]):
-            text = _SHOWN.sub(lambda shown: _value(shown[0], names), piece).translate(_BRACES)
-            if text.strip():
-                yield text.strip().encode("ascii", "replace")
-
-
-def _value(shown: str, names: Mapping[str, Value]) -> str:
-    """What an expression comes out as; 0 where it hangs on the print."""
+    """The commands of a macro, of every branch that may be taken, with values where they are known, 0 elsewhere."""
     try:
-        return "".join(read_template(shown, "").filled(names))
-    except ProfileError:
-        return "0"
+        lines = read_template(macro, "").possible_lines(names)
+    except ProfileError:  # which the import has told
+        return
+    for line in lines:
+        if command := line.partition(";")[0].strip():
+            yield command.encode("ascii", "replace")

@@ -8,26 +8,30 @@ from math import pi
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.macros import Value
+from printer_slicer.macros import Items, Value, with_other_names
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
 from printer_slicer.roles import Role
 
-__all__ = ["layer_facts", "print_facts"]
+__all__ = ["end_facts", "layer_facts", "print_facts"]
 
 _DIGITS = 6
+_MOST_TOOLS = 255
 
 
 def print_facts(
-    program: Program, profile: Profile, seconds: float = 0.0, names: tuple[str, ...] = ()
+    program: Program, profile: Profile, seconds: float = 0.0, names: tuple[str, ...] = (), name: str = ""
 ) -> dict[str, Value]:
     """Settings of printer, material and quality, each as `section.name` and as `name`, and facts about the print.
+
+    All of them stand under PrusaSlicer's names, too, and those of other slicers.
 
     Args:
         program: the moves.
         profile: what they were made with.
         seconds: modelled time of the moves.
         names: of the things on the plate, where there are several.
+        name: of the file that was sliced, without its suffix.
     """
     known = _settings(profile)
     printer, material = profile.printer, profile.material
@@ -50,17 +54,41 @@ def print_facts(
         "filament_used": used,
         "filament_used_g": grams,
         "print_seconds": seconds,
+        "extruded_volume": used * pi * material.filament_diameter**2 / 4,
+        "total_cost": grams * material.cost / 1000,
+        "first_layer_height": program.plan.top[0],
+        "extrusion_width": profile.extrusion_width,
     }
     lists: dict[str, Value] = {
         "first_layer_min": _list(low),
         "first_layer_max": _list(high),
         "first_layer_size": _list(high - low),
+        "print_bed_min": _list(np.array([left, front])),
+        "print_bed_max": _list(np.array([right, back])),
+        "print_bed_size": _list(np.array([right - left, back - front])),
         "layer_tops": _list(program.plan.top),
         "object_names": names,
+        "input_filename": f"{name}.gcode" if name else "",
+        "input_filename_base": name,
     }
-    for name in ("layer_heights", "pause_at"):
-        lists[name] = lists[f"quality.{name}"] = getattr(profile.quality, name)
-    return known | {name: round(float(value), _DIGITS) for name, value in numbers.items()} | lists
+    lists |= {key.replace("layer_", "layer_print_"): lists[key] for key in lists if key.startswith("first_")}
+    for key in ("layer_heights", "pause_at"):
+        lists[key] = lists[f"quality.{key}"] = getattr(profile.quality, key)
+    known |= {key: round(float(value), _DIGITS) for key, value in numbers.items()}
+    return with_other_names(known | lists | _of_extruders(profile, len(names)))
+
+
+def _of_extruders(profile: Profile, objects: int) -> dict[str, Value]:
+    """What PrusaSlicer's macros ask of extruders, wipe tower and objects."""
+    tools = {extruder.tool for extruder in profile.extruders}
+    return {
+        "num_objects": max(objects, 1),
+        "num_extruders": len(tools),
+        "is_extruder_used": Items(tool in tools for tool in range(_MOST_TOOLS)),
+        "has_wipe_tower": False,
+        "has_single_extruder_multi_material_priming": False,
+        "total_toolchanges": len(tools) - 1,
+    }
 
 
 def _list(values: Float) -> tuple[float, ...]:
@@ -92,10 +120,22 @@ def layer_facts(program: Program, layer: int, filament: float, seconds: float) -
         seconds: modelled time of the moves before it.
     """
     plan = program.plan
+    top = round(float(plan.top[layer]), _DIGITS)
     return {
-        "layer_num": float(layer),
-        "layer_z": round(float(plan.top[layer]), _DIGITS),
-        "layer_height": round(float(plan.height[layer]), _DIGITS),
+        "layer_num": layer,
+        "layer_z": top,
+        "max_layer_z": top,
+        "current_layer_height": round(float(plan.height[layer]), _DIGITS),
         "filament_so_far": round(filament, _DIGITS),
         "seconds_so_far": round(seconds, _DIGITS),
+    }
+
+
+def end_facts(program: Program, profile: Profile) -> Mapping[str, Value]:
+    """What is known besides when all is printed; `layer_z` is where PrusaSlicer's nozzle stands then, lifted."""
+    top = float(program.plan.top[-1])
+    return {
+        "layer_num": program.plan.n_layers - 1,
+        "layer_z": round(top + profile.printer.z_hop, _DIGITS),
+        "max_layer_z": round(top, _DIGITS),
     }

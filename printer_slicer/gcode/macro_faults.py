@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode.facts import layer_facts, print_facts
+from printer_slicer.gcode.facts import end_facts, layer_facts, print_facts
 from printer_slicer.macros import read_template
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.profile import Printer
@@ -25,18 +25,21 @@ _IN_LAYERS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gcode
 def macro_faults(printer: Printer) -> Iterator[Conflict]:
     """Yield the first error of each macro; values depend on part, material and quality and are not computed."""
     nothing = _no_moves()
-    known = set(print_facts(nothing, alone(printer)))
+    profile = alone(printer)
+    known = set(print_facts(nothing, profile))
     # Which planner settings exist depends on the quality.
     of_planners = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}
     known |= {f"{section}planner.{name}" for name in of_planners for section in ("", "quality.")}
-    in_layer = known | set(layer_facts(nothing, 0, 0.0, 0.0))
+    more = dict.fromkeys(_IN_LAYERS, layer_facts(nothing, 0, 0.0, 0.0)) | {
+        "end_gcode": end_facts(nothing, profile)
+    }
     for name in printer.__struct_fields__:
         if not name.endswith("_gcode"):
             continue
         key = f"printer.{name}"
         try:
             template = read_template(getattr(printer, name), key)
-            template.check(in_layer if name in _IN_LAYERS else known)
+            template.check(known | set(more.get(name, ())))
         except ProfileError as error:
             yield Conflict(key, str(error.args[0]).removeprefix(f"{key}: "), error.remedy)
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from heapq import merge
+from itertools import chain
 from math import ceil
 from typing import Final
 
@@ -55,6 +57,7 @@ class Writing:
         begins: (K + 1,) modelled time at which each move begins, s, counted from the start G-code, and at last that at
             which all is done; zeros where it is not known.
         marking: things that are marked, and how.
+        shared: global variables of macros, as the start G-code leaves them.
     """
 
     program: Program
@@ -63,6 +66,7 @@ class Writing:
     known: dict[str, Value]
     begins: Float
     marking: Marking | None = None
+    shared: Mapping[str, Value] = field(default_factory=dict)
 
 
 def macro_of(profile: Profile, name: str) -> Template:
@@ -89,13 +93,14 @@ def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dic
     """
     notes: dict[int, list[str]] = {}
     relative, marking = writing.profile.printer.relative_extrusion, writing.marking
+    layers, arrivals = _macros(writing, rows)
     sources = (
         stop_notes(marks, marking, rows, relative=relative) if marking else (),
         _said_again(writing, marks),
-        for_all(_layers(writing, rows), marks),
+        for_all(iter(layers), marks),
         for_all(_events(writing), marks),
         start_notes(marks, marking) if marking else (),
-        _arrivals(writing, rows),
+        arrivals,
         _progress(writing),
         _retractions(turns),
     )
@@ -105,7 +110,18 @@ def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dic
     return notes
 
 
-def _layers(writing: Writing, rows: Rows) -> Iterator[_Note]:
+def _macros(writing: Writing, rows: Rows) -> tuple[list[_Note], list[_Note]]:
+    """Changes of layer and arrivals; their macros run in the order of the print, which global variables hang on."""
+    shared = dict(writing.shared)
+    found: tuple[list[_Note], list[_Note]] = [], []
+    layers = ((found[0], note) for note in _layers(writing, rows, shared))
+    arrivals = ((found[1], note) for note in _arrivals(writing, rows, shared))
+    for notes, note in merge(layers, arrivals, key=lambda one: one[1][0]):
+        notes.append(note)
+    return found
+
+
+def _layers(writing: Writing, rows: Rows, shared: dict[str, Value]) -> Iterator[_Note]:
     """Every change of layer, and the macro before it."""
     program, template = writing.program, macro_of(writing.profile, "before_layer_gcode")
     height = _layer_heights(program)
@@ -119,12 +135,12 @@ def _layers(writing: Writing, rows: Rows) -> Iterator[_Note]:
                 f";HEIGHT:{number(float(height[layer]))}",
                 ";BEFORE_LAYER_CHANGE",
                 f";{number(float(program.plan.top[layer]))}",
-                *_in_layer(template, writing, rows, move, layer),
+                *_in_layer(template, writing, rows, move, layer, shared),
             ],
         )
 
 
-def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
+def _arrivals(writing: Writing, rows: Rows, shared: dict[str, Value]) -> Iterator[_Note]:
     """Pauses and the macro of each layer, once the nozzle is at its height."""
     program = writing.program
     template = macro_of(writing.profile, "layer_gcode")
@@ -138,8 +154,8 @@ def _arrivals(writing: Writing, rows: Rows) -> Iterator[_Note]:
     arrived = np.flatnonzero(high)
     arrived = arrived[run_begins(program.layer[arrived])]
     for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
-        lines = _in_layer(pause, writing, rows, place + 1, layer) if layer in pauses else []
-        yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer)
+        lines = _in_layer(pause, writing, rows, place + 1, layer, shared) if layer in pauses else []
+        yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer, shared)
 
 
 def macros_between(writing: Writing, rows: Rows) -> Iterator[_Note]:
@@ -147,7 +163,7 @@ def macros_between(writing: Writing, rows: Rows) -> Iterator[_Note]:
     names = "before_layer_gcode", "layer_gcode"
     if all(macro_of(writing.profile, name).empty for name in names) and not writing.profile.quality.pause_at:
         return
-    for move, lines in (*_layers(writing, rows), *_arrivals(writing, rows)):
+    for move, lines in chain(*_macros(writing, rows)):
         if any(f"{found[1].upper()}{found[2]}" in _TAKING_TIME for found in map(_CODE.match, lines) if found):
             yield move, lines
 
@@ -172,13 +188,15 @@ def _pauses(writing: Writing) -> set[int]:
     return pauses
 
 
-def _in_layer(template: Template, writing: Writing, rows: Rows, move: int, layer: int) -> list[str]:
+def _in_layer(  # noqa: PLR0917 - where and with what
+    template: Template, writing: Writing, rows: Rows, move: int, layer: int, shared: dict[str, Value]
+) -> list[str]:
     """A macro that runs before a move; the printer is then as it was before."""
     if template.empty:
         return []
     laid = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
     facts = layer_facts(writing.program, layer, laid, float(writing.begins[move]))
-    lines = template.filled(writing.known | dict(facts))
+    lines = template.filled(writing.known | dict(facts), shared)
     return lines + _restored(lines, writing, rows, move)
 
 

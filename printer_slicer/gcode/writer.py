@@ -11,7 +11,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode.dialect import Dialect, fan_line
-from printer_slicer.gcode.facts import print_facts
+from printer_slicer.gcode.facts import end_facts, print_facts
 from printer_slicer.gcode.flavours import FLAVOURS
 from printer_slicer.gcode.labels import Mark, definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import (
@@ -44,6 +44,7 @@ class Told:
         comments: lines that stand behind the first one as they are.
         labels: which moves lay which of several things.
         made: date in UTC; None: no date.
+        name: of the file that was sliced, without its suffix.
     """
 
     seconds: Float | None = None
@@ -51,6 +52,7 @@ class Told:
     comments: Sequence[str] = ()
     labels: Labels | None = None
     made: datetime | None = None
+    name: str = ""
 
 
 def write_program(
@@ -81,14 +83,15 @@ def _file(
     """The text, its modelled time, and how much of that macros between moves take: `macros` times what they seem to."""
     seconds, labels = told.seconds, told.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
-    known = print_facts(program, profile, float(each.sum()), labels.names if labels else ())
-    start = [*_tool(profile, known), *macro_of(profile, "start_gcode").filled(known)]
-    end = macro_of(profile, "end_gcode").filled(known)
+    known = print_facts(program, profile, float(each.sum()), labels.names if labels else (), told.name)
+    shared: dict[str, Value] = {}
+    start = [*_tool(profile, known, shared), *macro_of(profile, "start_gcode").filled(known, shared)]
+    end = macro_of(profile, "end_gcode").filled(known | dict(end_facts(program, profile)), dict(shared))
     begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
     if seconds is not None:
         begins += _seconds_of(start, profile, dialect)
         begins[-1] += _seconds_of(end, profile, dialect, _goes_on(program, program.n_moves))
-    writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels))
+    writing = Writing(program, profile, dialect, known, begins, marking(profile, dialect, labels), shared)
     spelt = _spelt(writing)
     if seconds is not None:
         taken = macros * _of_macros(writing, spelt.rows)
@@ -107,12 +110,12 @@ def _file(
     return b"".join([_lines(before), *_body(writing, spelt), _lines(after)]), total or 0.0, float(taken[-1])
 
 
-def _tool(profile: Profile, known: Mapping[str, Value]) -> list[str]:
+def _tool(profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]) -> list[str]:
     """What selects the tool that prints; start G-code then heats it."""
     template = macro_of(profile, "tool_gcode")
     if template.empty:
         return [f"T{profile.printer.tool}"] if profile.printer.tool else []
-    return template.filled(known)
+    return template.filled(known, shared)
 
 
 def _of_macros(writing: Writing, rows: Rows) -> Float:
@@ -202,6 +205,7 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
     labels: Labels | None = None,
     flavour: Dialect | None = None,
     made: datetime | None = None,
+    name: str = "",
 ) -> bytes:
     """Write a program in the printer's dialect, with the settings as comments.
 
@@ -214,9 +218,10 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
         labels: which moves belong to which object.
         flavour: overrides that of the profile.
         made: date in UTC for the first line; None: no date.
+        name: of the file that was sliced, without its suffix, for macros.
 
     Raises:
         ProfileError: a macro cannot be evaluated.
     """
     dialect = flavour or FLAVOURS[profile.printer.flavour]
-    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels, made))
+    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels, made, name))

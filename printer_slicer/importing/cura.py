@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.cura_names import CURA_DEFAULTS, from_cura
-from printer_slicer.importing.cura_values import evaluate_cura
-from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.cura_values import Unreadable, evaluate_cura
 from printer_slicer.importing.ini import Entry, Section, read_sections
 from printer_slicer.importing.orca import read_json
 from printer_slicer.importing.presets import Preset, number_in

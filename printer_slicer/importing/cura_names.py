@@ -8,7 +8,7 @@ from math import cos, pi, sin
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.cura_values import Unreadable
 from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.vocabulary import DEFAULTS
 

@@ -11,9 +11,7 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from printer_slicer.importing.foreign import Unreadable
-
-__all__ = ["evaluate_cura"]
+__all__ = ["Unreadable", "evaluate_cura"]
 
 _LONGEST: Final = 4000
 _LARGEST: Final = 1e12
@@ -57,6 +55,10 @@ _FUNCTIONS: Final[Mapping[str, Callable[..., Any]]] = {
     "math.radians": math.radians,
     "math.log": math.log,
 }
+
+
+class Unreadable(Exception):  # noqa: N818 - becomes a default and a warning
+    """Something in Cura's definitions that has no meaning here; the reason is its text."""
 
 
 def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:

@@ -1,17 +1,24 @@
-"""A machine's own G-code: start, end, layers, pause."""
+"""A machine's own G-code: start, end, layers, pause. It is kept as it is written.
+
+What it asks of settings that have no counterpart here stands in front of it, as variables: `{local z_offset = 0.1}`.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cache
 from math import ceil, hypot
 from typing import Final
 
+from printer_slicer.errors import ProfileError
 from printer_slicer.importing.beds import Bed
+from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.macros import translated
-from printer_slicer.importing.translation import Translator
 from printer_slicer.importing.vocabulary import kind_of_setting
+from printer_slicer.macros import Unknown, Value, escaped, known_names, literal, read_template
+from printer_slicer.profile import settings_table
 
 __all__ = ["put_macros"]
 
@@ -22,6 +29,8 @@ _MACROS: Final = {
     "layer_gcode": "layer_gcode",
     "pause_print_gcode": "pause_gcode",
 }
+_STOPS: Final = "it is kept as it is, but slicing stops there; write what this machine needs"
+_CURA: Final = re.compile(r"\{\s*(\w+)\s*,\s*(\w+)\s*\}|\{[^{}]*\}|\[", re.ASCII)
 _FARTHEST: Final = 100.0  # mm that a machine's own G-code may lead beside its bed
 
 
@@ -33,30 +42,69 @@ def put_macros(made: Conversion, bed: Bed) -> None:
         bed: where it is.
     """
     preset = made.preset
-    known = dict(preset.defaults) | {
-        name: entry.text for name, entry in preset.entries.items() if kind_of_setting(name) == "printer"
-    }
+    known = SettingValues(
+        dict(preset.defaults)
+        | {name: entry.text for name, entry in preset.entries.items() if kind_of_setting(name) == "printer"}
+    )
     for theirs, ours in _MACROS.items():
         made.used.add(theirs)
-        text = preset.text(theirs)
+        text = preset.text(theirs).replace("\x00", "")
         if not text.strip():
             continue
-        translator = Translator(
-            known, preset.dialect, "start" not in theirs and "end" not in theirs, (bed.low, bed.high)
-        )
-        macro = translated(text, translator, preset.where(theirs), square=preset.dialect != "cura")
-        made.notes += macro.notes
-        kept = sum("kept as" in note.text for note in macro.notes)
-        made.put(ours, macro.text, theirs, f"{kept} lines or blocks kept as comments" if kept else "")
+        text = _from_cura(text) if preset.dialect == "cura" else text
+        variables = _variables(made, theirs, text, known)
+        how = f"{variables.strip()} in front of it" if variables else ""
+        made.put(ours, variables + text, theirs, how)
     _heating(made)
     _seen_in_macros(made, bed)
 
 
+def _from_cura(text: str) -> str:
+    """A macro of Cura's: there `[` stands for itself, and `{name, extruder}` is a value of an extruder."""
+    return _CURA.sub(
+        lambda one: f"{{{one[1]}[{one[2]}]}}" if one[1] else escaped(one[0]) if one[0] == "[" else one[0],
+        text,
+    )
+
+
+@cache
+def _settings_names() -> frozenset[str]:
+    """Names of settings, with and without the section."""
+    keys = [row.key for row in settings_table() if not row.key.endswith(("_gcode", ".name"))]
+    return frozenset(keys) | {key.partition(".")[2] for key in keys}
+
+
+def _variables(made: Conversion, theirs: str, text: str, known: Mapping[str, Value]) -> str:
+    """A line with the settings that a macro asks for and that have no name here; what is not known either is told."""
+    place = made.preset.where(theirs)
+    try:
+        template = read_template(text, place)
+    except ProfileError as error:
+        problem = str(error.args[0]).removeprefix(f"{place}: ").splitlines()[0]
+        made.warn(theirs, f"{problem}: {_STOPS}")
+        return ""
+    wanted: dict[str, str] = {}
+    unknown: dict[str, str] = {}
+    for fault in template.faults(known_names(_MACROS[theirs], _settings_names())):
+        name = fault.name if isinstance(fault, Unknown) else ""
+        if name in known:
+            wanted[name] = literal(known[name])
+        else:
+            unknown.setdefault(fault.problem, f"line {template.line_of(fault)}: {fault.problem}: {_STOPS}")
+    for note in unknown.values():
+        made.warn(theirs, note)
+    return f"{{{'; '.join(f'local {name} = {value}' for name, value in wanted.items())}}}\n" if wanted else ""
+
+
 def _seen_in_macros(made: Conversion, bed: Bed) -> None:
     """What the machine's own G-code shows of it: how far it reaches beside its bed, and whether it has a probe."""
-    lines = [
-        line for name in ("start_gcode", "end_gcode") for line in str(made.values.get(name, "")).splitlines()
-    ]
+    shape = {"min": bed.low, "max": bed.high, "size": (bed.high[0] - bed.low[0], bed.high[1] - bed.low[1])}
+    known: dict[str, Value] = {f"print_bed_{name}": values for name, values in shape.items()}
+    lines = []
+    for name in ("start_gcode", "end_gcode"):
+        with suppress(ProfileError):  # which has been told
+            macro = read_template(str(made.values.get(name, "")), name)
+            lines += macro.possible_lines(known, unknown="?")
     far = _farthest(lines, bed)
     if far > _FARTHEST:
         made.warn(
@@ -104,10 +152,10 @@ def _heating(made: Conversion) -> None:
     nozzle = any(re.match(r"(M104|M109)\b", line) for line in commands)
     if bed and nozzle:
         return
-    before = ["M140 S{first_layer_bed_temperature}"] if not bed else []
-    before += ["M104 S{first_layer_nozzle_temperature}"] if not nozzle else []
-    before += ["M190 S{first_layer_bed_temperature}"] if not bed else []
-    after = [] if nozzle else ["M109 S{first_layer_nozzle_temperature}"]
+    before = ["M140 S{first_layer_bed_temperature[0]}"] if not bed else []
+    before += ["M104 S{first_layer_temperature[0]}"] if not nozzle else []
+    before += ["M190 S{first_layer_bed_temperature[0]}"] if not bed else []
+    after = [] if nozzle else ["M109 S{first_layer_temperature[0]}"]
     if made.preset.dialect == "cura":  # which waits for both first
         before, after = [*before, *after], []
     made.put(

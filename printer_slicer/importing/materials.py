@@ -6,12 +6,12 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from printer_slicer.importing.conditions import Plain, value_of
+from printer_slicer.errors import ProfileError
+from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.foreign import Unreadable
-from printer_slicer.importing.pieces import Block, Broken, Piece, Shown, pieces_of
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
+from printer_slicer.macros import read_template
 
 __all__ = ["material_from"]
 
@@ -165,11 +165,12 @@ def _advance(made: Conversion) -> None:
     text = preset.first_macro(name)
     made.used.add(name)
     try:
-        lines = _plain_text(pieces_of(text), dict(preset.together)).splitlines()
-    except Unreadable as error:
+        lines = read_template(text, name).filled(SettingValues(preset.together))
+    except ProfileError as error:
+        why = str(error.args[0]).removeprefix(f"{name}: ").splitlines()[0]
         made.used.discard(name)
         if "M900" in text or "M572" in text or "PRESSURE_ADVANCE" in text:
-            made.warn(name, f"pressure advance depends on the printer ({error}): import it together with one")
+            made.warn(name, f"pressure advance depends on the printer ({why}): import it together with one")
         return
     commands = [line for line in lines if line.partition(";")[0].strip()]
     found = [match for match in map(_ADVANCE.match, commands) if match]
@@ -205,31 +206,6 @@ def _put_advance(made: Conversion, name: str, said: Sequence[tuple[float, str]])
     value, command = fitting[-1]
     how = f"its command {command!r}" if command else ""
     made.put("pressure_advance", value, name, f"{how}; {others} is of another scale" if others else how)
-
-
-def _plain_text(pieces: tuple[Piece, ...], known: dict[str, str]) -> str:
-    """A macro as it comes out for known settings."""
-    made = []
-    for piece in pieces:
-        if isinstance(piece, str):
-            made.append(piece)
-        elif isinstance(piece, Shown):
-            made.append(f"{value_of(piece.tree, known)}")
-        elif isinstance(piece, Broken):
-            raise Unreadable(piece.why)
-        else:
-            made.append(_branch(piece, known))
-    return "".join(made)
-
-
-def _branch(block: Block, known: dict[str, str]) -> str:
-    for tree, pieces in block.branches:
-        if isinstance(tree, Broken):
-            raise Unreadable(tree.why)
-        value: Plain = True if tree is None else value_of(tree, known)
-        if value:
-            return _plain_text(pieces, known)
-    return ""
 
 
 def _why(name: str) -> str:

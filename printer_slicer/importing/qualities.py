@@ -6,13 +6,13 @@ import re
 from typing import Final
 
 from printer_slicer import bead
-from printer_slicer.importing.conditions import known_setting
+from printer_slicer.importing.conditions import setting_value
 from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.foreign import Unreadable
 from printer_slicer.importing.own import with_own
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
 from printer_slicer.importing.speeds import speeds_of
+from printer_slicer.macros import Fault
 
 __all__ = ["quality_from"]
 
@@ -92,8 +92,8 @@ def _nozzle(made: Conversion) -> tuple[float, str]:
     preset = made.preset
     known = dict(preset.together) | {name: entry.text for name, entry in preset.entries.items()}
     try:
-        return float(known_setting("nozzle_diameter", 0, known)), "of the nozzle"
-    except (Unreadable, ValueError):
+        return float(str(setting_value("nozzle_diameter", known))), "of the nozzle"
+    except (Fault, ValueError):
         found = _NOZZLE.search(preset.raw("compatible_printers_condition"))
         value = float(found[1]) if found else 0.4
         return (

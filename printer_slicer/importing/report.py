@@ -1,4 +1,4 @@
-"""What an import made of what it was given: taken, approximated, without counterpart, kept as comments, refused."""
+"""What an import made of what it was given: taken, approximated, without counterpart, refused."""
 
 from __future__ import annotations
 

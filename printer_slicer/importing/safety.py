@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
+from printer_slicer.macros import read_template
 from printer_slicer.profile.faults import fault_in
 
 __all__ = ["CEILINGS", "Ceilings", "check_safe"]
@@ -66,7 +67,7 @@ def check_safe(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
 def _check_macros(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
     """Commands that heat to a number over the ceilings, in any branch of a macro."""
     for name in _MACROS:
-        for line in str(made.values.get(name, "")).splitlines():
+        for line in _lines(str(made.values.get(name, ""))):
             for code, letters in _HEATING.findall(line.partition(";")[0]):
                 heater, most = _HEATERS[code.upper()], getattr(ceilings, _HEATERS[code.upper()])
                 wanted = max((float(one) for one in _NUMBER.findall(letters)), default=0.0)
@@ -76,6 +77,14 @@ def _check_macros(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
                         f"{most:g} °C",
                         remedy=f"if your machine stands it: --max-{heater}-temperature {wanted:g}",
                     )
+
+
+def _lines(macro: str) -> list[str]:
+    """The lines of all branches of a macro, with values that hang on nothing; as written where it cannot be read."""
+    try:
+        return [*read_template(macro, "").possible_lines({}), *macro.splitlines()]
+    except ProfileError:
+        return macro.splitlines()
 
 
 def _check_machine(made: Imported, preset: Preset) -> None:

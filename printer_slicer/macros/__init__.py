@@ -1,6 +1,25 @@
-"""The template language of G-code macros: text with `{expressions}` and `{if}` blocks; reads settings, runs no code."""
+"""The language of G-code macros, PrusaSlicer's placeholder language: reads settings, runs no code."""
 
-from printer_slicer.macros.templates import Template, read_template
-from printer_slicer.macros.values import Value, number, text_of
+from printer_slicer.macros.evaluation import evaluate, is_true
+from printer_slicer.macros.names import known_names, with_other_names
+from printer_slicer.macros.syntax import parse_expression
+from printer_slicer.macros.templates import Template, escaped, read_template
+from printer_slicer.macros.values import Fault, Items, Unknown, Value, literal, number, text_of
 
-__all__ = ["Template", "Value", "number", "read_template", "text_of"]
+__all__ = [
+    "Fault",
+    "Items",
+    "Template",
+    "Unknown",
+    "Value",
+    "escaped",
+    "evaluate",
+    "is_true",
+    "known_names",
+    "literal",
+    "number",
+    "parse_expression",
+    "read_template",
+    "text_of",
+    "with_other_names",
+]

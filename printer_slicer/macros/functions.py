@@ -1,30 +1,75 @@
-"""The functions of expressions: one table."""
+"""The functions of expressions: one table. Each takes values, vectors as they are, and gives one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from hashlib import sha256
+from itertools import pairwise
 from math import copysign, sqrt
 from typing import Final
 
-from printer_slicer.macros.values import NEARLY, Value, equal, kind_of, text_of, whole
+from printer_slicer.macros.values import (
+    MOST_TEXT,
+    NEARLY,
+    Items,
+    Pattern,
+    Value,
+    equal,
+    kind_of,
+    one_of_items,
+    text_of,
+    whole,
+)
 
-__all__ = ["FUNCTIONS", "Misused"]
+__all__ = ["FUNCTIONS", "Misused", "matches"]
 
 _Function = Callable[[Sequence[Value]], Value]
-_MOST_DIGITS = 20
+_MOST_DIGITS: Final = 20
+_WIDEST: Final = 100  # characters of a number
+_LONGEST_PATTERN: Final = 10_000
+_MOST_STEPS: Final = 10_000_000
+"""Limit of text length times pattern length; it corresponds to seconds in the worst case."""
+_PATTERN_BYTES: Final = 1 << 23
+"""Memory limit for a pattern; nested repetitions exceed it."""
 
 
-class Misused(Exception):  # noqa: N818 - becomes a fault of the expression once its column is known
+class Misused(Exception):  # noqa: N818 - becomes a fault of the expression once its place is known
     """A function that cannot work with what it is given."""
+
+
+def matches(text: str, pattern: str) -> bool:
+    """Whether a pattern matches a whole text, in linear time.
+
+    The patterns are untrusted, and Python's own engine can take exponential time. RE2 has Perl's syntax without
+    lookaround and backreferences, which no vendor's bundle uses.
+
+    Raises:
+        Misused: the pattern cannot be read, or is too long, by itself or for the text.
+    """
+    import re2  # noqa: PLC0415 - few macros have a pattern
+
+    if len(pattern) > _LONGEST_PATTERN:
+        raise Misused(f"a pattern of {len(pattern)} characters; at most {_LONGEST_PATTERN} are allowed")
+    if len(text) * len(pattern) > _MOST_STEPS:
+        raise Misused(f"a pattern of {len(pattern)} characters on a text of {len(text)}")
+    options = re2.Options()
+    options.dot_nl, options.log_errors, options.max_mem = True, False, _PATTERN_BYTES
+    try:
+        return re2.compile(str(pattern), options).fullmatch(text) is not None  # type: ignore[no-untyped-call]
+    except (re2.error, UnicodeEncodeError):
+        raise Misused(f"the pattern /{pattern[:80]}/ is invalid") from None
 
 
 def _numbers(values: Sequence[Value]) -> list[float]:
     """Numbers, given one by one or as a list of them."""
-    flat = values[0] if len(values) == 1 and isinstance(values[0], tuple) else values
-    numbers = [value for value in flat if not isinstance(value, (bool, str, tuple))]
-    if len(numbers) < len(flat):
-        wrong = next(value for value in flat if isinstance(value, (bool, str, tuple)))
-        raise Misused(f"a number was expected, this is {kind_of(wrong)}")
+    flat: Sequence[Value] = values
+    if len(values) == 1 and isinstance(values[0], tuple):
+        flat = values[0]
+    numbers: list[float] = []
+    for value in map(one_of_items, flat):
+        if isinstance(value, (bool, str, tuple)):
+            raise Misused(f"a number was expected, this is {kind_of(value)}")
+        numbers.append(value)
     return numbers
 
 
@@ -35,35 +80,56 @@ def _of_numbers(least: int, most: int, function: Callable[..., Value]) -> _Funct
         """The function of these values."""
         numbers = _numbers(values)
         if not least <= len(numbers) <= most:
-            wanted = f"{least}" if least == most else f"{least} or more" if most > 2 else f"{least} or {most}"
+            wanted = f"{least}" if least == most else f"{least} or more" if most > 3 else f"{least} or {most}"
             raise Misused(f"takes {wanted}, got {len(numbers)}")
         return function(*numbers)
 
     return run
 
 
-def _of_one(function: Callable[[Value], Value]) -> _Function:
-    """A function of one value of any kind."""
+def _of_values(count: int, function: Callable[..., Value], kinds: type = object) -> _Function:
+    """A function of so many values, all of one kind."""
 
     def run(values: Sequence[Value]) -> Value:
-        """The function of this value."""
-        if len(values) != 1:
-            raise Misused(f"takes 1, got {len(values)}")
-        return function(values[0])
+        """The function of these values."""
+        if len(values) != count:
+            raise Misused(f"takes {count}, got {len(values)}")
+        values = [one_of_items(one) for one in values] if kinds is str else values
+        for value in values:
+            if not isinstance(value, kinds):
+                raise Misused(f"a text was expected, this is {kind_of(value)}")
+        return function(*values)
 
     return run
 
 
-def _rounded(value: float, digits: float = 0) -> float:
+def _least_or_most(choose: Callable[[tuple[float, ...]], float]) -> Callable[..., Value]:
+    """Among fractions a whole number is a fraction, too, which matters to a division by it."""
+
+    def run(*values: float) -> float:
+        """The least or the greatest."""
+        found = choose(values)
+        return found if all(isinstance(one, int) for one in values) else float(found)
+
+    return run
+
+
+def _rounded(value: float, digits: float | None = None) -> float:
     """The nearest number with so many decimals; of two the one farther from zero."""
-    scale = 10.0 ** _count(digits)
-    return copysign(whole(abs(value) * scale + 0.5) / scale, value)
+    scale = 10.0 ** _count(digits or 0)
+    found = copysign(whole(abs(value) * scale + 0.5) / scale, value)
+    return int(found) if digits is None else found
 
 
-def _count(digits: float) -> int:
-    if not equal(digits, whole(digits)) or not 0 <= digits <= _MOST_DIGITS:
-        raise Misused(f"{digits:g} is no number of digits; take 0 to {_MOST_DIGITS}")
-    return int(whole(digits))
+def _count(digits: float, most: int = _MOST_DIGITS) -> int:
+    if not equal(digits, whole(digits)) or not 0 <= digits <= most:
+        raise Misused(f"{digits:g} is no number of digits; take 0 to {most}")
+    return whole(digits)
+
+
+def _digits(fill: str) -> Callable[..., str]:
+    """A number of so many characters, with so many decimals."""
+    return lambda value, width, decimals=0: f"{value:{fill}{_count(width, _WIDEST)}.{_count(decimals)}f}"
 
 
 def _root(value: float) -> float:
@@ -72,47 +138,87 @@ def _root(value: float) -> float:
     return sqrt(max(value, 0.0))
 
 
-def _size(value: Value) -> float:
+def _size(value: Value) -> int:
     if not isinstance(value, (str, tuple)):
         raise Misused(f"{kind_of(value)} has no size")
-    return float(len(value))
+    return len(value)
 
 
-def _of_texts(function: Callable[[str, str], bool]) -> _Function:
-    """A function of two texts."""
-
-    def run(values: Sequence[Value]) -> Value:
-        """The function of these values."""
-        if len(values) != 2:
-            raise Misused(f"takes 2, got {len(values)}")
-        text, part = values
-        if not isinstance(text, str) or not isinstance(part, str):
-            wrong = part if isinstance(text, str) else text
-            raise Misused(f"a text was expected, this is {kind_of(wrong)}")
-        return function(text, part)
-
-    return run
-
-
-def _cut(value: float) -> float:
+def _cut(value: float) -> int:
     """The whole number next towards zero."""
     return whole(value, up=value < 0)
 
 
+def _random(values: Sequence[Value]) -> Value:
+    """A number between two, both included; the same for the same seed, which comes last."""
+    *limits, seed = values
+    numbers = _numbers(limits)
+    if len(numbers) != 2 or numbers[0] > numbers[1]:
+        raise Misused("takes the least and the greatest number")
+    low, high = numbers
+    share = int.from_bytes(sha256(f"{low} {high} {seed}".encode()).digest()[:6], "big") / 2**48
+    if isinstance(low, int) and isinstance(high, int):
+        return low + int(share * (high - low + 1))
+    return low + share * (high - low)
+
+
+def _repeated(values: Sequence[Value]) -> Value:
+    """A list of the same value so many times."""
+    count, value = map(one_of_items, values) if len(values) == 2 else ("", "")
+    if isinstance(count, (bool, str, tuple)) or not 0 <= count <= MOST_TEXT or isinstance(value, tuple):
+        raise Misused(f"takes a number up to {MOST_TEXT} and a value")
+    return Items([value] * int(count))
+
+
+def _interpolated(values: Sequence[Value]) -> Value:
+    """What a table of points (x, y) says at a place; behind its ends the first or last y."""
+    points = [_numbers([one]) for one in values[1:]]
+    x = _numbers([one_of_items(values[0])])[0] if values else 0.0
+    if not points or any(len(one) != 2 for one in points) or any(a[0] >= b[0] for a, b in pairwise(points)):
+        raise Misused("takes a place and points (x, y) in the order of x")
+    if x <= points[0][0]:
+        return float(points[0][1])
+    for (x0, y0), (x1, y1) in pairwise(points):
+        if x <= x1:
+            return float(y0 + (y1 - y0) * (x - x0) / (x1 - x0))
+    return float(points[-1][1])
+
+
+def _one_of(values: Sequence[Value]) -> Value:
+    """Whether a text is one of some texts, or matches one of some patterns."""
+    texts = [one_of_items(value) for value in values]
+    if len(texts) < 2 or not all(isinstance(one, str) for one in texts):
+        raise Misused("takes texts and patterns")
+    text, *others = map(str, texts)
+    kinds = values[1:]
+    return any(
+        matches(text, one) if isinstance(kind, Pattern) else text == one
+        for one, kind in zip(others, kinds, strict=True)
+    )
+
+
 FUNCTIONS: Final[Mapping[str, _Function]] = {
-    "min": _of_numbers(1, 1000, lambda *values: min(values)),
-    "max": _of_numbers(1, 1000, lambda *values: max(values)),
+    "min": _of_numbers(1, 1000, _least_or_most(min)),
+    "max": _of_numbers(1, 1000, _least_or_most(max)),
     "abs": _of_numbers(1, 1, abs),
     "round": _of_numbers(1, 2, _rounded),
     "floor": _of_numbers(1, 1, whole),
     "ceil": _of_numbers(1, 1, lambda value: whole(value, up=True)),
     "int": _of_numbers(1, 1, _cut),
     "sqrt": _of_numbers(1, 1, _root),
+    "digits": _of_numbers(2, 3, _digits(">")),
+    "zdigits": _of_numbers(2, 3, _digits("0")),
     "fixed": _of_numbers(2, 2, lambda value, digits: f"{value:z.{_count(digits)}f}"),
-    "padded": _of_numbers(2, 2, lambda value, digits: f"{_cut(value):0{_count(digits)}.0f}"),
-    "text": _of_one(text_of),
-    "size": _of_one(_size),
-    "contains": _of_texts(lambda text, part: part in text),
-    "begins": _of_texts(str.startswith),
-    "ends": _of_texts(str.endswith),
+    "padded": _of_numbers(2, 2, lambda value, digits: f"{_cut(value):0{_count(digits)}d}"),
+    "random": _random,
+    "interpolate_table": _interpolated,
+    "text": _of_values(1, text_of),
+    "size": _of_values(1, _size),
+    "empty": _of_values(1, lambda value: _size(value) == 0),
+    "is_nil": _of_values(1, lambda _: False),  # every setting has a value here
+    "repeat": _repeated,
+    "one_of": _one_of,
+    "contains": _of_values(2, lambda text, part: part in text, str),
+    "begins": _of_values(2, str.startswith, str),
+    "ends": _of_values(2, str.endswith, str),
 }

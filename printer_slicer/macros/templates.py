@@ -1,51 +1,72 @@
-"""A macro: lines with expressions in braces, and blocks that are there or not.
+"""A macro: lines with expressions in braces, and blocks that are there or not. PrusaSlicer's placeholder language.
 
     {name} {a + b}          the value of an expression
-    {{ }}                   braces themselves
-    {if a} ... {elif b} ... {else} ... {endif}
+    [name] [name[0]]        the value of a name
+    {if a} ... {elsif b} ... {else} ... {endif}
                             over lines or within one; a line that holds nothing but these disappears
+    {local x = 1} {global x = 1} {x = 2} {x[0] = 2}
+                            variables of this macro, of all macros of a print; no text comes out
+    {if a then x = 1; else x = 2; endif}
+                            several of these between the same braces
+    {{ }}                   braces themselves (not known to PrusaSlicer)
 
-Nothing here calls Python's own evaluation. What a template may cost is bounded: words in an expression, nesting of
-expressions and of blocks, characters that come out.
+Behind a semicolon a name that means nothing stays as it is written: it is in a remark. Nothing here calls Python's own
+evaluation. What a template may cost is bounded: its length, words in an expression, nesting of expressions and of
+blocks, texts and lists, characters that come out. There are no loops.
 """
 
 from __future__ import annotations
 
+import re
+from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Final, Never
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.macros.evaluation import check_known, evaluate, is_true
-from printer_slicer.macros.expressions import Node, named_in, parse
-from printer_slicer.macros.tokens import tokens_of
-from printer_slicer.macros.values import Fault, Value, text_of
+from printer_slicer.macros.evaluation import check_known, evaluate, is_true, value_or_list
+from printer_slicer.macros.syntax import Index, Literal, Name, Node, Reader, Token, names_in
+from printer_slicer.macros.values import Fault, Items, Unknown, Value, text_of
 
-__all__ = ["Template", "read_template"]
+__all__ = ["Template", "escaped", "read_template"]
 
+_LONGEST: Final = 300_000
 _DEEPEST: Final = 20
 _MOST_CHARACTERS: Final = 1_000_000
+_LONGEST_PREFIX: Final = 500  # characters of a line before a block that are repeated for each branch
 _SHOWN: Final = 100  # characters of a line, around the place that is wrong
-_MARKS: Final = ("if", "elif", "else", "endif")
-_LIKE_ELIF: Final = ("elsif", "elseif")
+_MARKS: Final = ("if", "elsif", "else", "endif")
+_BRACE: Final = re.compile(r"[{\[}\n]")
+_SQUARE: Final = re.compile(r"\[\s*([A-Za-z_]\w*)\s*(?:\[\s*(\w+)\s*\]\s*)?\]", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """`{if ...}`, `{elif ...}`, `{else}` or `{endif}`."""
+    """`if`, `elsif`, `else` or `endif`."""
 
     word: str
     condition: Node | None
-    line: int
-    column: int
+    at: int
 
 
 @dataclass(frozen=True, slots=True)
 class _Show:
-    """An expression whose value stands in the text."""
+    """An expression whose value stands in the text; `source` is what stays of it in a remark."""
 
     tree: Node
-    line: int
+    source: str
+    remark: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Assign:
+    """A variable that gets a value: `local`, `global` or, where it exists, neither."""
+
+    scope: str
+    name: Token
+    index: Node | None
+    tree: Node
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +76,8 @@ class _Block:
     branches: tuple[tuple[_Mark, tuple[_Piece, ...]], ...]
 
 
-_Piece = str | _Show | _Block
-_Flat = str | _Show | _Mark
+_Piece = str | _Show | _Assign | _Block
+_Flat = str | _Show | _Assign | _Mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +86,12 @@ class Template:
 
     Attributes:
         place: says in errors which setting it is.
-        source: its lines.
-        pieces: text, expressions, blocks.
+        source: its text.
+        pieces: text, expressions, assignments, blocks.
     """
 
     place: str
-    source: tuple[str, ...]
+    source: str
     pieces: tuple[_Piece, ...]
 
     @property
@@ -78,26 +99,40 @@ class Template:
         """Whether nothing can come out."""
         return not any(not isinstance(piece, str) or piece.strip() for piece in self.pieces)
 
-    def filled(self, known: Mapping[str, Value]) -> list[str]:
+    def filled(self, known: Mapping[str, Value], shared: dict[str, Value] | None = None) -> list[str]:
         """The lines that come out, without empty ones at both ends.
 
         Args:
             known: what names stand for; see `check`.
+            shared: global variables, which are added and changed.
 
         Raises:
             ProfileError: naming setting, line and column.
         """
-        self.check(known)
         text, size = [], 0
-        for part in self._parts(self.pieces, known):
-            size += len(part)
-            if size > _MOST_CHARACTERS:
-                raise ProfileError(
-                    f"{self.place}: more than {_MOST_CHARACTERS} characters come out",
-                    remedy="look for lists and texts that it says over and over",
-                )
-            text.append(part)
+        filling = _Filling(known, {} if shared is None else shared)
+        try:
+            for part in filling.parts(self.pieces):
+                size += len(part)
+                if size > _MOST_CHARACTERS:
+                    raise ProfileError(
+                        f"{self.place}: more than {_MOST_CHARACTERS} characters come out",
+                        remedy="look for lists and texts that it says over and over",
+                    )
+                text.append(part)
+        except Fault as fault:
+            _refuse(fault, self.place, self.source)
         return "".join(text).strip("\n").splitlines()
+
+    def possible_lines(self, known: Mapping[str, Value], unknown: str = "0") -> list[str]:
+        """The lines of every branch that may be taken; what the macro itself says decides which may not.
+
+        Args:
+            known: values that stand in the lines and decide nothing.
+            unknown: stands where there is no value.
+        """
+        survey = _Survey(known, {}, unknown=unknown)
+        return "".join(survey.parts(self.pieces)).splitlines()
 
     def check(self, known: Collection[str]) -> None:
         """Check that every name and function exists, also in blocks that are left out.
@@ -105,50 +140,171 @@ class Template:
         Raises:
             ProfileError: one is unknown; naming setting, line and column.
         """
-        self._check(self.pieces, known)
+        for fault in self.faults(known):
+            _refuse(fault, self.place, self.source)
 
-    def _parts(self, pieces: tuple[_Piece, ...], known: Mapping[str, Value]) -> Iterator[str]:
+    def faults(self, known: Collection[str]) -> Iterator[Fault]:
+        """Every name and function that does not exist, but for names in remarks."""
+        variables = {piece.name.text for piece in _all(self.pieces) if isinstance(piece, _Assign)}
+        there = {*known, *variables}
+        for piece in _all(self.pieces):
+            trees = (
+                [piece.tree, *([piece.index] if piece.index else [])]
+                if isinstance(piece, _Assign)
+                else [mark.condition for mark, _ in piece.branches if mark.condition]
+                if isinstance(piece, _Block)
+                else [piece.tree]
+            )
+            for one in (one for tree in trees for one in names_in(tree)):
+                try:
+                    check_known(one, there)
+                except Unknown as fault:
+                    if not (isinstance(piece, _Show) and piece.remark):
+                        yield fault
+                except Fault as fault:
+                    yield fault
+
+    def line_of(self, fault: Fault) -> int:
+        """The line of a fault, from 1."""
+        return self.source.count("\n", 0, fault.at) + 1
+
+
+def _all(pieces: tuple[_Piece, ...]) -> Iterator[_Show | _Assign | _Block]:
+    """All pieces but texts, those in blocks behind their block."""
+    for piece in pieces:
+        if not isinstance(piece, str):
+            yield piece
+        if isinstance(piece, _Block):
+            for _, inner in piece.branches:
+                yield from _all(inner)
+
+
+@dataclass(slots=True)
+class _Filling:
+    """Fills in a template: what is known, and the variables so far."""
+
+    known: Mapping[str, Value]
+    shared: dict[str, Value]
+    own: dict[str, Value] = field(default_factory=dict)
+
+    @property
+    def names(self) -> Mapping[str, Value]:
+        """What names stand for now."""
+        return ChainMap(self.own, self.shared, self.known)  # type: ignore[arg-type]
+
+    def parts(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
+        """The texts that come out, one after the other."""
         for piece in pieces:
-            if isinstance(piece, str):
-                yield piece
-            elif isinstance(piece, _Show):
-                yield text_of(self._value(piece, known))
-            else:
-                yield from self._parts(self._chosen(piece, known), known)
+            match piece:
+                case str():
+                    yield piece
+                case _Show():
+                    yield self.shown(piece)
+                case _Assign():
+                    self.assign(piece)
+                case _Block():
+                    yield from self.block(piece)
 
-    def _value(self, piece: _Show, known: Mapping[str, Value]) -> Value:
+    def shown(self, piece: _Show) -> str:
+        """The value of an expression as text."""
         try:
-            return evaluate(piece.tree, known)
-        except Fault as fault:
-            _refuse(fault, self.place, self.source, piece.line)
+            value = value_or_list(piece.tree, self.names)
+        except Unknown:
+            if piece.remark:
+                return piece.source
+            raise
+        if isinstance(value, tuple) and sum(len(str(one)) for one in value) > _MOST_CHARACTERS:
+            raise Fault(piece.tree.at, f"a list of more than {_MOST_CHARACTERS} characters")
+        return text_of(value)
 
-    def _chosen(self, block: _Block, known: Mapping[str, Value]) -> tuple[_Piece, ...]:
-        """The pieces of the branch that is there."""
+    def block(self, block: _Block) -> Iterator[str]:
+        """The branch that is there."""
         for mark, pieces in block.branches:
-            try:
-                if mark.condition is None or is_true(mark.condition, known):
-                    return pieces
-            except Fault as fault:
-                _refuse(fault, self.place, self.source, mark.line)
-        return ()
+            if mark.condition is None or is_true(mark.condition, self.names):
+                yield from self.parts(pieces)
+                return
 
-    def _check(self, pieces: tuple[_Piece, ...], known: Collection[str]) -> None:
-        """Raise for a name that is not known, wherever it stands."""
-        for piece in pieces:
-            if isinstance(piece, _Show):
-                self._check_names(piece.tree, piece.line, known)
-            elif isinstance(piece, _Block):
-                for mark, inner in piece.branches:
-                    if mark.condition is not None:
-                        self._check_names(mark.condition, mark.line, known)
-                    self._check(inner, known)
+    def assign(self, piece: _Assign) -> None:
+        """Give a variable its value."""
+        name, value = piece.name.text, value_or_list(piece.tree, self.names)
+        where = {"local": self.own, "global": self.shared}.get(piece.scope)
+        if where is None:
+            where = self.own if name in self.own else self.shared
+            if name not in where:
+                raise Fault(piece.name.at, f"there is no variable {name}", f"write {{local {name} = ...}}")
+        if piece.index is not None:
+            value = self._replaced(where[name], piece.index, value)
+        where[name] = value
 
-    def _check_names(self, tree: Node, line: int, known: Collection[str]) -> None:
+    def _replaced(self, values: Value, at: Node, value: Value) -> Items:
+        """A list with another item in one place."""
+        index = evaluate(at, self.names)
+        if not isinstance(values, tuple) or isinstance(value, tuple) or not isinstance(index, int):
+            raise Fault(at.at, "only an item of a list can be given a value, by a whole number")
+        if not 0 <= index < len(values):
+            raise Fault(at.at, f"there is no item {index} in a list of {len(values)}, counted from 0")
+        return Items([*values[:index], value, *values[index + 1 :]])
+
+
+@dataclass(slots=True)
+class _Survey(_Filling):
+    """Gives the lines of every branch that may be taken.
+
+    Attributes:
+        unknown: stands where there is no value.
+        sure: variables whose value hangs on nothing but the macro; they decide conditions.
+        line: what the line has so far; it stands before each branch of a block.
+        open: how many branches around may be taken or not.
+    """
+
+    unknown: str = "0"
+    sure: dict[str, Value] = field(default_factory=dict)
+    line: str = ""
+    open: int = 0
+
+    def parts(self, pieces: tuple[_Piece, ...]) -> Iterator[str]:
+        """The texts of all branches."""
+        for text in _Filling.parts(self, pieces):
+            self.line = (self.line + text).rpartition("\n")[2][:_LONGEST_PREFIX]
+            yield text
+
+    def shown(self, piece: _Show) -> str:
+        """The value of an expression as text."""
         try:
-            for one in named_in(tree):
-                check_known(one, known)
-        except Fault as fault:
-            _refuse(fault, self.place, self.source, line)
+            return _Filling.shown(self, piece)
+        except Fault:
+            return self.unknown
+
+    def assign(self, piece: _Assign) -> None:
+        """Give a variable its value, which is sure where it hangs on nothing unsure."""
+        with suppress(Fault):
+            _Filling.assign(self, piece)
+        self.sure.pop(piece.name.text, None)
+        with suppress(Fault):
+            if not (self.open or piece.index):
+                self.sure[piece.name.text] = value_or_list(piece.tree, self.sure)
+
+    def block(self, block: _Block) -> Iterator[str]:
+        """The branches that may be taken, each with the begin of its line, all but the last with an end of it."""
+        begin, number = self.line, 0
+        for mark, pieces in block.branches:
+            taken = self._taken(mark)
+            if taken is not False:
+                if number:
+                    yield f"\n{begin}"
+                self.line, number = begin, number + 1
+                self.open += taken is None or number > 1
+                yield from self.parts(pieces)
+                self.open -= taken is None or number > 1
+            if taken:
+                return
+
+    def _taken(self, mark: _Mark) -> bool | None:
+        """Whether a branch is taken if none before it is; None: that hangs on the print."""
+        try:
+            return mark.condition is None or is_true(mark.condition, self.sure)
+        except Fault:
+            return None
 
 
 def read_template(text: str, place: str) -> Template:
@@ -161,86 +317,138 @@ def read_template(text: str, place: str) -> Template:
     Raises:
         ProfileError: naming setting, line and column of what cannot be read.
     """
-    source = tuple(text.replace("\r\n", "\n").split("\n"))
-    flat: list[_Flat] = []
-    for number, line in enumerate(source):
-        try:
-            flat += _flat(line, number)
-        except Fault as fault:
-            _refuse(fault, place, source, number)
-    open_marks: list[_Mark] = []
+    source = text.replace("\r\n", "\n")
     try:
-        pieces, place_after = _nested(flat, 0, open_marks)
-        assert place_after == len(flat)
+        flat = _without_marks_alone(_flat(source))
+        pieces, _ = _nested(flat, 0, [])
     except Fault as fault:
-        _refuse(fault, place, source, open_marks[-1].line)
+        _refuse(fault, place, source)
     return Template(place, source, pieces)
 
 
-def _flat(line: str, number: int) -> list[_Flat]:
-    """The pieces of one line, its end included unless nothing but marks stands in it."""
-    pieces: list[_Flat] = []
-    place = 0
-    while place < len(line):
-        begin = place
-        while place < len(line) and line[place] not in "{}":
-            place += 1
-        if place > begin:
-            pieces.append(line[begin:place])
-        if line[place : place + 2] in ("{{", "}}"):
-            pieces.append(line[place])
-            place += 2
-        elif place < len(line):
-            piece, place = _braced(line, place, number)
-            pieces.append(piece)
-    marks = [piece for piece in pieces if isinstance(piece, _Mark)]
-    rest = [piece for piece in pieces if not isinstance(piece, _Mark)]
-    if marks and all(isinstance(piece, str) and not piece.strip() for piece in rest):
-        return [*marks]
-    return [*pieces, "\n"]
+def escaped(text: str) -> str:
+    """A macro that comes out as this text: braces and square brackets stand for themselves."""
+    return re.sub(r"[{\[]", lambda one: f'{{"{one[0]}"}}', text)
 
 
-def _braced(line: str, place: int, number: int) -> tuple[_Show | _Mark, int]:
-    """What stands between the braces that begin here, and where it ends."""
-    if line[place] == "}":
-        raise Fault(place, "a brace without its partner", "write {name}, or }} for a brace itself")
-    tokens, after = tokens_of(line, place + 1)
-    first = tokens[0]
-    if first.kind == "name" and first.text in _LIKE_ELIF and len(tokens) > 2:
-        raise Fault(first.column, f"{first.text} is unknown", "write {elif ...}")
-    if first.kind != "name" or first.text not in _MARKS:
-        return _Show(parse(tokens), number), after
-    if first.text in ("else", "endif"):
-        if len(tokens) > 2:
-            raise Fault(tokens[1].column, f"nothing may follow {first.text}", f"write {{{first.text}}}")
-        return _Mark(first.text, None, number, place), after
-    if len(tokens) == 2:
-        raise Fault(tokens[1].column, f"{first.text} without a condition", f"write {{{first.text} a > b}}")
-    return _Mark(first.text, parse(tokens[1:]), number, place), after
+def _flat(source: str) -> Iterator[_Flat]:
+    """Text, values, assignments and marks one after the other; every line of text is a piece of its own."""
+    if len(source) > _LONGEST:
+        raise Fault(0, f"a macro of more than {_LONGEST} characters", "put less into it")
+    place, doubled, remark = 0, False, False
+    while place < len(source):
+        found = _BRACE.search(source, place)
+        end = found.start() if found else len(source)
+        if end > place:
+            yield source[place:end]
+            remark = remark or ";" in source[place:end]
+        sign = source[end : end + 1]
+        square = _SQUARE.match(source, end) if sign == "[" else None
+        place = end + 1
+        if sign == "\n":
+            yield sign
+            doubled = remark = False
+        elif sign == "{" and not source.startswith("{{", end):
+            pieces, place = _braced(source, end, remark=remark)
+            yield from pieces
+        elif square:
+            tree: Node = Name(square[1], end + 1)
+            if square[2] is not None:
+                index = Literal(int(square[2]), end) if square[2].isdigit() else Name(square[2], end)
+                tree = Index(tree, index, end)
+            yield _Show(tree, square[0], remark)
+            place = square.end()
+        elif sign:
+            pair = sign == "{" or (sign == "}" and doubled and source.startswith("}}", end))
+            doubled = sign == "{" if pair else doubled
+            yield sign
+            place += pair
+
+
+def _braced(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]:
+    """What stands between the braces that begin here, and the place behind them."""
+    reader = Reader(source, begin + 1)
+    found: list[Node | _Mark | _Assign] = []
+    if reader.next.kind == "end" and reader.next.text:
+        raise Fault(begin + 1, "nothing between the braces", "write {name}, or {{}} for braces themselves")
+    while reader.next.kind != "end":
+        if not reader.taken(";"):
+            found.append(_statement(reader))
+    if not reader.next.text:
+        raise Fault(begin, "a brace without its partner", "write {name}, or {{ for a brace itself")
+    end = reader.next.behind
+    if found and isinstance(found[0], _Mark):
+        found[0] = _Mark(found[0].word, found[0].condition, begin)
+    pieces = [
+        one if isinstance(one, _Mark | _Assign) else _Show(one, source[begin:end], remark) for one in found
+    ]
+    return [*pieces], end
+
+
+def _statement(reader: Reader) -> Node | _Mark | _Assign:
+    """One mark, assignment or expression, and that it ends there."""
+    if mark := reader.taken("else", "endif"):
+        return _Mark(mark.text, None, mark.at)
+    if mark := reader.taken("if", "elsif"):
+        if reader.next.kind == "end":
+            raise Fault(reader.next.at, f"{mark.text} without a condition", f"write {{{mark.text} a > b}}")
+        found: Node | _Mark | _Assign = _Mark(mark.text, reader.expression(), mark.at)
+        if reader.taken("then"):
+            return found
+    else:
+        found = _assignment_or_value(reader)
+    if reader.next.kind != "end" and reader.next.text not in (";", *_MARKS):
+        raise reader.unexpected("an operator or }")
+    return found
+
+
+def _assignment_or_value(reader: Reader) -> Node | _Assign:
+    """`local x = 1`, `global x = 1`, `x = 1`, `x[0] = 1`, or an expression."""
+    if scope := reader.taken("local", "global"):
+        name = reader.taken_name()
+        if name is None:
+            raise reader.unexpected("the name of a variable")
+        reader.expect("=")
+        return _Assign(scope.text, name, None, reader.expression())
+    first = reader.next
+    tree = reader.expression()
+    target, index = (tree.of, tree.index) if isinstance(tree, Index) else (tree, None)
+    if isinstance(target, Name) and reader.taken("="):
+        return _Assign("", first, index, reader.expression())
+    return tree
+
+
+def _without_marks_alone(flat: Iterator[_Flat]) -> list[_Flat]:
+    """The pieces without the blanks and ends of lines that hold nothing but marks and assignments."""
+    kept: list[_Flat] = []
+    line: list[_Flat] = []
+    for piece in (*flat, ""):
+        line.append(piece)
+        if piece not in ("\n", ""):
+            continue
+        silent = [one for one in line if isinstance(one, _Mark | _Assign)]
+        others = [one for one in line if not isinstance(one, _Mark | _Assign)]
+        blank = silent and all(isinstance(one, str) and not one.strip() for one in others)
+        kept += silent if blank else line
+        line = []
+    return kept
 
 
 def _nested(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tuple[_Piece, ...], int]:
-    """The pieces up to a mark that ends the block they are in, or to the end of the macro; and where that is.
-
-    `open_marks` are those of the blocks around; the last of them is where a fault is.
-    """
+    """The pieces up to a mark that ends the block they are in, or to the end of the macro; and where that is."""
     pieces: list[_Piece] = []
-    depth = len(open_marks)
     while place < len(flat):
         piece = flat[place]
         if not isinstance(piece, _Mark):
             pieces.append(piece)
             place += 1
         elif piece.word == "if":
-            open_marks.append(piece)
-            if depth == _DEEPEST:
-                raise Fault(piece.column, f"blocks nested deeper than {_DEEPEST} times")
-            block, place = _block(flat, place, open_marks)
+            if len(open_marks) == _DEEPEST:
+                raise Fault(piece.at, f"blocks nested deeper than {_DEEPEST} times")
+            block, place = _block(flat, place, [*open_marks, piece])
             pieces.append(block)
-            open_marks.pop()
-        elif depth == 0:
-            open_marks.append(piece)
-            raise Fault(piece.column, f"{{{piece.word}}} without {{if ...}}")
+        elif not open_marks:
+            raise Fault(piece.at, f"{{{piece.word}}} without {{if ...}}")
         else:
             break
     return tuple(pieces), place
@@ -248,31 +456,32 @@ def _nested(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tup
 
 def _block(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[_Block, int]:
     """A whole block that begins here, and the place behind its end."""
-    first = flat[place]
-    assert isinstance(first, _Mark)
+    first = mark = open_marks[-1]
     branches: list[tuple[_Mark, tuple[_Piece, ...]]] = []
-    mark = first
     while mark.word != "endif":
         pieces, place = _nested(flat, place + 1, open_marks)
         branches.append((mark, pieces))
         if place == len(flat):
-            raise Fault(first.column, "{if ...} without {endif}", "end the block with {endif}")
+            raise Fault(first.at, "{if ...} without {endif}", "end the block with {endif}")
         following = flat[place]
         assert isinstance(following, _Mark)
         if mark.word == "else" and following.word != "endif":
-            open_marks.append(following)
-            raise Fault(following.column, f"{{{following.word}}} behind {{else}}")
+            raise Fault(following.at, f"{{{following.word}}} behind {{else}}")
         mark = following
     return _Block(tuple(branches)), place + 1
 
 
-def _refuse(fault: Fault, place: str, source: tuple[str, ...], line: int) -> Never:
+def _refuse(fault: Fault, place: str, source: str) -> Never:
     """Raise with the line and a mark under the place that is wrong."""
-    text = "".join(letter if letter.isprintable() else " " for letter in source[line])
-    begin = max(0, fault.column - _SHOWN // 2)
+    at = min(fault.at, len(source))
+    start = source.rfind("\n", 0, at) + 1
+    line = source[start:].partition("\n")[0]
+    text = "".join(letter if letter.isprintable() else " " for letter in line)
+    column = at - start
+    begin = max(0, column - _SHOWN // 2)
     shown = text[begin : begin + _SHOWN]
     raise ProfileError(
-        f"{place}: line {line + 1}, column {fault.column + 1}: {fault.problem}\n"
-        f"  {shown}\n  {' ' * (fault.column - begin)}^",
+        f"{place}: line {source.count(chr(10), 0, at) + 1}, column {column + 1}: {fault.problem}\n"
+        f"  {shown}\n  {' ' * (column - begin)}^",
         remedy=fault.remedy,
     ) from None

@@ -1,12 +1,14 @@
-"""What expressions are about: numbers, yes or no, texts, lists of numbers or texts; and what can be wrong with them."""
+"""Values of expressions: whole numbers, fractions, true and false, texts, lists of these; and what can be wrong."""
 
 from __future__ import annotations
 
 from math import ceil, floor, isfinite
 
-__all__ = ["MOST", "NEARLY", "Fault", "Value", "equal", "kept", "kind_of", "number", "text_of", "whole"]
+__all__ = ["MOST", "MOST_TEXT", "NEARLY", "Fault", "Items", "Pattern", "Scalar", "Unknown", "Value"]
+__all__ += ["equal", "kept", "kind_of", "literal", "number", "one_of_items", "text_of", "whole"]
 
-Value = float | bool | str | tuple[float, ...] | tuple[str, ...]
+Scalar = int | float | bool | str
+Value = Scalar | tuple[Scalar, ...]
 
 NEARLY = 1e-9
 """Numbers closer than this are equal, so that 0.1 + 0.2 == 0.3 and int(0.6 / 0.2) is 3."""
@@ -14,13 +16,39 @@ NEARLY = 1e-9
 MOST = 1e15
 """No number may be larger: beyond, not every whole number has a value of its own."""
 
+MOST_TEXT = 10_000
+"""Characters of a text, and items of a list, that an expression may make."""
+
+
+class Items(tuple[Scalar, ...]):
+    """A vector as PrusaSlicer has them, one item per extruder.
+
+    Where a single value is wanted it stands for its first item, and so does an index behind its end.
+    """
+
+    __slots__ = ()
+
+
+class Pattern(str):
+    """A regular expression, as it stands between slashes."""
+
+    __slots__ = ()
+
 
 class Fault(Exception):  # noqa: N818 - becomes a ProfileError once line and setting are known
-    """Something wrong at a column (from 0) of a line."""
+    """Something wrong at a place (characters from the begin) of a macro."""
 
-    def __init__(self, column: int, problem: str, remedy: str = "") -> None:
+    def __init__(self, at: int, problem: str, remedy: str = "") -> None:
         super().__init__(problem)
-        self.column, self.problem, self.remedy = column, problem, remedy
+        self.at, self.problem, self.remedy = at, problem, remedy
+
+
+class Unknown(Fault):
+    """A name that stands for nothing."""
+
+    def __init__(self, name: str, at: int, remedy: str) -> None:
+        super().__init__(at, f"unknown placeholder {{{name}}}", remedy)
+        self.name = name
 
 
 def number(value: float) -> str:
@@ -34,9 +62,28 @@ def text_of(value: Value) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         return value
+    if isinstance(value, Items):
+        return text_of(one_of_items(value))
     if isinstance(value, tuple):
         return ", ".join(text_of(item) for item in value)
-    return number(value)
+    return str(value) if isinstance(value, int) else number(value)
+
+
+def literal(value: Value) -> str:
+    """A value as it is written in an expression."""
+    if isinstance(value, tuple):
+        return literal(value[0]) if len(value) == 1 else f"({', '.join(map(literal, value))})"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+        return f'"{escaped}"'
+    return f"{value:.10f}".rstrip("0") if isinstance(value, float) else text_of(value)
+
+
+def one_of_items(value: Value) -> Value:
+    """What stands where a single value is wanted: the first item of a vector, an empty text if it has none."""
+    if isinstance(value, Items):
+        return value[0] if value else ""
+    return value
 
 
 def kind_of(value: Value) -> str:
@@ -53,17 +100,17 @@ def equal(one: float, other: float) -> bool:
     return abs(one - other) <= NEARLY
 
 
-def whole(value: float, *, up: bool = False) -> float:
+def whole(value: float, *, up: bool = False) -> int:
     """The next whole number below, or above; a number that is nearly whole is that."""
-    return float(ceil(value - NEARLY) if up else floor(value + NEARLY))
+    return ceil(value - NEARLY) if up else floor(value + NEARLY)
 
 
-def kept(value: float, column: int) -> float:
+def kept(value: float, at: int) -> float:
     """A number that stayed within bounds.
 
     Raises:
         Fault: it is too large.
     """
     if not (isfinite(value) and abs(value) <= MOST):
-        raise Fault(column, f"the result is beyond {MOST:g}")
+        raise Fault(at, f"the result is beyond {MOST:g}")
     return value

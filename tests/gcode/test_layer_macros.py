@@ -13,11 +13,12 @@ from printer_slicer.arrays import Float
 from printer_slicer.commands import told_by
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
-from printer_slicer.gcode.facts import layer_facts, print_facts
+from printer_slicer.gcode.facts import end_facts, layer_facts, print_facts
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
-from printer_slicer.macros import Value, read_template
+from printer_slicer.macros import Value, known_names, read_template
 from printer_slicer.macros.functions import FUNCTIONS
+from printer_slicer.macros.names import FACTS
 from printer_slicer.model import Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_part
@@ -126,7 +127,7 @@ def test_the_examples_of_the_document_are_true(macro: str, expected: str) -> Non
     known: dict[str, Value] = {
         "nozzle_temperature": 210.0,
         "layer_z": 0.6,
-        "layer_num": 2.0,
+        "layer_num": 2,
         "on": True,
         "material_name": "PLA",
         "tops": (0.2, 0.4, 0.6),
@@ -138,12 +139,34 @@ def test_the_examples_of_the_document_are_true(macro: str, expected: str) -> Non
 def test_the_document_names_every_fact_and_every_function() -> None:
     text = DOCUMENT.read_text("utf-8")
     settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
-    facts = set(print_facts(sliced(), plain())) | set(layer_facts(sliced(), 0, 0, 0))
+    facts = FACTS | set(layer_facts(sliced(), 0, 0, 0))
     short = {"first_layer_min_y", "first_layer_max_y"}  # told as `first_layer_min_x` and `_y`
 
     assert len(examples()) > 10
     assert [name for name in facts - settings - short if f"`{name}`" not in text] == []
     assert [name for name in FUNCTIONS if f"{name}(" not in text] == []
+
+
+def test_every_name_that_imports_count_on_has_a_value() -> None:
+    everywhere, layers = print_facts(sliced(), plain()), layer_facts(sliced(), 0, 0, 0)
+    end = end_facts(sliced(), plain())
+    settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
+
+    assert known_names("start_gcode") <= everywhere.keys()
+    assert known_names("layer_gcode") == known_names("start_gcode") | layers.keys()
+    assert known_names("end_gcode") == known_names("start_gcode") | end.keys()
+    assert everywhere.keys() - settings - known_names("start_gcode") <= {"speeds.raft"}
+
+
+def test_global_variables_count_from_macro_to_macro_in_the_order_of_the_print() -> None:
+    lines = lines_with(
+        start_gcode="{global n = 0}M117 begin {n}",
+        before_layer_gcode="{n = n + 1}M117 before {n}",
+        layer_gcode="{n = n + 1}M117 at {n}",
+    )
+    told = [line.removeprefix("M117 ") for line in lines[: lines.index("; settings")] if "M117" in line]
+
+    assert told == ["begin 0", *(f"{word} {n}" for n, word in enumerate(["before", "at"] * 10, 1))]
 
 
 # Tools

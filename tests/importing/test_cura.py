@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from printer_slicer import bead
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Wanted, import_profiles
-from printer_slicer.importing.cura_values import evaluate_cura
-from printer_slicer.importing.foreign import Unreadable
+from printer_slicer.importing.cura_values import Unreadable, evaluate_cura
 from printer_slicer.importing.ini import GIVE
 from tests.importing.files import imported, json_file, loaded, needs_proc, refused, unreadable
 
@@ -119,8 +118,8 @@ def test_the_overlap_of_infill_is_a_share_of_the_mean_width_of_infill_and_wall(
 def test_it_heats_before_its_start_gcode_as_the_source_does(folder: Path) -> None:
     text = str(imported(folder / "acme.def.json")["printer"].values["start_gcode"]).splitlines()
 
-    assert text.index("M109 S{first_layer_nozzle_temperature}") < text.index("G28")
-    assert "G1 Y{bed_y}" in text
+    assert text.index("M109 S{first_layer_temperature[0]}") < text.index("G28")
+    assert "G1 Y{machine_depth}" in text
 
 
 def test_changes_reach_what_hangs_on_them(folder: Path) -> None:

@@ -6,7 +6,6 @@ import json
 import re
 import tomllib
 import zipfile
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,11 +17,8 @@ from hypothesis import strategies as st
 from printer_slicer.cli import main
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Imported, Refused, import_profiles, profile_text
-from printer_slicer.importing.conditions import matches
-from printer_slicer.importing.foreign import Unreadable
-from printer_slicer.importing.ini import split_texts, unescaped
-from printer_slicer.importing.pieces import pieces_of
 from printer_slicer.macros import read_template
+from printer_slicer.macros.functions import Misused, matches
 from printer_slicer.profile.faults import fault_in
 from tests.importing.files import FLAT, ini
 from tests.importing.test_bundle import BUNDLE
@@ -104,8 +100,17 @@ def check(path: Path) -> int:
         assert fault_in(one.kind, tomllib.loads(profile_text(one))) is None
         for name, value in one.values.items():
             if name.endswith("_gcode"):
-                read_template(value, name)
+                readable(one, name, value)
     return len(results)
+
+
+def readable(made: Imported, name: str, text: str) -> None:
+    """A macro can be read, or the import has said why not."""
+    try:
+        read_template(text, name).possible_lines({})
+    except ProfileError as error:
+        why = str(error.args[0]).removeprefix(f"{name}: ").splitlines()[0].partition(": ")[2]
+        assert any(why in note.text for note in made.notes), why
 
 
 @pytest.mark.parametrize("name", SEEDS)
@@ -167,7 +172,7 @@ def test_no_pattern_takes_for_ever(pattern: str, tmp_path: Path) -> None:
         encoding="utf-8",
     )
     check(path)
-    with suppress(Unreadable):
+    with suppress(Misused):
         assert matches("a" * 50_000, pattern) is (pattern in (".*a" * 30, "(a|aa)+$", "(a|a)*" * 500))
 
 
@@ -224,46 +229,3 @@ def test_no_text_takes_far_longer_than_its_length(what: str, tmp_path: Path) -> 
 
     assert check(path) >= 1
     assert main(["profiles", "import", str(path), "--dry-run", "--quiet"]) in (0, 2)
-
-
-@given(st.text('a"}{\\\n', max_size=12))
-def test_a_brace_ends_at_the_next_one_that_no_quotes_hold(text: str) -> None:
-    shown = pieces_of("{" + text, square=False)[0]
-    assert not isinstance(shown, str)
-
-    quoted = False
-    for number, letter in enumerate(text):
-        if letter == '"' and text[number - 1 : number] != "\\":
-            quoted = not quoted
-        if letter == "}" and not quoted:
-            assert shown.source == "{" + text[: number + 1]
-            return
-    assert shown.source == "{" + text.partition("\n")[0]
-
-
-@given(st.text('a"; \\', max_size=10))
-def test_texts_of_a_list_are_those_between_semicolons(text: str) -> None:
-    """The same as a plain reading, letter by letter: quotes count where they begin a text and end it."""
-    found, place = [], 0
-    while place < len(text):
-        match = re.compile(r'\s*("(?:[^"\\]|\\.)*"|[^;]*?)\s*(?:;|$)').match(text, place)
-        assert match
-        found.append(unescaped(match[1]))
-        place = max(match.end(), place + 1)
-
-    assert split_texts(text) == found
-
-
-def lost_parents(folder: Path) -> Path:
-    """Each preset inherits from one that is not there, and has a name like that of all others."""
-    path = folder / "lost.ini"
-    lost = [
-        f"[print:preset number {n} of all]\ninherits = another number {n} of all\n" for n in range(10_000)
-    ]
-    path.write_text("[print:a]\nlayer_height = 0.2\n" + "".join(lost), encoding="utf-8")
-    return path
-
-
-@pytest.mark.parametrize("make", [nested, a_bomb, a_ladder, deep_blocks, lost_parents])
-def test_files_made_to_do_harm_do_none(make: Callable[[Path], Path], tmp_path: Path) -> None:
-    check(make(tmp_path))

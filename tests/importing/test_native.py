@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer import job_of, load_mesh
+from printer_slicer import dry_run, job_of, load_mesh
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import Wanted, import_profiles
 from printer_slicer.profile import Profile, load_profile, settings_of
@@ -55,6 +55,38 @@ def test_it_may_not_heat_further_than_other_files(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(hotter[:-1] + b"2", hotter))
 
     assert "an import lets nozzles go up to 300" in refused(path, "printer").problem
+
+
+OLD_START = """\
+M140 S{first_layer_bed_temperature}
+M104 S{min(first_layer_nozzle_temperature, 160)}
+{if first_layer_min_x > 4}
+G1 X{bed_x_middle} Y{bed_y_end} ; {{primed}}
+{elif nozzle_diameter == 0.6 and not probe}
+M117 '{fixed(part_height, 1)}' {padded(layer_count, 4)} {material_name + '-' + text(perimeters)}
+{endif}
+M190 S{first_layer_bed_temperature}
+M109 S{first_layer_nozzle_temperature}
+G28
+"""
+OLD_END = "G1 Z{min(part_height + 5, bed_z)} F600\nM104 S0\nM140 S0\n"
+
+
+def test_macros_in_the_old_form_of_the_language_are_imported_sliced_and_printed(tmp_path: Path) -> None:
+    changes = {"printer.start_gcode": OLD_START, "printer.end_gcode": OLD_END}
+    old = load_profile(changes=changes)
+    path = tmp_path / "old.gcode"
+    path.write_bytes(job_of(load_mesh(PART), old).text)
+    again = loaded(imported(path), tmp_path)
+    job = job_of(load_mesh(PART), again)
+    lines = job.text.decode().splitlines()
+
+    assert (again.printer.start_gcode, again.printer.end_gcode) == (OLD_START, OLD_END)
+    assert job.text == path.read_bytes()
+    assert dry_run(job, again).problems == ()
+    assert "M104 S160" in lines
+    assert "G1 X110 Y215 ; {primed}" in lines
+    assert "G1 Z15 F600" in lines
 
 
 @pytest.mark.parametrize(

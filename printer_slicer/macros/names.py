@@ -1,0 +1,201 @@
+"""Names of other slicers for what macros can speak of: PrusaSlicer's, OrcaSlicer's and BambuStudio's, Cura's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from printer_slicer.macros.values import Items, Value
+
+__all__ = ["AT_END", "FACTS", "IN_LAYERS", "known_names", "with_other_names"]
+
+_PRUSASLICER: Final[Mapping[str, str]] = {
+    # material
+    "first_layer_temperature": "first_layer_nozzle_temperature",
+    "temperature": "nozzle_temperature",
+    "first_layer_bed_temperature": "first_layer_bed_temperature",
+    "bed_temperature": "bed_temperature",
+    "filament_diameter": "filament_diameter",
+    "filament_density": "density",
+    "filament_cost": "cost",
+    "filament_type": "material.type",
+    "filament_settings_id": "material_name",
+    "filament_preset": "material_name",
+    "initial_filament_type": "material.type",
+    "extrusion_multiplier": "flow_ratio",
+    "filament_max_volumetric_speed": "max_flow",
+    "pressure_advance": "pressure_advance",
+    "slowdown_below_layer_time": "min_layer_time",
+    "fan_below_layer_time": "fan_layer_time",
+    "min_print_speed": "min_speed",
+    # quality
+    "layer_height": "quality.layer_height",
+    "print_settings_id": "quality_name",
+    "print_preset": "quality_name",
+    "travel_speed": "quality.speeds.travel",
+    "first_layer_speed": "quality.speeds.first_layer",
+    "perimeter_speed": "quality.speeds.inner_perimeter",
+    "external_perimeter_speed": "quality.speeds.outer_perimeter",
+    "infill_speed": "quality.speeds.sparse",
+    "solid_infill_speed": "quality.speeds.solid",
+    "top_solid_infill_speed": "quality.speeds.top_skin",
+    "bridge_speed": "quality.speeds.bridge",
+    "perimeters": "perimeters",
+    "skirts": "skirt_loops",
+    "skirt_distance": "skirt_distance",
+    "brim_width": "brim_width",
+    "spiral_vase": "spiral",
+    "seam_position": "seam",
+    # printer
+    "nozzle_diameter": "nozzle_diameter",
+    "max_print_height": "bed_z",
+    "min_layer_height": "min_layer",
+    "max_layer_height": "max_layer",
+    "machine_width": "bed_x",
+    "machine_depth": "bed_y",
+    "printer_model": "model",
+    "printer_settings_id": "printer_name",
+    "printer_preset": "printer_name",
+    "retract_length": "retract_length",
+    "retract_speed": "retract_speed",
+    "deretract_speed": "deretract_speed",
+    "retract_lift": "z_hop",
+    "retract_before_travel": "retract_before_travel",
+    "use_relative_e_distances": "relative_extrusion",
+    "use_firmware_retraction": "firmware_retraction",
+    "machine_max_feedrate_x": "max_speed_x",
+    "machine_max_feedrate_y": "max_speed_y",
+    "machine_max_feedrate_z": "max_speed_z",
+    "machine_max_feedrate_e": "max_speed_e",
+    "machine_max_acceleration_x": "max_acceleration_x",
+    "machine_max_acceleration_y": "max_acceleration_y",
+    "machine_max_acceleration_z": "max_acceleration_z",
+    "machine_max_acceleration_e": "max_acceleration_e",
+    "machine_max_acceleration_extruding": "acceleration",
+    "machine_max_acceleration_retracting": "retract_acceleration",
+    "machine_max_acceleration_travel": "travel_acceleration",
+    # the print
+    "total_layer_count": "layer_count",
+    "total_weight": "filament_used_g",
+    "used_filament": "filament_used",
+    "initial_tool": "tool",
+    "initial_extruder": "tool",
+    "initial_no_support_extruder": "tool",
+    "current_extruder": "tool",
+}
+_WHOLE: Final = frozenset(
+    {
+        "first_layer_temperature",
+        "temperature",
+        "first_layer_bed_temperature",
+        "bed_temperature",
+        "perimeters",
+        "skirts",
+        "total_layer_count",
+        "initial_tool",
+        "initial_extruder",
+        "initial_no_support_extruder",
+        "current_extruder",
+    }
+)
+"""Names of whole numbers: they divide to whole numbers."""
+
+_OTHERS: Final[Mapping[str, str]] = {
+    # OrcaSlicer, BambuStudio
+    "nozzle_temperature_initial_layer": "first_layer_temperature",
+    "nozzle_temperature": "temperature",
+    "bed_temperature_initial_layer": "first_layer_bed_temperature",
+    "bed_temperature_initial_layer_single": "first_layer_bed_temperature",
+    "hot_plate_temp_initial_layer": "first_layer_bed_temperature",
+    "textured_plate_temp_initial_layer": "first_layer_bed_temperature",
+    "cool_plate_temp_initial_layer": "first_layer_bed_temperature",
+    "eng_plate_temp_initial_layer": "first_layer_bed_temperature",
+    "hot_plate_temp": "bed_temperature",
+    "textured_plate_temp": "bed_temperature",
+    "cool_plate_temp": "bed_temperature",
+    "eng_plate_temp": "bed_temperature",
+    "initial_layer_speed": "first_layer_speed",
+    "outer_wall_speed": "external_perimeter_speed",
+    "inner_wall_speed": "perimeter_speed",
+    "sparse_infill_speed": "infill_speed",
+    "printable_height": "max_print_height",
+    "retraction_length": "retract_length",
+    "retraction_speed": "retract_speed",
+    "z_hop": "retract_lift",
+    "line_width": "extrusion_width",
+    "machine_max_speed_x": "machine_max_feedrate_x",
+    "machine_max_speed_y": "machine_max_feedrate_y",
+    "machine_max_speed_z": "machine_max_feedrate_z",
+    "machine_max_speed_e": "machine_max_feedrate_e",
+    "wall_loops": "perimeters",
+    "filament_flow_ratio": "extrusion_multiplier",
+    "initial_layer_print_height": "first_layer_height",
+    # Cura
+    "material_print_temperature": "temperature",
+    "material_print_temperature_layer_0": "first_layer_temperature",
+    "material_initial_print_temperature": "first_layer_temperature",
+    "material_bed_temperature": "bed_temperature",
+    "material_bed_temperature_layer_0": "first_layer_bed_temperature",
+    "print_temperature": "temperature",
+    "print_bed_temperature": "bed_temperature",
+    "material_diameter": "filament_diameter",
+    "machine_nozzle_size": "nozzle_diameter",
+    "machine_height": "max_print_height",
+    "layer_height_0": "first_layer_height",
+    "speed_travel": "travel_speed",
+    "speed_layer_0": "first_layer_speed",
+    "retraction_amount": "retract_length",
+    "retraction_retract_speed": "retract_speed",
+    "retraction_hop": "retract_lift",
+    "initial_extruder_nr": "initial_tool",
+}
+"""What slicers call what PrusaSlicer calls otherwise."""
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+FACTS: Final = _words("""
+    bed_x_middle bed_y_middle bed_y_end first_layer_min_x first_layer_min_y first_layer_max_x first_layer_max_y
+    first_layer_min first_layer_max first_layer_size layer_count layer_tops part_height filament_used filament_used_g
+    print_seconds object_names printer_name material_name quality_name layer_heights pause_at
+    first_layer_print_min first_layer_print_max first_layer_print_size print_bed_min print_bed_max print_bed_size
+    extrusion_width first_layer_height extruded_volume total_cost num_objects num_extruders is_extruder_used
+    has_wipe_tower has_single_extruder_multi_material_priming total_toolchanges input_filename input_filename_base
+    """)
+"""What every macro can speak of besides settings."""
+
+AT_END: Final = frozenset({"layer_num", "layer_z", "max_layer_z"})
+"""What is known besides in end G-code."""
+
+IN_LAYERS: Final = AT_END | {"current_layer_height", "filament_so_far", "seconds_so_far"}
+"""What is known besides between layers."""
+
+
+def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset[str]:
+    """All names that mean something in a macro.
+
+    Args:
+        macro: which, such as `layer_gcode`.
+        settings: names of settings.
+    """
+    more = AT_END if macro == "end_gcode" else frozenset()
+    if macro in ("before_layer_gcode", "layer_gcode", "pause_gcode"):
+        more = IN_LAYERS
+    return settings | FACTS | more | _PRUSASLICER.keys() | _OTHERS.keys()
+
+
+def with_other_names(known: Mapping[str, Value]) -> dict[str, Value]:
+    """The same values also under the names of other slicers, as vectors of one item; those keep their meaning there.
+
+    Args:
+        known: settings and facts under the names here; what is not there has no other name either.
+    """
+    found = dict(known)
+    for theirs, ours in _PRUSASLICER.items():
+        value = known.get(ours)
+        if isinstance(value, (int, float, str)):
+            is_whole = theirs in _WHOLE and not isinstance(value, str) and float(value).is_integer()
+            found[theirs] = Items((int(value) if is_whole else value,))
+    return found | {name: found[same] for name, same in _OTHERS.items() if same in found}
