@@ -59,23 +59,25 @@ def print_facts(
         "first_layer_height": program.plan.top[0],
         "extrusion_width": profile.extrusion_width,
     }
-    lists: dict[str, Value] = {
-        "first_layer_min": _list(low),
-        "first_layer_max": _list(high),
-        "first_layer_size": _list(high - low),
-        "print_bed_min": _list(np.array([left, front])),
-        "print_bed_max": _list(np.array([right, back])),
-        "print_bed_size": _list(np.array([right - left, back - front])),
-        "layer_tops": _list(program.plan.top),
-        "object_names": names,
-        "input_filename": f"{name}.gcode" if name else "",
-        "input_filename_base": name,
-    }
-    lists |= {key.replace("layer_", "layer_print_"): lists[key] for key in lists if key.startswith("first_")}
     for key in ("layer_heights", "pause_at"):
-        lists[key] = lists[f"quality.{key}"] = getattr(profile.quality, key)
+        known[key] = known[f"quality.{key}"] = getattr(profile.quality, key)
     known |= {key: round(float(value), _DIGITS) for key, value in numbers.items()}
-    return with_other_names(known | lists | _of_extruders(profile, len(names)))
+    known |= _places(profile, low, high) | _of_extruders(profile, len(names))
+    known |= {"layer_tops": _list(program.plan.top), "object_names": names}
+    known |= {"input_filename": f"{name}.gcode" if name else "", "input_filename_base": name}
+    return with_other_names(known)
+
+
+def _places(profile: Profile, low: Float, high: Float) -> dict[str, Value]:
+    """Corners and sizes of the bed and of the first layer, which reaches from `low` to `high`."""
+    (left, front), (right, back) = profile.printer.corners
+    first = {"min": _list(low), "max": _list(high), "size": _list(high - low)}
+    bed = {"min": (left, front), "max": (right, back), "size": (right - left, back - front)}
+    return {
+        **{f"print_bed_{name}": _list(np.array(values)) for name, values in bed.items()},
+        **{f"first_layer_{name}": values for name, values in first.items()},
+        **{f"first_layer_print_{name}": values for name, values in first.items()},
+    }
 
 
 def _of_extruders(profile: Profile, objects: int) -> dict[str, Value]:

@@ -36,8 +36,9 @@ __all__ = [
     "Token",
     "Unary",
     "Vector",
+    "names_in",
+    "parse_expression",
 ]
-__all__ += ["names_in", "parse_expression"]
 
 _MOST_TOKENS: Final = 200
 """In one expression: what is read and evaluated by functions that call themselves stays shallow."""

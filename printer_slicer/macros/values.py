@@ -4,8 +4,25 @@ from __future__ import annotations
 
 from math import ceil, floor, isfinite
 
-__all__ = ["MOST", "MOST_TEXT", "NEARLY", "Fault", "Items", "Pattern", "Scalar", "Unknown", "Value"]
-__all__ += ["equal", "kept", "kind_of", "literal", "number", "one_of_items", "text_of", "whole"]
+__all__ = [
+    "MOST",
+    "MOST_TEXT",
+    "NEARLY",
+    "Fault",
+    "Items",
+    "Pattern",
+    "Scalar",
+    "Unknown",
+    "Value",
+    "equal",
+    "kept",
+    "kind_of",
+    "literal",
+    "number",
+    "one_of_items",
+    "text_of",
+    "whole",
+]
 
 Scalar = int | float | bool | str
 Value = Scalar | tuple[Scalar, ...]

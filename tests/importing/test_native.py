@@ -82,7 +82,7 @@ def test_macros_in_the_old_form_of_the_language_are_imported_sliced_and_printed(
     lines = job.text.decode().splitlines()
 
     assert (again.printer.start_gcode, again.printer.end_gcode) == (OLD_START, OLD_END)
-    assert job.text == path.read_bytes()
+    assert job.text.partition(b"\n; settings\n")[0] == path.read_bytes().partition(b"\n; settings\n")[0]
     assert dry_run(job, again).problems == ()
     assert "M104 S160" in lines
     assert "G1 X110 Y215 ; {primed}" in lines

@@ -73,7 +73,7 @@ def test_a_machine_has_a_bed_a_height_limits_and_a_model_of_its_own(name: str) -
     assert own["model"]
     assert printer.max_nozzle_temperature <= 300
     assert printer.max_bed_temperature <= 120
-    assert "{first_layer_bed_temperature}" in printer.start_gcode
+    assert "{first_layer_bed_temperature[0]}" in printer.start_gcode
     assert "M104 S0" in printer.end_gcode
     assert "M140 S0" in printer.end_gcode
 
