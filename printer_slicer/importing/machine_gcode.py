@@ -17,7 +17,7 @@ from printer_slicer.importing.beds import Bed
 from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.vocabulary import kind_of_setting
-from printer_slicer.macros import Unknown, Value, escaped, known_names, literal, read_template
+from printer_slicer.macros import UnknownName, Value, escaped, known_names, literal, read_template
 from printer_slicer.profile import settings_table
 
 __all__ = ["put_macros"]
@@ -86,7 +86,7 @@ def _variables(made: Conversion, theirs: str, text: str, known: Mapping[str, Val
     wanted: dict[str, str] = {}
     unknown: dict[str, str] = {}
     for fault in template.faults(known_names(_MACROS[theirs], _settings_names())):
-        name = fault.name if isinstance(fault, Unknown) else ""
+        name = fault.name if isinstance(fault, UnknownName) else ""
         if name in known:
             wanted[name] = literal(known[name])
         else:

@@ -27,7 +27,7 @@ from printer_slicer.macros.values import (
     Fault,
     Items,
     Pattern,
-    Unknown,
+    UnknownName,
     Value,
     equal,
     kept,
@@ -103,7 +103,7 @@ def check_known(node: Name | Call, known: Collection[str]) -> None:
     """Check that a name or function exists.
 
     Raises:
-        Unknown: the name does not; the remedy offers the nearest.
+        UnknownName: the name does not; the remedy offers the nearest.
         Fault: the function does not.
     """
     if isinstance(node, Call):
@@ -111,7 +111,7 @@ def check_known(node: Name | Call, known: Collection[str]) -> None:
     elif node.name not in known and node.name.rstrip("0123456789").removesuffix("_") not in known:
         near = get_close_matches(node.name, known, n=1)
         hint = f"did you mean {{{near[0]}}}?" if near else _listed(known)
-        raise Unknown(node.name, node.at, hint)
+        raise UnknownName(node.name, node.at, hint)
 
 
 def _listed(known: Collection[str]) -> str:

@@ -28,11 +28,11 @@ __all__ = [
     "Binary",
     "Call",
     "Choice",
+    "ExpressionReader",
     "Index",
     "Literal",
     "Name",
     "Node",
-    "Reader",
     "Token",
     "Unary",
     "Vector",
@@ -183,14 +183,14 @@ def parse_expression(text: str) -> Node:
     Raises:
         Fault: it is none.
     """
-    reader = Reader(text, 0, equals="==")
+    reader = ExpressionReader(text, 0, equals="==")
     tree = reader.expression()
     if reader.next.kind != "end" or reader.next.behind < len(text):
         raise reader.unexpected("an operator")
     return tree
 
 
-class Reader:
+class ExpressionReader:
     """Reads expressions from a place on, by descending through the levels of binding; `equals` is what `=` means."""
 
     def __init__(self, text: str, at: int, *, equals: str = "=") -> None:

@@ -26,8 +26,8 @@ from typing import Final, Never
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.macros.evaluation import check_known, evaluate, is_true, value_or_list
-from printer_slicer.macros.syntax import Index, Literal, Name, Node, Reader, Token, names_in
-from printer_slicer.macros.values import Fault, Items, Unknown, Value, text_of
+from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, names_in
+from printer_slicer.macros.values import Fault, Items, UnknownName, Value, text_of
 
 __all__ = ["Template", "escaped", "read_template"]
 
@@ -158,7 +158,7 @@ class Template:
             for one in (one for tree in trees for one in names_in(tree)):
                 try:
                     check_known(one, there)
-                except Unknown as fault:
+                except UnknownName as fault:
                     if not (isinstance(piece, _Show) and piece.remark):
                         yield fault
                 except Fault as fault:
@@ -209,7 +209,7 @@ class _Filling:
         """The value of an expression as text."""
         try:
             value = value_or_list(piece.tree, self.names)
-        except Unknown:
+        except UnknownName:
             if piece.remark:
                 return piece.source
             raise
@@ -367,7 +367,7 @@ def _flat(source: str) -> Iterator[_Flat]:
 
 def _braced(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]:
     """What stands between the braces that begin here, and the place behind them."""
-    reader = Reader(source, begin + 1)
+    reader = ExpressionReader(source, begin + 1)
     found: list[Node | _Mark | _Assign] = []
     if reader.next.kind == "end" and reader.next.text:
         raise Fault(begin + 1, "nothing between the braces", "write {name}, or {{}} for braces themselves")
@@ -385,7 +385,7 @@ def _braced(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]
     return [*pieces], end
 
 
-def _statement(reader: Reader) -> Node | _Mark | _Assign:
+def _statement(reader: ExpressionReader) -> Node | _Mark | _Assign:
     """One mark, assignment or expression, and that it ends there."""
     if mark := reader.taken("else", "endif"):
         return _Mark(mark.text, None, mark.at)
@@ -402,7 +402,7 @@ def _statement(reader: Reader) -> Node | _Mark | _Assign:
     return found
 
 
-def _assignment_or_value(reader: Reader) -> Node | _Assign:
+def _assignment_or_value(reader: ExpressionReader) -> Node | _Assign:
     """`local x = 1`, `global x = 1`, `x = 1`, `x[0] = 1`, or an expression."""
     if scope := reader.taken("local", "global"):
         name = reader.taken_name()

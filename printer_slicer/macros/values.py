@@ -12,7 +12,7 @@ __all__ = [
     "Items",
     "Pattern",
     "Scalar",
-    "Unknown",
+    "UnknownName",
     "Value",
     "equal",
     "kept",
@@ -60,7 +60,7 @@ class Fault(Exception):  # noqa: N818 - becomes a ProfileError once line and set
         self.at, self.problem, self.remedy = at, problem, remedy
 
 
-class Unknown(Fault):
+class UnknownName(Fault):
     """A name that stands for nothing."""
 
     def __init__(self, name: str, at: int, remedy: str) -> None:

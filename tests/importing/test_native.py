@@ -58,6 +58,7 @@ def test_it_may_not_heat_further_than_other_files(tmp_path: Path) -> None:
 
 
 OLD_START = """\
+G28
 M140 S{first_layer_bed_temperature}
 M104 S{min(first_layer_nozzle_temperature, 160)}
 {if first_layer_min_x > 4}
@@ -67,7 +68,6 @@ M117 '{fixed(part_height, 1)}' {padded(layer_count, 4)} {material_name + '-' + t
 {endif}
 M190 S{first_layer_bed_temperature}
 M109 S{first_layer_nozzle_temperature}
-G28
 """
 OLD_END = "G1 Z{min(part_height + 5, bed_z)} F600\nM104 S0\nM140 S0\n"
 
