@@ -44,12 +44,12 @@ def config_in_gcode(path: Path) -> list[tuple[int, str]]:
         skipped = max(size - _TAIL, 0)
         file.seek(skipped)
         tail = file.read()
-    # Lines before the tail are only counted, for messages.
-    number = _newlines(path, skipped) + 1
-    for first, data in ((number, tail), (1, head)):
-        found = list(_block(data.decode("utf-8", "replace").splitlines(), first))
+    for begin, data in ((skipped, tail), (0, head)):
+        found = list(_block(data.decode("utf-8", "replace").splitlines(), 1))
         if found:
-            return found
+            # Lines before the tail are only counted, for messages.
+            before = _newlines(path, begin)
+            return [(before + number, text) for number, text in found]
     raise NoSettingsError(
         f"{path}: G-code without settings of PrusaSlicer, SuperSlicer, OrcaSlicer, BambuStudio or Slic3r",
         remedy="take a file that one of them wrote, or export the settings themselves",
