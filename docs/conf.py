@@ -10,7 +10,7 @@ from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from printer_slicer.cli.manual import as_markdown
+from printer_slicer.cli.commands.man import as_markdown
 from printer_slicer.version import VERSION
 
 HERE = Path(__file__).parent

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import printer_slicer
+from printer_slicer.cli.parser import COMMANDS
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.door import open_door
 from printer_slicer.printing.phases import Ticket
@@ -203,3 +204,40 @@ def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) 
         "gcode",
     }
     assert 5 < len(own) <= 20, own
+
+
+def modules_of_commands(*arguments: str) -> set[str]:
+    """Which modules of commands are imported when something is typed."""
+    code = (
+        "import sys, contextlib, io\nfrom printer_slicer.cli import main\n"
+        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n    main(sys.argv[1:])\n"
+        "print(*[name for name in sys.modules if name.startswith('printer_slicer.cli.commands.')])"
+    )
+    return {name.rpartition(".")[2] for name in python(code, *arguments).split()}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_only_the_module_of_the_command_that_is_asked_for_is_imported(name: str) -> None:
+    own = name.replace("-", "_")
+
+    assert modules_of_commands(name, "--help") - {"profiles_import"} == {own}
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"]], ids=" ".join)
+def test_the_table_of_commands_is_enough_for(arguments: list[str]) -> None:
+    assert modules_of_commands(*arguments) == set()
+
+
+def test_a_misspelt_command_is_answered_from_the_table() -> None:
+    code = (
+        "import sys\nfrom printer_slicer.cli import main\nsys.stderr = sys.stdout\nassert main(['slcie']) == 2\n"
+        "assert not any(name.startswith('printer_slicer.cli.commands.') for name in sys.modules)"
+    )
+
+    assert "did you mean 'slice'?" in python(code)
+
+
+def test_every_module_of_a_command_is_in_the_table() -> None:
+    names = {path.stem for path in (ROOT / "printer_slicer" / "cli" / "commands").glob("[a-z]*.py")}
+
+    assert names - {"profiles_import"} == {name.replace("-", "_") for name in COMMANDS}

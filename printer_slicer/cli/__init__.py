@@ -9,10 +9,10 @@ import os
 import sys
 from collections.abc import Sequence
 
-from printer_slicer.cli.colours import coloured
-from printer_slicer.cli.common import visible
 from printer_slicer.cli.inputs import inputs
+from printer_slicer.cli.output import coloured, visible
 from printer_slicer.cli.output_streams import outlive_readers, unwritten
+from printer_slicer.cli.parser import COMMANDS, build_parser
 from printer_slicer.errors import PrinterSlicerError
 
 __all__ = ["main"]
@@ -35,8 +35,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
     outlive_readers()
-    parser = _parser_of(sys.argv[1:] if argv is None else argv)
-    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could be typed
+    asks = "_ARGCOMPLETE" in os.environ  # a shell asks what could be typed
+    words = os.environ.get("COMP_LINE", "").split() if asks else sys.argv[1:] if argv is None else argv
+    parser = build_parser([word for word in words if word in COMMANDS][:1])
+    if asks:
         from printer_slicer.cli.completing import complete
 
         complete(parser)
@@ -52,17 +54,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         failed = _output_failed(error)
         code = code or failed
     return code
-
-
-def _parser_of(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Build the parser for these arguments; for `control` only its own, because it must start fast."""
-    if words[:1] == ["control"] and "_ARGCOMPLETE" not in os.environ:
-        from printer_slicer.cli.control import control_parser
-
-        return control_parser()
-    from printer_slicer.cli.parser import build_parser
-
-    return build_parser()
 
 
 def _run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -13,15 +13,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from printer_slicer.cli.dials import DIALS
-from printer_slicer.cli.door_parsers import FIRMWARES
-from printer_slicer.cli.parsing import Command
+from printer_slicer.cli.arguments import DIALS, FIRMWARES
+from printer_slicer.cli.inputs import MODELS
+from printer_slicer.cli.parser import Command
 
-__all__ = ["MODELS", "SHELLS", "actions_of", "complete", "shell_code"]
+__all__ = ["SHELLS", "actions_of", "complete", "shell_code"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
 GCODE: Final = (".gcode", ".gco", ".g", ".nc")
-MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _KINDS: Final = ("printer", "material", "quality")
 _Words = Iterable[str] | Mapping[str, str]
 """What may come next; with meanings, where the shell shows them."""

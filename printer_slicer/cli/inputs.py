@@ -15,8 +15,9 @@ from typing import IO, Final
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["inputs", "kept", "refuse_other_text"]
+__all__ = ["MODELS", "inputs", "kept", "refuse_other_text"]
 
+MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _STDIN: Final = Path("-")
 _PROFILES: Final = ("printer", "material", "quality")
 _READING: Final = ("check", "show", "diff", *_PROFILES)  # of `profiles`

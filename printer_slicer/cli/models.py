@@ -1,35 +1,41 @@
-"""The models of a command line as one plate, with what deserves a look."""
+"""The models of a command line as one plate, with what deserves a look, and the settings of 3MF projects."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from printer_slicer.cli.colours import coloured
-from printer_slicer.cli.common import visible
-from printer_slicer.cli.memory import keep_memory
+from printer_slicer.cli.output import visible, warn
+from printer_slicer.cli.settings import changes_from
 from printer_slicer.errors import PartError
 from printer_slicer.healing import refuse_repaired, repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, joined, transformed
+from printer_slicer.profile import profile_with, settings_of
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.common import Stages
+    from printer_slicer.cli.output import Stages
+    from printer_slicer.importing.projects import Project
     from printer_slicer.model import Mesh, Repairs
     from printer_slicer.overlaps import Overlap
-    from printer_slicer.profile import Printer
+    from printer_slicer.profile import Printer, Profile
 
-__all__ = ["Plate", "plate_from", "plate_name", "repaired_plate", "warn"]
+__all__ = ["Plate", "keep_memory", "plate_from", "plate_name", "repaired_plate", "with_projects"]
 
 _IN_THE_AIR = 0.01  # mm
 _MOST_TOLD = 3
+_ARCHIVE = b"PK"
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
+_LARGEST, _LARGEST_BEFORE = 1 << 30, 32 << 20  # bytes; glibc before 2.35 accepts no more than the second
+_MOST_KEPT = 1 << 30  # bytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,8 +213,102 @@ def plate_name(paths: Sequence[Path]) -> str:
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
 
 
-def warn(arguments: argparse.Namespace, warnings: Sequence[str]) -> None:
-    """Tell people on stderr; not with --quiet."""
-    for text in () if arguments.quiet else warnings:
-        prefix = coloured("printer-slicer: warning:", "warning", sys.stderr)
-        print(f"{prefix} {visible(text)}", file=sys.stderr)
+def keep_memory() -> None:
+    """Keep freed memory for the next array instead of handing it back to the system at once.
+
+    Slicing makes and drops arrays of megabytes all the time. The C library asks the system for each anew, and the
+    system clears every page first: a sixth of the CPU time of a large part. Only the command line does this, because
+    the setting holds for the whole process; where the C library is not glibc nothing changes.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    import ctypes
+
+    with contextlib.suppress(OSError, AttributeError):
+        mallopt = ctypes.CDLL(None).mallopt
+        if not mallopt(_MMAP_THRESHOLD, _LARGEST):
+            mallopt(_MMAP_THRESHOLD, _LARGEST_BEFORE)
+        mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
+
+
+# Settings of 3MF projects
+
+
+def with_projects(
+    arguments: argparse.Namespace, profile: Profile, mesh: Mesh, plate: Plate
+) -> tuple[Profile, Plate]:
+    """Return the profile with the object settings of 3MF projects, and the plate with warnings about unused settings.
+
+    Used settings are listed on stderr, unused ones as warnings. The command line and the profile take precedence.
+
+    Args:
+        arguments: the command line.
+        profile: the profile from the command line.
+        mesh: all models; its items are the objects to print.
+        plate: facts about the models.
+
+    Raises:
+        UsageError: a project is damaged, or its settings contradict the profile.
+    """
+    projects = _projects(arguments, profile, mesh)
+    if not projects:
+        return profile, plate
+    changes, unused = _changes(arguments, profile, projects)
+    if not arguments.quiet:
+        for path, project in projects.items():
+            for text in project.used:
+                print(visible(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
+    warn(arguments, unused)
+    plate = replace(plate, warnings=(*plate.warnings, *unused))
+    return profile_with(profile, changes) if changes else profile, plate
+
+
+def _projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> dict[Path, Project]:
+    """Read the projects of all 3MF files that hold settings of a slicer."""
+    found: dict[Path, Project] = {}
+    for path in arguments.models:
+        if not _is_archive(path):
+            continue
+        from printer_slicer.importing.projects import read_project
+
+        project = read_project(path, profile, {item.name for item in mesh.items})
+        if project.overrides or project.layer_heights or project.unused or project.has_settings:
+            found[path] = project
+    return found
+
+
+def _is_archive(path: Path) -> bool:
+    """Whether it is a regular file, not a pipe, and starts as 3MF files do."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_ARCHIVE)) == _ARCHIVE
+
+
+def _changes(
+    arguments: argparse.Namespace, profile: Profile, projects: Mapping[Path, Project]
+) -> tuple[dict[str, object], list[str]]:
+    """Return the settings to change, and messages about unused settings."""
+    typed = changes_from(arguments)
+    changes: dict[str, object] = {}
+    unused: list[str] = []
+    tables: list[Mapping[str, Any]] = []
+    for path, project in projects.items():
+        tables += project.overrides
+        unused += [f"{path.name}: {text}" for text in project.unused]
+        if project.has_settings and arguments.quality is None:
+            unused.append(
+                f"{path.name}: its print, filament and printer settings are not used; "
+                f"import them with `printer-slicer profiles import {path}`"
+            )
+        for name, height in project.layer_heights:
+            if len(arguments.models) > 1 or any(
+                key.endswith(("layer_height", "planner.kind")) for key in typed
+            ):
+                unused.append(f"{path.name}: {name}: layer_height = {height:g} is not used")
+            else:
+                changes |= {"quality.planner.kind": "uniform", "quality.layer_height": height}
+    if tables:
+        there = settings_of(profile)["quality"].get("overrides", [])
+        changes["quality.overrides"] = [*tables, *there]
+    return changes, unused

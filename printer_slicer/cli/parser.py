@@ -1,35 +1,40 @@
-"""What can be typed: commands, flags, help by example. Imports nothing heavy, so that --help answers at once."""
+"""The parser of the command line. Only the command that is asked for has arguments; of the others it knows the name."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from pathlib import Path
+from collections.abc import Collection, Iterable, Mapping
+from difflib import get_close_matches
+from importlib import import_module
+from typing import Any, Final, NoReturn
 
-from printer_slicer.cli.control import add_control
-from printer_slicer.cli.dials import add_dials
-from printer_slicer.cli.door_parsers import (
-    add_allow,
-    add_allow_unsupported,
-    add_beforehand,
-    add_doctor,
-    add_firmware,
-    add_send,
-    add_sim_flags,
-)
-from printer_slicer.cli.later_parsers import add_console, add_print_flags, add_resume
-from printer_slicer.cli.model_flags import add_models, attached, box_of
-from printer_slicer.cli.parsing import Command, Parser
-from printer_slicer.cli.parsing import command as _command
-from printer_slicer.cli.parsing import later as _later
-from printer_slicer.cli.parsing import output as _output
-from printer_slicer.cli.profile_parsers import add_profiles, add_settings
-from printer_slicer.cli.shell_parsers import add_completion, add_man
-from printer_slicer.cli.values import factor, height, length, number, pixels, positive, whole
+from printer_slicer.cli.values import attached
+from printer_slicer.errors import UsageError
 from printer_slicer.version import VERSION
 
-__all__ = ["build_parser"]
+__all__ = ["COMMANDS", "Command", "build_parser", "declare"]
+
+COMMANDS: Final[Mapping[str, str]] = {
+    "slice": "make G-code from a part",
+    "plan": "compare layer plans for a part",
+    "contours": "write the contours of a part for other machines: SVG, CLI, SLC",
+    "check": "look at G-code of any slicer before it is printed: what it holds, its material, the link",
+    "draw": "draw one layer of any slicer's G-code from above, every bead as wide as it is laid",
+    "dry-run": "print on a simulated printer, in seconds, and say what would happen",
+    "print": "print over a serial port",
+    "resume": "go on with a print that was broken off",
+    "control": "control a running print (pause, cancel, speed, temperature)",
+    "console": "talk to a printer: type G-code, read its answers",
+    "sim": "serve the simulated printer on a pseudo-terminal or over TCP until interrupted",
+    "send": "upload G-code to a printer on the network",
+    "ports": "list the serial ports",
+    "doctor": "look for what keeps a printer from being printed to",
+    "profiles": "find, look at, check and begin profiles",
+    "completion": "teach a shell to complete commands, flags, profiles and settings",
+    "man": "write the manual page",
+}
+"""Name -> meaning, in the order of the help."""
 
 _EXAMPLES = """\
 examples:
@@ -49,9 +54,13 @@ exit codes: 0 done, 2 usage, 3 the part cannot be sliced, 4 the port, 5 print fa
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line; `run` in its result is the function to call."""
-    parser = _Parser(
+def build_parser(asked: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
+    """Build the parser of the command line; `run` in its result is the function to call.
+
+    Args:
+        asked: the commands whose modules are imported and whose arguments are added.
+    """
+    parser = _TopParser(
         prog="printer-slicer",
         description="Slice a part with adaptive layer heights, check any G-code, print it over USB, or dry-run it.",
         epilog=_EXAMPLES,
@@ -61,43 +70,110 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
     usual: type[argparse.ArgumentParser] = Command
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual, title="commands")
-    _slice(commands)
-    _plan(commands)
-    _contours(commands)
-    _check(commands)
-    _draw(commands)
-    _dry_run(commands)
-    _print(commands)
-    add_resume(commands)
-    add_control(commands)
-    add_console(commands)
-    _sim(commands)
-    add_send(commands)
-    _ports(commands)
-    add_doctor(commands)
-    add_profiles(commands)
-    add_completion(commands)
-    add_man(commands)
+    for name, meaning in COMMANDS.items():
+        command = commands.add_parser(
+            name,
+            help=meaning,
+            description=meaning[0].upper() + meaning[1:] + ".",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        if name in asked:
+            declare(command, name)
     return parser
 
 
-class _Parser(Parser):
+def declare(parser: argparse.ArgumentParser, name: str) -> None:
+    """Import the module of a command, and add its arguments, examples and run."""
+    module = import_module(f"printer_slicer.cli.commands.{name.replace('-', '_').replace(' ', '_')}")
+    parser.epilog = f"examples:\n{module.EXAMPLES}"
+    module.add_arguments(parser)
+    parser.set_defaults(run=module.run)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose refusals are errors as all others, with what is near and what to do."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse what was typed."""
+        flags = [flag for action in self._actions for flag in action.option_strings]
+        _, unknown, typed = message.partition("unrecognized arguments: ")
+        words = typed.split()
+        flag = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
+        problem = message.removeprefix("argument ").replace(
+            "expected one argument", "a value belongs behind it"
+        )
+        if unknown:
+            problem = f"{flag}: no such flag" if flag else f"{words[0]}: nothing is expected there"
+        usage = f"{_near(flag, flags)}{self.format_usage().strip()}; {self.prog} --help tells all"
+        raise UsageError(": ".join(filter(None, (self.prog.partition(" ")[2], problem))), remedy=usage)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Whether it is one of the choices; the library's own message offers nothing near."""
+        if action.choices is not None and value not in action.choices:
+            known = list(map(str, action.choices))
+            remedy = f"{_near(str(value), known)}choose one of: {', '.join(known)}"
+            raise argparse.ArgumentError(action, f"there is no {value!r}; {remedy}")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Say it; a stdout that takes nothing is told of by who calls."""
+        (file or sys.stderr).write(message)
+
+
+def _near(word: str, known: Iterable[str]) -> str:
+    near = get_close_matches(word, list(known), n=1) if word else []
+    return f"did you mean {near[0]!r}? " if near else ""
+
+
+class Command(_Parser):
+    """A parser whose usage names what must be typed; what may be typed stands in the help.
+
+    Attributes:
+        below: first words behind which another parser reads.
+    """
+
+    below: Mapping[str, Command] = {}
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As the class it comes from; what is not known is refused here, where the flags are that it may have meant."""
+        if args and args[0] in self.below:
+            return self.below[args[0]].parse_known_args(args[1:], namespace)
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return found, unknown
+
+    def format_usage(self) -> str:
+        """The first line of the help, and what comes before errors."""
+        self.usage = self.usage or _short(self)
+        return super().format_usage()
+
+    def format_help(self) -> str:
+        """The help."""
+        self.usage = self.usage or _short(self)
+        return super().format_help()
+
+
+def _short(parser: argparse.ArgumentParser) -> str:
+    """Name, options that are required, and what stands without flags."""
+    words = [parser.prog, "[options]"]
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other list
+        what = action.metavar or action.dest.upper()
+        shown = " ".join(what) if isinstance(what, tuple) else what
+        if action.option_strings:
+            words += [f"{action.option_strings[0]} {shown}"] if action.required else []
+        else:
+            more = {"+": f"{shown} [{shown} ...]", "?": f"[{shown}]", "*": f"[{shown} ...]"}
+            words.append(more.get(str(action.nargs), shown))
+    return " ".join(words).replace("%", "%%")
+
+
+class _TopParser(_Parser):
     """Takes `--rotate -90,0,0` as it is meant."""
 
     def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
         """As the class it comes from, which takes every word with a minus sign for a flag."""
         return super().parse_known_args(attached(sys.argv[1:] if args is None else args), namespace)
-
-
-class _Output(argparse.Action):
-    """Action of -o: an existing folder, or a name ending with /, sets --output-dir instead."""
-
-    def __call__(
-        self, _parser: object, namespace: argparse.Namespace, value: object, _flag: object = None
-    ) -> None:
-        path = Path(str(value))
-        is_folder = str(value).endswith(("/", os.sep)) or (value != "" and path.is_dir())
-        setattr(namespace, "output_dir" if is_folder else "output", path)
 
 
 class _Version(argparse.Action):
@@ -106,275 +182,3 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(f"printer-slicer {VERSION}")
         parser.exit()
-
-
-def _common(parser: argparse.ArgumentParser, *, strict: str = "fail if the mesh needs repair") -> None:
-    """Flags that decide how a part becomes G-code, and how results are said; `strict` is the help of --strict."""
-    group = add_settings(parser)
-    group.add_argument("--strict", action="store_true", help=strict)
-    add_dials(parser)
-    _output(parser)
-
-
-def _slice(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "slice",
-        "make G-code from a part",
-        "  printer-slicer slice part.stl -o part.gcode --printer corexy_klipper --material petg\n"
-        "  printer-slicer slice part.stl --set infill_density=0.3 --set speeds.travel=200\n"
-        "  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12\n"
-        "  printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%\n"
-        "  printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files\n"
-        "  printer-slicer slice *.stl -o gcode/                    one G-code file per model",
-    )
-    add_models(parser)
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT.gcode",
-        action=_Output,
-        help="default: beside the first model; - for stdout; a folder, or a name ending with /: as --output-dir",
-    )
-    where.add_argument(
-        "--output-dir",
-        metavar="DIR",
-        type=Path,
-        help="write one G-code file per model into this folder; created if missing",
-    )
-    parser.add_argument(
-        "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
-    )
-    parser.add_argument(
-        "--layer", metavar="N", type=whole, help="which layer of the print to draw, from 1; default: 1"
-    )
-    parser.add_argument(
-        "--timestamp",
-        action="store_true",
-        help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
-    )
-    add_allow_unsupported(parser)
-    _common(
-        parser,
-        strict="fail if the mesh needs repair, or if extrusion is unsupported and not allowed",
-    )
-    parser.set_defaults(run=_later("slicing", "slice_command"))
-
-
-def _plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "plan",
-        "compare layer plans for a part",
-        "  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study\n"
-        "  printer-slicer plan part.stl --picture plan.png --tolerance 0.05\n"
-        "  printer-slicer plan part.stl --compare --heights 0.1:0.3:0.02\n"
-        "  printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03",
-    )
-    add_models(parser)
-    parser.add_argument(
-        "--compare", action="store_true", help="all planners, at the same tolerance and heights"
-    )
-    parser.add_argument(
-        "--picture", metavar="FILE", type=Path, help="draw the chosen plan, SVG or PNG by the name"
-    )
-    _common(parser)
-    parser.set_defaults(run=_later("planning", "plan_command"))
-
-
-def _contours(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "contours",
-        "write the contours of a part for other machines: SVG, CLI, SLC",
-        "  printer-slicer contours part.stl -o part.svg           one group per layer\n"
-        "  printer-slicer contours part.stl -o slices/            one SVG per layer\n"
-        "  printer-slicer contours part.stl -o part_%04d.svg      the same, with names of your own\n"
-        "  printer-slicer contours part.stl -o part.cli --binary  Common Layer Interface 2.0\n"
-        "  printer-slicer contours part.stl -o part.slc --smooth 0.02 --resample 0.5",
-    )
-    add_models(parser)
-    # Not a Path: that would lose the / at the end of a folder.
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="OUT",
-        required=True,
-        help="name ending in .svg, .cli or .slc; a folder/ or a name with %%d: one SVG per layer",
-    )
-    parser.add_argument("--binary", action="store_true", help="binary instead of ASCII, for .cli")
-    parser.add_argument(
-        "--smooth",
-        metavar="MM",
-        type=number,
-        help="smooth contours, nowhere farther off than this; default: not",
-    )
-    parser.add_argument(
-        "--resample",
-        metavar="MM",
-        type=number,
-        help="points at most this far apart, but for the rounding of the file, which is told; off by at most the"
-        " setting resolution; default: as they are",
-    )
-    _common(parser)
-    parser.set_defaults(run=_later("contours", "contours_command"))
-
-
-def _check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "check",
-        "look at G-code of any slicer before it is printed: what it holds, its material, the link",
-        "  printer-slicer check part.gcode                    commands, temperatures, ways, speeds\n"
-        "  printer-slicer check part.gcode --link 115200      where the machine would wait for lines\n"
-        "  printer-slicer check part.gcode --model part.stl   the material it lays against the part\n"
-        "  printer-slicer check part.gcode --model part.stl --picture faults.png --json\n"
-        "  printer-slicer check part.gcode --model part.stl --limit under=0.95 --limit air=5\n"
-        "  printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85",
-    )
-    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
-    meaning = "what it shall print; several lie to each other as their files place them"
-    add_models(parser, flag="--model", meaning=meaning)
-    add_beforehand(parser)
-    group = parser.add_argument_group("measuring")
-    group.add_argument(
-        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
-    )
-    group.add_argument(
-        "--shell",
-        metavar="MM",
-        type=length,
-        help="depth of the shell; default: of the file's own perimeters",
-    )
-    group.add_argument(
-        "--skin",
-        metavar="MM",
-        type=factor,
-        default=0.0,
-        help="height under and over air that belongs to the shell; default: the layer next to it",
-    )
-    group.add_argument(
-        "--limit",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        help="change one limit: uncovered, outside, overlap, air, under, over, outline; may be repeated",
-    )
-    _output(parser)
-    parser.add_argument(
-        "--picture", metavar="FILE", type=Path, help="draw the worst layers, SVG or PNG by the name"
-    )
-    parser.set_defaults(run=_later("checking", "check_command"), strict=False)
-
-
-def _draw(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "draw",
-        "draw one layer of any slicer's G-code from above, every bead as wide as it is laid",
-        "  printer-slicer draw part.gcode --layer 12 -o layer.svg\n"
-        "  printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000\n"
-        "  printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg\n"
-        "  printer-slicer draw part.gcode --layer 12 --model part.stl -o layer.svg    with the section's outline",
-    )
-    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=Path,
-        required=True,
-        help="SVG or PNG by the name; - for stdout",
-    )
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--layer", metavar="N", type=whole, help="which layer of the file, from 1; default: 1")
-    which.add_argument("--z", metavar="MM", type=height, help="the layer that holds this height over the bed")
-    parser.add_argument(
-        "--box",
-        metavar="X0,Y0,X1,Y1",
-        type=box_of,
-        help="only this part of the bed, in mm; default: all beads",
-    )
-    parser.add_argument("--travel", action="store_true", help="show where the nozzle goes and lays nothing")
-    parser.add_argument(
-        "--pixels", metavar="N", type=pixels, default=1000, help="longer side of the drawing; default: 1000"
-    )
-    parser.add_argument(
-        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
-    )
-    add_models(parser, flag="--model", meaning="draw the outline of its section too; it is found in the file")
-    _output(parser)
-    parser.set_defaults(run=_later("drawing", "draw_command"), strict=False)
-
-
-def _dry_run(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "dry-run",
-        "print on a simulated printer, in seconds, and say what would happen",
-        "  printer-slicer dry-run part.stl\n"
-        "  printer-slicer dry-run part.gcode --printer marlin_220 --json\n"
-        "  printer-slicer dry-run part.gcode --link 57600 --picture print.png",
-    )
-    add_models(parser, gcode=True)
-    parser.add_argument(
-        "--link",
-        metavar="BAUD",
-        type=positive,
-        help="speed of the serial port; running out of moves counts as a fault then",
-    )
-    parser.add_argument(
-        "--picture",
-        metavar="FILE",
-        type=Path,
-        help="draw what was printed, time and flow over the height, and the faults (.svg or .png)",
-    )
-    add_allow(parser)
-    add_firmware(parser)
-    _common(parser)
-    parser.set_defaults(run=_later("printing", "dry_run_command"))
-
-
-def _print(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "print",
-        "print over a serial port",
-        "  printer-slicer print part.stl --port /dev/ttyUSB0\n"
-        "  printer-slicer print part.gcode --port socket://192.168.1.7:8888 --json\n"
-        "  printer-slicer print part.stl --port sim:          simulated printer, virtual clock",
-    )
-    add_models(parser, gcode=True)
-    parser.add_argument(
-        "--port", required=True, metavar="PORT", help="device, socket:// or rfc2217:// URL, or sim:"
-    )
-    parser.add_argument("--baud", type=positive, metavar="N", help="default: as the printer's profile says")
-    add_allow(parser)
-    add_print_flags(parser)
-    _common(parser)
-    parser.set_defaults(run=_later("printing", "print_command"))
-
-
-def _sim(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(
-        commands,
-        "sim",
-        "serve the simulated printer on a pseudo-terminal or over TCP until interrupted",
-        "  printer-slicer sim --pty /tmp/printer &\n"
-        "  printer-slicer print part.stl --port /tmp/printer\n"
-        "  printer-slicer sim --tcp 127.0.0.1:8888             print --port socket://127.0.0.1:8888\n"
-        "  printer-slicer sim --tcp 127.0.0.1:8888 --rfc2217   print --port rfc2217://127.0.0.1:8888\n"
-        "  printer-slicer sim --firmware klipper --faults bad_day.toml --seed 3\n"
-        "  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send\n"
-        "  printer-slicer sim --pty /tmp/printer --expect part.stl   and say whether all of it was printed",
-    )
-    add_sim_flags(parser)
-    _common(parser)
-    parser.set_defaults(run=_later("printing", "sim_command"))
-
-
-def _ports(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = _command(commands, "ports", "list the serial ports", "  printer-slicer ports --json")
-    _output(parser)
-    parser.set_defaults(run=_later("profiles", "ports_command"))

@@ -7,10 +7,13 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from time import monotonic
+from typing import TYPE_CHECKING
 
-from printer_slicer.cli.common import PATIENCE, visible
-from printer_slicer.cli.milestones import Milestones
+from printer_slicer.cli.output import PATIENCE, Milestones, say, visible
+from printer_slicer.durations import spoken
+from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.stream.events import (
     Accepted,
@@ -29,7 +32,10 @@ from printer_slicer.stream.events import (
     Temperature,
 )
 
-__all__ = ["progress"]
+if TYPE_CHECKING:
+    from printer_slicer.printing import Done
+
+__all__ = ["print_with", "progress"]
 
 
 class progress:  # noqa: N801 - used like a function
@@ -132,6 +138,51 @@ class progress:  # noqa: N801 - used like a function
             print(json.dumps(line), flush=True)
         elif self._bar:
             self._bar(done)
+
+
+def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin: Callable[..., Done]) -> int:
+    """Print with progress and keys, and say how it ended.
+
+    Args:
+        arguments: the command line.
+        job: what is printed.
+        checkpoint: where to write how far it came.
+        begin: prints; is given what `print_job` and `resume_print` have in common.
+
+    Raises:
+        VerificationError: the printer is not where the job ends.
+    """
+    from printer_slicer.cli.keys import keys
+    from printer_slicer.printing import Controls
+
+    controls = Controls()
+    with (
+        progress(arguments, job, events=True, shares=True) as tell,
+        keys(controls, wanted=not arguments.quiet),
+    ):
+        done = begin(
+            on_event=tell,
+            checkpoint=checkpoint,
+            controls=controls,
+            reconnect=arguments.reconnect,
+            guard=arguments.guard,
+        )
+    position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
+    if arguments.json:
+        print(json.dumps({"event": "finished", **asdict(done)}))
+    else:
+        known = f"; {position[done.verified]}" if done.verified is not None else ""
+        say(
+            arguments, f"done: {done.commands} commands in {spoken(done.seconds)}{known}\n  link: {done.link}"
+        )
+    if done.link.warning is not None and not arguments.json:
+        print(f"warning: {done.link.warning.text}", file=sys.stderr)
+    if done.verified is False:
+        raise VerificationError(
+            f"{job.name}: the printer took every command, but it is not where the job ends",
+            remedy="look at the part: lines were lost on the cable, or led beyond where the printer moves",
+        )
+    return 0
 
 
 def _for_people(event: Event) -> str:

@@ -1,4 +1,4 @@
-"""What a dry run came to, for people and for programs."""
+"""Print on the simulated printer, and say what that came to, for people and for programs."""
 
 from __future__ import annotations
 
@@ -10,22 +10,125 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.common import visible
-from printer_slicer.cli.policy import finding_lines, refused_findings
+from printer_slicer.cli.jobs import finding_lines, refused_findings
+from printer_slicer.cli.output import visible
+from printer_slicer.cli.progress import progress
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.durations import spoken
+from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.deposition.record import Deposition
     from printer_slicer.inspection.dry_run.judging import Verdict
-    from printer_slicer.profile import Profile
+    from printer_slicer.profile import Printer, Profile
+    from printer_slicer.sim.faults import Faults
+    from printer_slicer.sim.switches import FrontEnd
 
-__all__ = ["verdict_facts", "verdict_text"]
+__all__ = [
+    "faults_of",
+    "firmware_of",
+    "insist_printable",
+    "planted_facts",
+    "planted_lines",
+    "simulate",
+    "verdict_facts",
+    "verdict_text",
+]
 
 _MOST_FAULTS: Final = 20
 _WORTH: Final = 0.5  # s; roles that take less are not worth a word
 _WIDE: Final = 100  # characters of a line
+
+
+def simulate(
+    arguments: argparse.Namespace,
+    job: Job,
+    profile: Profile,
+    *,
+    events: bool,
+    baud: int | None = None,
+    faults: Faults | None = None,
+) -> Verdict:
+    """Print the job on the simulated printer that the command line describes, with progress."""
+    from printer_slicer.inspection.dry_run.runner import dry_run
+
+    chosen = getattr(arguments, "firmware", None)
+    front_end = firmware_of(arguments, profile.printer) if chosen else None
+    extruders, one_hotend = getattr(arguments, "extruders", None), getattr(arguments, "one_hotend", False)
+    with progress(arguments, job, events=events) as tell:
+        return dry_run(
+            job,
+            profile,
+            on_event=tell,
+            baud=baud,
+            front_end=front_end,
+            faults=faults,
+            extruders=extruders,
+            one_hotend=one_hotend,
+        )
+
+
+def firmware_of(arguments: argparse.Namespace, printer: Printer) -> FrontEnd:
+    """The firmware that was asked for, else the one that understands what the printer's profile writes."""
+    from printer_slicer.inspection.dry_run.machines import front_end_of
+    from printer_slicer.sim.front_end import FRONT_ENDS
+
+    return FRONT_ENDS[arguments.firmware] if arguments.firmware else front_end_of(printer)
+
+
+def faults_of(arguments: argparse.Namespace) -> Faults | None:
+    """What shall go wrong; None for nothing.
+
+    Raises:
+        UsageError: the script cannot be read or makes no sense.
+    """
+    from random import Random  # noqa: TID251 - seeded, so that a run can be had again
+
+    from printer_slicer.input_files import read_input
+    from printer_slicer.sim.fault_script import read_script
+    from printer_slicer.sim.faults import Faults
+    from printer_slicer.toml_text import MOST_BYTES
+
+    if arguments.faults is None:
+        if arguments.seed is not None:
+            raise UsageError("--seed without --faults", remedy="say with --faults what shall go wrong")
+        return None
+    try:
+        text = read_input(arguments.faults, MOST_BYTES).decode("utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"{arguments.faults}: {error.strerror}", remedy="--faults wants a TOML file"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"{arguments.faults}: no text in UTF-8", remedy="--faults wants a TOML file"
+        ) from error
+    faults, seed = read_script(text, str(arguments.faults))
+    chosen = next((one for one in (arguments.seed, seed) if one is not None), 0)
+    return Faults(faults, Random(chosen))  # noqa: S311 - nothing secret
+
+
+def planted_lines(faults: Faults | None) -> list[str]:
+    """The faults that struck, for people."""
+    struck = faults.happened if faults else []
+    return [f"{'planted':<12}{one.time:.1f} s, line {one.line}: {one.text}" for one in struck]
+
+
+def planted_facts(faults: Faults | None) -> dict[str, Any]:
+    """The same for programs."""
+    return {"planted": [one._asdict() for one in faults.happened]} if faults else {}
+
+
+def insist_printable(verdict: Verdict) -> None:
+    """Fail if the print is not what it should be.
+
+    Raises:
+        VerificationError: it is not.
+    """
+    if not verdict.ok:
+        more = f"\n  and {len(verdict.problems) - 1} more problems" if len(verdict.problems) > 1 else ""
+        raise VerificationError(f"{verdict.job}: {verdict.problems[0]}{more}")
 
 
 def verdict_text(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:

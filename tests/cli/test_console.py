@@ -18,7 +18,7 @@ from tests.waiting import LAST_RESORT
 if sys.platform == "win32":
     pytest.skip("there are no pseudo-terminals", allow_module_level=True)
 
-from printer_slicer.cli.console import Talk
+from printer_slicer.cli.commands.console import Talk
 from printer_slicer.errors import PortError, UsageError
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.profile import load_profile

@@ -11,7 +11,7 @@ import pytest
 SCRIPT = """
 import resource, sys
 import numpy as np
-from printer_slicer.cli.memory import keep_memory
+from printer_slicer.cli.models import keep_memory
 
 if sys.argv[1] == "keep":
     keep_memory()

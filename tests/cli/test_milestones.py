@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.killing import served
-from printer_slicer.cli.milestones import Milestones
+from printer_slicer.cli.output import Milestones
 from tests.waiting import LAST_RESORT
 
 

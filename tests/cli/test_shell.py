@@ -19,9 +19,9 @@ from typing import Final
 import pytest
 from command_line import BOX, QUICK, ROOT, USUAL, is_message, process, typed
 
+from printer_slicer.cli.commands.man import as_man, as_markdown
 from printer_slicer.cli.completing import SHELLS, actions_of, shell_code
-from printer_slicer.cli.manual import as_man, as_markdown
-from printer_slicer.cli.parser import build_parser
+from printer_slicer.cli.parser import COMMANDS, build_parser
 from printer_slicer.mesh_io import load_mesh
 from tests.waiting import LAST_RESORT
 
@@ -437,8 +437,14 @@ def test_the_manual_has_every_command_flag_and_exit_code() -> None:
     assert outcome.code == 0
     assert outcome.out == as_man()
     assert sorted(flag for flag in flags - {"-h", "--help", "--version"} if flag not in plain) == []
-    for command in ("SLICE", "PRINT", "PROFILES", "COMPLETION", "MAN"):
-        assert f'.SH "COMMAND {command}"' in plain
+    for command in (*COMMANDS, "profiles import"):
+        section = plain.partition(f".SS \\fBprinter-slicer {command}\\fR\n")[2].partition(".SS ")[0]
+        assert f"usage: printer-slicer {command} [options]" in section
+        assert f"\nexamples:\n  printer-slicer {command}" in section or command in (
+            "console",
+            "sim",
+            "completion",
+        )
     assert ".SH EXIT STATUS" in plain
 
 
@@ -532,7 +538,7 @@ def test_what_may_come_next_is_offered(line: str, some: set[str], none: set[str]
 def test_the_page_for_man_tells_of_import() -> None:
     page = as_man()
 
-    assert "COMMAND PROFILES IMPORT" in page
+    assert ".SS \\fBprinter\\-slicer profiles import\\fR" in page
     assert "max\\-nozzle\\-temperature" in page
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from printer_slicer.cli.contours import contours_command
+from printer_slicer.cli.commands.contours import run as contours_command
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import OutputError, PrinterSlicerError, UsageError
 from printer_slicer.exports import write_cli, write_slc, write_svg

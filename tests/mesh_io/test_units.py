@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_files import CORNERS, binary_stl, glb_box, item, mesh_xml, model_xml, three_mf, write
 
-from printer_slicer.cli import model_flags
+from printer_slicer.cli import arguments
 from printer_slicer.mesh_io import UNITS, likely_unit, load_model, unit_advice
 
 ROOM = np.array([220.0, 220.0, 250.0])
@@ -93,4 +93,4 @@ def test_a_model_says_what_makes_it_doubtful(tmp_path: Path) -> None:
 
 
 def test_the_command_line_knows_the_same_units() -> None:
-    assert tuple(UNITS) == model_flags.UNITS
+    assert tuple(UNITS) == arguments.UNITS

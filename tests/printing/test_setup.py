@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from printer_slicer.cli.resuming import _judged
+from printer_slicer.cli.commands.resume import _judged
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.printing.setup import setup_from, setup_of
 from printer_slicer.profile import FIRMWARES, load_profile, profile_from, settings_of

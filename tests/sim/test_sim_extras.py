@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim_console import COLD_OK, Console
 
-from printer_slicer.cli.door_parsers import FIRMWARES
+from printer_slicer.cli.arguments import FIRMWARES
 from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.heater import Heater
 from printer_slicer.sim.latency import PACKET, LatencyTimer

@@ -188,7 +188,7 @@ def test_the_door_over_tcp_needs_nothing_that_windows_does_not_have() -> None:
     code = (
         "import sys\n"
         "for name in ('pty', 'tty', 'termios', 'fcntl', 'grp', 'pwd'): sys.modules[name] = None\n"
-        "import printer_slicer.sim.tcp_server, printer_slicer.sim.serving, printer_slicer.cli.simulating\n"
+        "import printer_slicer.sim.tcp_server, printer_slicer.sim.serving, printer_slicer.cli.commands.sim\n"
         "import printer_slicer.sim.fault_script\n"
         "assert 'printer_slicer.sim.pty_server' not in sys.modules\n"
         "assert 'serial' not in sys.modules"

@@ -1,4 +1,4 @@
-"""`doctor`."""
+"""`doctor`: diagnose connection problems."""
 
 from __future__ import annotations
 
@@ -7,25 +7,44 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from time import monotonic
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.common import say, visible
-from printer_slicer.doctor import Examination, PortCheck, examine, state_of
+from printer_slicer.cli.arguments import add_output
+from printer_slicer.cli.output import say, visible
+from printer_slicer.cli.values import positive
 from printer_slicer.errors import PortError
-from printer_slicer.stream.serial_port import list_ports, open_port
 
-__all__ = ["doctor_command"]
+if TYPE_CHECKING:
+    from printer_slicer.doctor import Examination, PortCheck
 
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer doctor                   the ports of this computer
+  printer-slicer doctor /dev/ttyUSB0      one of them, and the printer behind it
+  printer-slicer doctor /dev/ttyACM0 --baud 250000 --json"""
 _MARKS: Final = {"good": "ok  ", "warn": "warn", "bad": "BAD "}
 
 
-def doctor_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `doctor`."""
+    parser.add_argument(
+        "port", nargs="?", metavar="PORT", help="device or URL; default: look at all ports, ask none"
+    )
+    parser.add_argument("--baud", type=positive, metavar="N", default=115_200, help="default: 115200")
+    add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Look at one port and the printer behind it, or at all ports without asking anybody."""
     return _one(arguments) if arguments.port else _all(arguments)
 
 
 def _all(arguments: argparse.Namespace) -> int:
     """What the system says of every port."""
+    from printer_slicer.doctor import state_of
+    from printer_slicer.stream.serial_port import list_ports
+
     looked: list[tuple[str, list[PortCheck]]] = []
     for port in list_ports():
         name = f"{port.address} ({port.description})" if port.description else port.address
@@ -57,6 +76,9 @@ def _one(arguments: argparse.Namespace) -> int:
 
 def _look(arguments: argparse.Namespace) -> tuple[list[PortCheck], Examination | None]:
     """The port first; only where nothing is in the way, the printer."""
+    from printer_slicer.doctor import PortCheck, examine, state_of
+    from printer_slicer.stream.serial_port import open_port
+
     checks = [] if "://" in arguments.port else list(state_of(arguments.port).checks())
     if any(check.state == "bad" for check in checks):
         return checks, None

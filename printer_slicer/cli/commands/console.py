@@ -11,23 +11,50 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 from time import monotonic
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Final
 
-from printer_slicer.cli.common import profile_from, visible
+from printer_slicer.cli.arguments import add_machine, add_output
+from printer_slicer.cli.output import visible
+from printer_slicer.cli.settings import profile_from
+from printer_slicer.cli.values import number, positive
 from printer_slicer.errors import OutputError, PortError, UsageError
 
 if TYPE_CHECKING:
     from printer_slicer.stream.serial_port import SerialPort
 
-__all__ = ["Talk", "console_command"]
+__all__ = ["EXAMPLES", "Talk", "add_arguments", "run"]
 
+EXAMPLES: Final = """\
+  printer-slicer console /dev/ttyUSB0
+  echo M115 | printer-slicer console /dev/ttyUSB0
+  printer-slicer console socket://192.168.1.7:8888 --command M503
+  printer-slicer console /dev/ttyUSB0 --command M500 --allow eeprom"""
 _HELP = "type G-code; Ctrl-D or .quit ends, .temp asks for temperatures, .stop is the emergency stop, .help shows this"
 _LOOK = 0.05
 
 
-def console_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `console`."""
+    parser.add_argument("port", metavar="PORT", help="device, or socket:// or rfc2217:// URL")
+    parser.add_argument("--baud", type=positive, default=115200, metavar="N", help="default: 115200")
+    parser.add_argument(
+        "--command", metavar="GCODE", action="append", default=[], help="send this and stop; may be repeated"
+    )
+    parser.add_argument(
+        "--timeout",
+        metavar="S",
+        type=number,
+        default=30.0,
+        help="silence after which an answer is not waited for",
+    )
+    parser.add_argument("--log", metavar="FILE", type=Path, help="also write everything into this file")
+    add_machine(parser.add_argument_group("what would harm this machine is refused, or asked about"))
+    add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Talk until the input ends."""
-    from printer_slicer.cli.policy import reason_behind
+    from printer_slicer.cli.jobs import reason_behind
     from printer_slicer.stream.serial_port import open_port
 
     allow = reason_behind(profile_from(arguments, slices=False, tell=False), arguments.allow)

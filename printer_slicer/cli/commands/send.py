@@ -1,4 +1,4 @@
-"""`send`."""
+"""`send`: upload G-code to a printer on the network."""
 
 from __future__ import annotations
 
@@ -11,16 +11,54 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
+from typing import Final
 
-from printer_slicer.cli.common import PATIENCE, profile_facts, profile_from, say
+from printer_slicer.cli.arguments import add_machine, add_output
+from printer_slicer.cli.output import PATIENCE, say
+from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.values import positive
 from printer_slicer.errors import UsageError
 
-__all__ = ["send_command"]
+__all__ = ["EXAMPLES", "add_arguments", "run"]
 
+EXAMPLES: Final = """\
+  printer-slicer send part.gcode --to octoprint http://octopi.local --print
+  printer-slicer send part.gcode --to moonraker http://voron.local:7125
+  printer-slicer send part.gcode --to prusalink http://mk4.local --key-file ~/.mk4.key
+  printer-slicer send part.gcode --to duet http://duet.local --folder /gcodes/parts
+keys: --key-file, else the variable PRINTER_SLICER_KEY; what --key has others on this computer may see"""
 _KEY = "PRINTER_SLICER_KEY"
 
 
-def send_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `send`."""
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="what to send")
+    parser.add_argument(
+        "--to",
+        nargs=2,
+        required=True,
+        metavar=("KIND", "URL"),
+        help="octoprint, moonraker, prusalink or duet, and the address of its page",
+    )
+    parser.add_argument("--print", dest="start", action="store_true", help="and print it")
+    parser.add_argument("--name", metavar="NAME", help="what to call it there; default: its own name")
+    parser.add_argument(
+        "--folder", metavar="PATH", default="", help="in which folder there; default: the usual one"
+    )
+    parser.add_argument("--key-file", metavar="FILE", type=Path, help="file that holds the key or password")
+    parser.add_argument("--key", metavar="KEY", help="API key or password")
+    parser.add_argument(
+        "--user", metavar="NAME", default="", help="whose password it is; default for prusalink: maker"
+    )
+    parser.add_argument(
+        "--timeout", metavar="S", type=positive, default=30, help="s without an answer; default: 30"
+    )
+    checked = "checks before sending: unsupported extrusion; with --print everything that `print` checks"
+    add_machine(parser.add_argument_group(checked))
+    add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Upload G-code to a print server."""
     from printer_slicer.jobs import is_gcode
     from printer_slicer.sending import Upload, send
@@ -56,7 +94,7 @@ def _look(arguments: argparse.Namespace) -> None:
         PolicyError: it holds what was not allowed.
         UsageError: it is no job, or the profile or a name makes no sense.
     """
-    from printer_slicer.cli.policy import insist_on_policy
+    from printer_slicer.cli.jobs import insist_on_policy
     from printer_slicer.inspection.lint.lint_jobs import lint_file
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)

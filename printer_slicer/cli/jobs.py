@@ -1,4 +1,4 @@
-"""What was found in a job before it is sent: told, listed for programs, or refused."""
+"""The job that a command line asks for, and what was found in it before it is sent: told, listed, or refused."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ import json
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from printer_slicer.cli.common import visible
+from printer_slicer.cli.arguments import refuse_model_flags
+from printer_slicer.cli.output import visible
 from printer_slicer.diagnostics import Diagnostic, as_json, check_names, insist, remedy_of, sentence
 from printer_slicer.errors import VerificationError
+from printer_slicer.inspection.lint.lint_jobs import lint_file
 from printer_slicer.inspection.lint.scan import scan
-from printer_slicer.jobs import Job
+from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.profile import Profile
+
+if TYPE_CHECKING:
+    from printer_slicer.cli.output import Stages
 
 __all__ = [
     "finding_facts",
@@ -22,14 +27,66 @@ __all__ = [
     "finding_notes",
     "insist_on_policy",
     "insist_verified",
+    "job_from",
+    "judged_by",
     "reason_against",
     "reason_behind",
     "refused",
     "refused_findings",
+    "repairs_facts",
+    "repairs_lines",
 ]
 
 _TOLD = 5  # without --verbose
 _REMEMBERED = 500  # commands typed before, whose units and modes count
+
+
+def _has_gcode(arguments: argparse.Namespace) -> bool:
+    """Whether G-code is given, not models."""
+    return any(map(is_gcode, arguments.models))
+
+
+def judged_by(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return arguments for `profile_from`: G-code is judged by its own machine and material, a part by all three."""
+    return {
+        "slices": bool(arguments.models) and not _has_gcode(arguments),
+        "gcode": arguments.models[0] if _has_gcode(arguments) else None,
+    }
+
+
+def job_from(arguments: argparse.Namespace, profile: Profile, report: Stages) -> tuple[Job, dict[str, Any]]:
+    """The job that the files of the command line make, and what is known about models, for JSON."""
+    if _has_gcode(arguments):
+        refuse_model_flags(arguments)
+        report("reading")
+        return lint_file(arguments.models[0], profile), {"models": [], "warnings": []}
+    from printer_slicer.cli.models import plate_from, plate_name, with_projects
+    from printer_slicer.slice_jobs import job_of
+
+    report("loading")
+    mesh, plate = plate_from(arguments, profile.printer, report)
+    profile, plate = with_projects(arguments, profile, mesh, plate)
+    name = plate_name(arguments.models)
+    job = job_of(mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict)
+    return job, plate.facts()
+
+
+def repairs_facts(job: Job) -> list[dict[str, Any]]:
+    """What was put right in the part; what tells it is loaded only then."""
+    if job.repairs is None or not job.repairs.count:
+        return []
+    from printer_slicer.cli.facts import repair_facts
+
+    return repair_facts(job.repairs)
+
+
+def repairs_lines(job: Job) -> list[str]:
+    """The same for people."""
+    if job.repairs is None or not job.repairs.count:
+        return []
+    from printer_slicer.cli.facts import repair_sentences
+
+    return repair_sentences(repairs_facts(job))
 
 
 def insist_on_policy(arguments: argparse.Namespace, job: Job, refusal: str = "not printed") -> Job:

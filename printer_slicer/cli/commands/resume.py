@@ -6,21 +6,43 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.common import say, visible
+from printer_slicer.cli.arguments import add_connection, add_output
+from printer_slicer.cli.output import say, visible
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Done
     from printer_slicer.printing.setup import Setup
     from printer_slicer.printing.shelf import Print
 
-__all__ = ["resume_command"]
+__all__ = ["EXAMPLES", "add_arguments", "run"]
 
+EXAMPLES: Final = """\
+  printer-slicer resume                     where the printer kept its state: at the next line
+  printer-slicer resume --recover           else: home x and y, heat, go back to the place, go on
+  printer-slicer resume --list              which prints are unfinished
+  printer-slicer resume part.gcode --discard"""
 _ROW = "{job}: started {begun} on {port}, {accepted} commands done, {reason} ({id})"
 
 
-def resume_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `resume`."""
+    parser.add_argument("name", nargs="?", default="", metavar="JOB", help="which one, if there are more")
+    parser.add_argument("--port", metavar="PORT", help="where the printer is now; default: where it was")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--list", action="store_true", help="only say which prints are unfinished")
+    what.add_argument("--discard", action="store_true", help="forget it instead")
+    what.add_argument(
+        "--recover",
+        action="store_true",
+        help="if the printer has lost its state, do what is told without asking: z is taken from the journal",
+    )
+    add_connection(parser)
+    add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Go on with an unfinished print."""
     from printer_slicer.printing import shelf as shelves
 
@@ -42,7 +64,7 @@ def resume_command(arguments: argparse.Namespace) -> int:
 
 
 def _resume(arguments: argparse.Namespace, found: Print) -> int:
-    from printer_slicer.cli.printing import print_with
+    from printer_slicer.cli.progress import print_with
     from printer_slicer.jobs import job_of_text
     from printer_slicer.printing import resume_print
 
@@ -72,7 +94,7 @@ def _resume(arguments: argparse.Namespace, found: Print) -> int:
 
 def _judged(setup: Setup) -> dict[str, Any]:
     """What a person types meanwhile is judged as when the print began."""
-    from printer_slicer.cli.policy import reason_against
+    from printer_slicer.cli.jobs import reason_against
     from printer_slicer.profile import profile_from
 
     return {"allow": reason_against(profile_from(setup.settings), setup.allowed)} if setup.settings else {}

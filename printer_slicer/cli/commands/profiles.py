@@ -1,4 +1,4 @@
-"""`profiles` and `ports`."""
+"""`profiles`: find, look at, check and begin profiles."""
 
 from __future__ import annotations
 
@@ -10,20 +10,70 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
-from printer_slicer.cli.common import changes_from, named_folders, say, without_stdin, write_file
-from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder, write_schemas
+from printer_slicer.cli.arguments import add_output, add_settings
+from printer_slicer.cli.output import say, without_stdin, write_file
+from printer_slicer.cli.parser import Command, declare
+from printer_slicer.cli.settings import changes_from, kept_schemas, named_folders, own_folder, write_schemas
 from printer_slicer.errors import OutputError, ProfileError, UsageError
+from printer_slicer.saving import make_folder
 
 if TYPE_CHECKING:
     from printer_slicer.profile.reading import Source
 
-__all__ = ["ports_command", "profiles_command"]
+__all__ = ["EXAMPLES", "add_arguments", "run"]
 
+EXAMPLES: Final = """\
+  printer-slicer profiles
+  printer-slicer profiles show prusa_mk3s
+  printer-slicer profiles show --printer voron_0_2 --material petg --set perimeters=4
+  printer-slicer profiles diff standard fine
+  printer-slicer profiles new printer my_printer --inherits marlin_220
+  printer-slicer profiles import config.ini
+  printer-slicer profiles check my_printer.toml --json
+  printer-slicer profiles settings infill
+  printer-slicer profiles schema -o schemas"""
+_WHAT: Final = {
+    "list": "all profiles with what they are for; a KIND shows only those",
+    "show": "all settings of one, or of the print that the flags describe, and where each value comes from",
+    "diff": "in which settings two of them differ",
+    "new": "write a file to begin with: KIND NAME",
+    "import": "make profiles from those of other slicers: `profiles import --help` says more",
+    "check": "everything that is wrong with files, by line",
+    "path": "the folders that are looked into, or where one profile lies",
+    "settings": "all settings with type, unit, bounds and default; a WORD shows only those with it",
+    "schema": "write JSON Schema files, from which editors complete and check profiles",
+}
 _KINDS: Final = ("printer", "material", "quality")
-_WIDE: Final = 100  # letters: what is longer is not lined up
 
 
-def profiles_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `profiles`, and the parser of `profiles import`."""
+    width = max(map(len, _WHAT)) + 2
+    told = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _WHAT.items())
+    parser.epilog = f"what there is:\n{told}\n{parser.epilog}"
+    parser.add_argument("what", nargs="?", metavar="WHAT", choices=(*_WHAT, *_KINDS), default="list")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="of profiles, or files; a kind may stand before"
+    )
+    parser.add_argument("--inherits", metavar="NAME", help="for new: the profile that it is like")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", type=Path, help="for new a file, for schema a folder"
+    )
+    parser.add_argument("--markdown", action="store_true", help="for settings: as tables of a document")
+    add_settings(parser)
+    add_output(parser)
+    assert isinstance(parser, Command)
+    below = Command(
+        prog=f"{parser.prog} import",
+        description="Make profiles from those of other slicers, and say what became of every setting.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    declare(below, "profiles import")
+    parser.below = {"import": below}
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Do what was asked about profiles."""
     what = arguments.what
     if what in _KINDS:  # `profiles printer NAME`
@@ -315,19 +365,3 @@ _COMMANDS: Final[Mapping[str, Callable[[argparse.Namespace], int]]] = {
     "settings": _settings,
     "schema": _schema,
 }
-
-
-def ports_command(arguments: argparse.Namespace) -> int:
-    """List the serial ports of this computer."""
-    from dataclasses import asdict
-
-    from printer_slicer.stream.serial_port import list_ports
-
-    ports = [] if arguments.quiet else list_ports()
-    if arguments.json:
-        print(json.dumps([asdict(port) for port in ports]))
-    elif not ports and not arguments.quiet:
-        print("no serial ports found; is the printer switched on and its USB cable plugged in?")
-    for port in [] if arguments.json else ports:
-        print(f"{port.device:<24}{port.description}")
-    return 0

@@ -5,32 +5,73 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from printer_slicer.cli.common import Stages, check_writable, refuse_same, say, stages, visible, write_file
-from printer_slicer.cli.models import repaired_plate
-from printer_slicer.commands import read_text
-from printer_slicer.drawing import View, check_picture, picture_bytes, sheet_picture
+from printer_slicer.cli.arguments import add_models, add_output
+from printer_slicer.cli.output import refuse_same, say, stages, visible, write_file
+from printer_slicer.cli.values import box_of, height, length, pixels, whole
 from printer_slicer.errors import UsageError
-from printer_slicer.geometry import Areas
-from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels, levels_of, sheet_of
-from printer_slicer.inspection.coverage.matching import Match
-from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
-from printer_slicer.inspection.coverage.stack import Stack
-from printer_slicer.inspection.coverage.text import Deposit
-from printer_slicer.inspection.deposition.purposes import Purpose
-from printer_slicer.profile import load_profile
+from printer_slicer.saving import check_writable
 
-__all__ = ["draw_command"]
+if TYPE_CHECKING:
+    from printer_slicer.cli.output import Stages
+    from printer_slicer.geometry import Areas
+    from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions, Levels
+    from printer_slicer.inspection.coverage.matching import Match
+    from printer_slicer.inspection.coverage.stack import Stack
+    from printer_slicer.inspection.coverage.text import Deposit
 
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer draw part.gcode --layer 12 -o layer.svg
+  printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000
+  printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg
+  printer-slicer draw part.gcode --layer 12 --model part.stl -o layer.svg    with the section's outline"""
 _FITS = 0.5  # of the length of the outer perimeters: with less the file is of another part
 _DIGITS = 4  # of numbers in the result
 
 
-def draw_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `draw`."""
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        required=True,
+        help="SVG or PNG by the name; - for stdout",
+    )
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--layer", metavar="N", type=whole, help="which layer of the file, from 1; default: 1")
+    which.add_argument("--z", metavar="MM", type=height, help="the layer that holds this height over the bed")
+    parser.add_argument(
+        "--box",
+        metavar="X0,Y0,X1,Y1",
+        type=box_of,
+        help="only this part of the bed, in mm; default: all beads",
+    )
+    parser.add_argument("--travel", action="store_true", help="show where the nozzle goes and lays nothing")
+    parser.add_argument(
+        "--pixels", metavar="N", type=pixels, default=1000, help="longer side of the drawing; default: 1000"
+    )
+    parser.add_argument(
+        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
+    )
+    add_models(parser, flag="--model", meaning="draw the outline of its section too; it is found in the file")
+    add_output(parser)
+    parser.set_defaults(strict=False)
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Draw one layer, and say what it holds."""
+    from printer_slicer.commands import read_text
+    from printer_slicer.drawing import View, picture_bytes, sheet_picture
+    from printer_slicer.inspection.coverage.layer_extrusions import levels_of, sheet_of
+    from printer_slicer.inspection.coverage.model_check import read_deposit
+
     _refuse(arguments)
     with stages(arguments) as report:
         report("reading")
@@ -60,6 +101,8 @@ def _refuse(arguments: argparse.Namespace) -> None:
         UsageError: no kind of picture, two things for stdout, or a picture over a file that is read.
         OutputError: there is no place for the picture.
     """
+    from printer_slicer.drawing import check_picture
+
     check_picture(arguments.output)
     if str(arguments.output) == "-":
         if arguments.json:
@@ -74,6 +117,10 @@ def _located(
     arguments: argparse.Namespace, deposit: Deposit, stack: Stack, report: Stages
 ) -> tuple[Stack, Areas | None, Match | None]:
     """The layers of the part, its sections in them and how well these fit, where there is a model."""
+    from printer_slicer.cli.models import repaired_plate
+    from printer_slicer.inspection.coverage.model_check import placed_sections
+    from printer_slicer.profile import load_profile
+
     if not arguments.models:
         return stack, None, None
     mesh, plate, _ = repaired_plate(arguments, load_profile().printer, report)
@@ -112,6 +159,8 @@ def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None
     Raises:
         UsageError: it is.
     """
+    import numpy as np
+
     if arguments.box is None:
         return
     corners = np.array(arguments.box)
@@ -128,6 +177,8 @@ def _refuse_empty(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None
 
 def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None) -> dict[str, Any]:
     """What the layer holds, ready for JSON: lengths in mm, volumes in mm³, layers from 1."""
+    import numpy as np
+
     return {
         "output": str(arguments.output),
         "file": str(arguments.gcode),
@@ -143,6 +194,10 @@ def _facts(arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match |
 
 def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     """Of each kind of bead how much there is, and how wide it is."""
+    import numpy as np
+
+    from printer_slicer.inspection.deposition.purposes import Purpose
+
     beads = sheet.beads
     pairs = np.stack([sheet.name, beads.purpose], axis=1)
     for name, purpose in np.unique(pairs, axis=0).tolist():

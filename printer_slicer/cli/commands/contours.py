@@ -11,51 +11,59 @@ from math import ceil, inf, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from printer_slicer.cli.common import (
-    check_writable,
-    profile_facts,
-    profile_from,
-    refuse_same,
-    say,
-    stages,
-    write_file,
-)
-from printer_slicer.cli.facts import repair_facts, repair_sentences, runs_text
-from printer_slicer.cli.models import repaired_plate
+from printer_slicer.cli.arguments import add_models, add_slicing
+from printer_slicer.cli.output import refuse_same, say, stages, write_file
+from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.values import number
 from printer_slicer.errors import OutputError, UsageError
-from printer_slicer.exports import (
-    CLI_UNITS,
-    SVG_DIGITS,
-    Rounded,
-    in_float32,
-    on_grid,
-    resample,
-    smooth,
-    uneven_multiples,
-    write_cli,
-    write_slc,
-    write_svg,
-    write_svgs,
-)
-from printer_slicer.healing import refuse_repaired
-from printer_slicer.model import Repairs, Sections
-from printer_slicer.pipeline import plan_part
-from printer_slicer.placing import place
-from printer_slicer.saving import make_folder
-from printer_slicer.slicing import cut, section_repairs
+from printer_slicer.saving import check_writable, make_folder
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.common import Stages
+    from printer_slicer.cli.output import Stages
+    from printer_slicer.exports import Rounded
+    from printer_slicer.model import Sections
     from printer_slicer.profile import Profile
 
-__all__ = ["contours_command"]
+__all__ = ["EXAMPLES", "add_arguments", "run"]
 
+EXAMPLES: Final = """\
+  printer-slicer contours part.stl -o part.svg           one group per layer
+  printer-slicer contours part.stl -o slices/            one SVG per layer
+  printer-slicer contours part.stl -o part_%04d.svg      the same, with names of your own
+  printer-slicer contours part.stl -o part.cli --binary  Common Layer Interface 2.0
+  printer-slicer contours part.stl -o part.slc --smooth 0.02 --resample 0.5"""
 _KINDS: Final = {".svg": "svg", ".cli": "cli", ".slc": "slc"}
 _NUMBER: Final = re.compile(r"%0?\d*d")
 _LAYER_FILE: Final = re.compile(r"layer\d{4,}\.svg")
 _DIGITS: Final = 9  # of lengths in the result
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `contours`."""
+    add_models(parser)
+    # Not a Path: that would lose the / at the end of a folder.
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT",
+        required=True,
+        help="name ending in .svg, .cli or .slc; a folder/ or a name with %%d: one SVG per layer",
+    )
+    parser.add_argument("--binary", action="store_true", help="binary instead of ASCII, for .cli")
+    parser.add_argument(
+        "--smooth",
+        metavar="MM",
+        type=number,
+        help="smooth contours, nowhere farther off than this; default: not",
+    )
+    parser.add_argument(
+        "--resample",
+        metavar="MM",
+        type=number,
+        help="points at most this far apart, but for the rounding of the file, which is told; off by at most the"
+        " setting resolution; default: as they are",
+    )
+    add_slicing(parser)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +81,16 @@ class _Target:
     pattern: str = ""
 
 
-def contours_command(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Slice a model and write its contours; what was simplified, smoothed, rounded or left out is told."""
+    from printer_slicer.cli.facts import repair_facts, repair_sentences
+    from printer_slicer.cli.models import repaired_plate
+    from printer_slicer.healing import refuse_repaired
+    from printer_slicer.model import Repairs
+    from printer_slicer.pipeline import plan_part
+    from printer_slicer.placing import place
+    from printer_slicer.slicing import cut, section_repairs
+
     target = _target(arguments.output, binary=arguments.binary)
     profile = profile_from(arguments)
     _refuse_broken_promise(arguments, profile)
@@ -179,6 +195,8 @@ def _check_folder(path: Path) -> None:
 
 def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
     """Write the files; the bytes of each."""
+    from printer_slicer.exports import write_cli, write_slc, write_svg
+
     if target.kind == "svgs":
         return _write_layers(sections, target)
     if target.kind == "cli":
@@ -191,6 +209,8 @@ def _write(sections: Sections, target: _Target, *, binary: bool) -> list[int]:
 
 def _write_layers(sections: Sections, target: _Target) -> list[int]:
     """One SVG per layer."""
+    from printer_slicer.exports import write_svgs
+
     make_folder(target.path)
     sizes = []
     for layer, (name, data) in enumerate(write_svgs(sections)):
@@ -218,6 +238,8 @@ def _refuse_broken_promise(arguments: argparse.Namespace, profile: Profile) -> N
 
 def _shaped(sections: Sections, arguments: argparse.Namespace, profile: Profile, report: Stages) -> Sections:
     """The contours as --smooth and --resample want them."""
+    from printer_slicer.exports import resample, smooth
+
     solid = sections.solid
     if arguments.smooth is not None:
         report("smoothing")
@@ -235,6 +257,8 @@ def _facts(
     sections: Sections, sizes: list[int], target: _Target, arguments: argparse.Namespace, profile: Profile
 ) -> dict[str, Any]:
     """Everything worth knowing, ready for JSON; lengths in mm."""
+    import numpy as np
+
     plan, solid = sections.plan, sections.solid
     rounded = _rounded(sections, target)
     low, high = (solid.xy.min(axis=0).tolist(), solid.xy.max(axis=0).tolist())
@@ -268,16 +292,22 @@ def _facts(
 
 def _rounded(sections: Sections, target: _Target) -> Rounded:
     """The contours as the file has them."""
+    from printer_slicer.exports import in_float32, on_grid
+
     return in_float32(sections.solid) if target.kind == "slc" else on_grid(sections.solid, _unit(target))
 
 
 def _unit(target: _Target) -> float:
     """Mm that the numbers of the file mean."""
+    from printer_slicer.exports import CLI_UNITS, SVG_DIGITS
+
     return {"slc": 1.0, "cli": CLI_UNITS}.get(target.kind, 10.0**-SVG_DIGITS)
 
 
 def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
     """What deserves a look."""
+    from printer_slicer.exports import uneven_multiples
+
     notes = []
     if rounded.lost:
         notes.append(f"{rounded.lost} rings are smaller than the rounding and left out")
@@ -297,6 +327,8 @@ def _notes(sections: Sections, rounded: Rounded, target: _Target) -> list[str]:
 
 def _sentences(facts: dict[str, Any]) -> list[str]:
     """The facts for people."""
+    from printer_slicer.cli.facts import runs_text
+
     files = f"{facts['files']} files, " if facts["format"] == "svgs" else ""
     off = facts["at_most_off"]
     parts = [f"{name} {value:.3g}" for name, value in off.items() if value and name != "together"]

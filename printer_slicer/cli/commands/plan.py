@@ -6,36 +6,27 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from printer_slicer.cli.common import profile_facts, profile_from, refuse_mixing, stages, write_file
-from printer_slicer.cli.facts import (
-    certificate_facts,
-    certificate_sentences,
-    flats_off,
-    repair_facts,
-    repair_sentences,
-    runs_text,
-)
-from printer_slicer.cli.milestones import Milestones
-from printer_slicer.cli.models import plate_name, repaired_plate
-from printer_slicer.cli.projects import with_projects
+from printer_slicer.cli.arguments import add_models, add_slicing
+from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
+from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.durations import spoken
-from printer_slicer.extrusion import move_seconds
-from printer_slicer.healing import refuse_repaired
-from printer_slicer.model import LayerPlan, Mesh, Repairs, Sections
-from printer_slicer.pipeline import plan_part, slice_part
-from printer_slicer.placing import place
-from printer_slicer.profile import Profile, profile_with
-from printer_slicer.slicing import cut, section_repairs
-from printer_slicer.surface import Certificate, certify, find_flats, read_surface, thin_areas
 
 if TYPE_CHECKING:
-    from printer_slicer.cli.common import Stages
+    from printer_slicer.cli.output import Stages
+    from printer_slicer.model import LayerPlan, Mesh, Sections
+    from printer_slicer.profile import Profile
+    from printer_slicer.surface import Certificate
 
-__all__ = ["plan_command"]
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study
+  printer-slicer plan part.stl --picture plan.png --tolerance 0.05
+  printer-slicer plan part.stl --compare --heights 0.1:0.3:0.02
+  printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
 
 # Every strategy with what tells its variants apart: name in the table -> changes to the profile.
 _VARIANTS: Mapping[str, dict[str, object]] = {
@@ -55,14 +46,42 @@ _VARIANTS: Mapping[str, dict[str, object]] = {
 }
 
 
-def plan_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `plan`."""
+    add_models(parser)
+    parser.add_argument(
+        "--compare", action="store_true", help="all planners, at the same tolerance and heights"
+    )
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw the chosen plan, SVG or PNG by the name"
+    )
+    add_slicing(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Compare layer plans: the tables of the paper for any part, and what is proven about the chosen plan."""
+    import numpy as np
+
+    from printer_slicer.cli.facts import (
+        certificate_facts,
+        certificate_sentences,
+        repair_facts,
+        repair_sentences,
+    )
+    from printer_slicer.cli.models import plate_name, repaired_plate, with_projects
+    from printer_slicer.healing import refuse_repaired
+    from printer_slicer.model import Repairs
+    from printer_slicer.pipeline import plan_part
+    from printer_slicer.placing import place
+    from printer_slicer.slicing import cut, section_repairs
+    from printer_slicer.surface import certify, read_surface
+
     refuse_mixing(arguments)
     profile = profile_from(arguments)
     with stages(arguments) as report:
         mesh, plate, repairs = repaired_plate(arguments, profile.printer, report)
         profile, plate = with_projects(arguments, profile, mesh, plate)
-        table, name = _table_1(mesh), plate_name(arguments.models)
+        table = _table_1(mesh)
         part = place(mesh, profile.printer, plate.placement)
         shift = np.asarray(mesh.bounds[0] - part.bounds[0])
         del mesh
@@ -79,25 +98,30 @@ def plan_command(arguments: argparse.Namespace) -> int:
             _draw(part, sections, certificate, profile, arguments)
     facts = certificate_facts(certificate, part, profile, shift, float(str(rows[-1]["seconds"])))
     facts |= {"thin_features": _thin(part, chosen)}
+    repaired = repair_facts(repairs)
     if arguments.json:
-        layers = {name: getattr(chosen, name).tolist() for name in ("bottom", "top", "cut")}
-        layers |= {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
-        told = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
-        print(
-            json.dumps(told | {"repairs": repair_facts(repairs)} | plate.facts() | profile_facts(arguments))
-        )
+        told = {"part": table, "plans": rows, "certificate": facts, "layers": _layers(chosen, certificate)}
+        print(json.dumps(told | {"repairs": repaired} | plate.facts() | profile_facts(arguments)))
     elif not arguments.quiet:
-        print(_as_text(name, table, rows))
-        print(
-            "\n".join(["", f"Certificate of the plan by {chosen.planner!r}", *certificate_sentences(facts)])
-        )
-        for line in repair_sentences(repair_facts(repairs)):
-            print(line)
+        print(_as_text(plate_name(arguments.models), table, rows))
+        lines = [*certificate_sentences(facts), *repair_sentences(repaired)]
+        print("\n".join([f"\nCertificate of the plan by {chosen.planner!r}", *lines]))
     return 0
+
+
+def _layers(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
+    """Heights of each layer, mm, and what is proven about it."""
+    import numpy as np
+
+    layers = {name: getattr(plan, name).tolist() for name in ("bottom", "top", "cut")}
+    return layers | {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
 
 
 def _thin(part: Mesh, plan: LayerPlan) -> dict[str, float]:
     """How much of the part is thinner than the layers, mm² seen from above, and the z where most of it is."""
+    from printer_slicer.slicing import cut
+    from printer_slicer.surface import read_surface, thin_areas
+
     if plan.containment != "mid":
         return {"area_mm2": 0.0, "z": 0.0}
     areas = thin_areas(read_surface(part), cut(part, plan, 0.0))
@@ -112,7 +136,9 @@ def _draw(
     arguments: argparse.Namespace,
 ) -> None:
     """Write the picture of the chosen plan."""
+    from printer_slicer.cli.models import plate_name
     from printer_slicer.drawing import draw_plan, picture_bytes
+    from printer_slicer.surface import find_flats
 
     bounded = certificate.plan.planner not in ("uniform", "area")
     picture = draw_plan(
@@ -127,6 +153,8 @@ def _draw(
 
 def _table_1(mesh: Mesh) -> dict[str, object]:
     """The paper's Table 1: what the file holds."""
+    import numpy as np
+
     levels = np.unique(np.round(mesh.triangles[:, :, 2], 6))
     return {
         "vertices": 3 * mesh.n_facets,
@@ -159,6 +187,11 @@ def _compare(
     part: Mesh, profile: Profile, chosen: LayerPlan, told: _Planning, *, everything: bool
 ) -> list[dict[str, object]]:
     """The paper's Table 2 and beyond: uniform thin, uniform thick, the chosen plan, and all others if wanted."""
+    from printer_slicer.cli.facts import flats_off
+    from printer_slicer.extrusion import move_seconds
+    from printer_slicer.pipeline import plan_part, slice_part
+    from printer_slicer.surface import certify, find_flats, read_surface
+
     rows: list[dict[str, object]] = []
     flats = find_flats(part)[0]
     jobs = _jobs(profile, everything=everything)
@@ -189,6 +222,8 @@ def _compare(
 
 def _jobs(profile: Profile, *, everything: bool) -> dict[str, Profile]:
     """Name in the table -> profile: same tolerance and heights for all."""
+    from printer_slicer.profile import profile_with
+
     thin, thick = profile.thinnest, profile.thickest
     kind = profile.quality.planner.__struct_config__.tag
     heights = {thin, thick} if kind != "uniform" else {thin, thick, profile.quality.layer_height}
@@ -232,6 +267,8 @@ def _as_text(name: str, table: Mapping[str, Any], rows: list[dict[str, object]])
 
 
 def _row_text(row: Mapping[str, Any]) -> str:
+    from printer_slicer.cli.facts import runs_text
+
     layers = f"{row['layers']:>8}{100 * row['layers_saved']:>7.1f} %"
     time = f"{spoken(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"
     error = f"{row['max_error_mm']:>10.3f}{row['volume_error_mm3']:>9.1f}"

@@ -7,48 +7,35 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
+from typing import Any, Final
 
-from printer_slicer.cli.common import say
-from printer_slicer.cli.parsing import Command, Parser, command, output
+from printer_slicer.cli.arguments import add_output
+from printer_slicer.cli.output import say
 from printer_slicer.errors import UsageError
 
-__all__ = ["add_control", "control_command", "control_parser"]
+__all__ = ["EXAMPLES", "add_arguments", "run"]
 
+EXAMPLES: Final = """\
+  printer-slicer control status
+  printer-slicer control pause              after the queued moves; also: pause now, pause cold, pause here
+  printer-slicer control resume
+  printer-slicer control cancel
+  printer-slicer control object gear_2      cancel this object
+  printer-slicer control speed 80           also: flow PERCENT, fan PERCENT, nozzle C, bed C, babystep MM
+  printer-slicer control say M117 hello
+  printer-slicer control answer 0           press a button of the printer's prompt
+  printer-slicer control stop               emergency stop: halt the printer (M112)"""
 _SOON = 2.0  # s, timeout of `control status`
 
 
-def control_parser() -> argparse.ArgumentParser:
-    """Build a parser for `control` only, which is faster than building that of all commands."""
-    parser = Parser(prog="printer-slicer", allow_abbrev=False)
-    usual: type[argparse.ArgumentParser] = Command
-    add_control(parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual))
-    return parser
-
-
-def add_control(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the parser of `control`."""
-    parser = command(
-        commands,
-        "control",
-        "control a running print (pause, cancel, speed, temperature)",
-        "  printer-slicer control status\n"
-        "  printer-slicer control pause              after the queued moves; also: pause now, pause cold, pause here\n"
-        "  printer-slicer control resume\n"
-        "  printer-slicer control cancel\n"
-        "  printer-slicer control object gear_2      cancel this object\n"
-        "  printer-slicer control speed 80           also: flow PERCENT, fan PERCENT, nozzle C, bed C, babystep MM\n"
-        "  printer-slicer control say M117 hello\n"
-        "  printer-slicer control answer 0           press a button of the printer's prompt\n"
-        "  printer-slicer control stop               emergency stop: halt the printer (M112)",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `control`."""
     parser.add_argument("wish", nargs="+", metavar="WORD", help="see the examples")
     parser.add_argument("--job", metavar="NAME", default="", help="name of the print, if several are running")
-    output(parser)
-    parser.set_defaults(run=control_command)
+    add_output(parser)
 
 
-def control_command(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Send a command to the process of a print."""
     from printer_slicer.printing.door import ask_door
     from printer_slicer.printing.shelf import default_shelf, find

@@ -1,42 +1,117 @@
-"""`check`."""
+"""`check`: analyse a G-code file before it is printed, alone and against its model."""
 
 from __future__ import annotations
 
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, fields, replace
-from math import isfinite
+from dataclasses import asdict, dataclass, fields, replace
+from math import inf, isfinite, nan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from printer_slicer.arrays import Float
-from printer_slicer.cli.beforehand import Looked, look
-from printer_slicer.cli.common import refuse_mixing, say, stages, visible, write_file
+from printer_slicer.cli.arguments import add_machine, add_models, add_output
 from printer_slicer.cli.inputs import refuse_other_text
-from printer_slicer.cli.models import plate_name, repaired_plate
-from printer_slicer.commands import read_text
-from printer_slicer.diagnostics import Diagnostic, as_json, sentence
+from printer_slicer.cli.output import refuse_mixing, say, stages, visible, write_file
+from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.values import factor, length, positive
+from printer_slicer.diagnostics import as_json, sentence
+from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.inspection.coverage.limits import CoverageLimits
-from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules
-from printer_slicer.inspection.coverage.model_check import Check, CheckOptions, check_gcode
-from printer_slicer.inspection.deposition.purposes import Purpose
-from printer_slicer.profile import load_profile
 
-__all__ = ["check_command"]
+if TYPE_CHECKING:
+    from printer_slicer.arrays import Float
+    from printer_slicer.diagnostics import Diagnostic
+    from printer_slicer.inspection.coverage.limits import CoverageLimits
+    from printer_slicer.inspection.coverage.measurement import Coverage
+    from printer_slicer.inspection.coverage.model_check import Check
+    from printer_slicer.inspection.dry_run.feasibility import Feasibility, SlowStretch
+    from printer_slicer.jobs import Job
 
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer check part.gcode                    commands, temperatures, ways, speeds
+  printer-slicer check part.gcode --link 115200      where the machine would wait for lines
+  printer-slicer check part.gcode --model part.stl   the material it lays against the part
+  printer-slicer check part.gcode --model part.stl --picture faults.png --json
+  printer-slicer check part.gcode --model part.stl --limit under=0.95 --limit air=5
+  printer-slicer check plate.gcode --model lid.stl box.3mf --rotate 90 --filament 2.85"""
 _TOLD = 8  # findings told in full
 _DRAWN = 4  # layers in a picture
+_SPARE: Final = 0.95  # of the lines that a link carries are asked of it
 
 
-def check_command(arguments: argparse.Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `check`."""
+    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
+    meaning = "what it shall print; several lie to each other as their files place them"
+    add_models(parser, flag="--model", meaning=meaning)
+    _add_link(parser.add_argument_group("printing"))
+    _add_measuring(parser.add_argument_group("measuring"))
+    add_output(parser)
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw the worst layers, SVG or PNG by the name"
+    )
+    parser.set_defaults(strict=False)
+
+
+def _add_link(group: argparse._ArgumentGroup) -> None:
+    """What is known of the printer and the way to it."""
+    group.add_argument(
+        "--link", metavar="BAUD", type=positive, help="say where a port of this speed would be too slow"
+    )
+    group.add_argument(
+        "--latency",
+        metavar="MS",
+        type=factor,
+        default=1.0,
+        help="until an answer is there; 16 is usual for USB to serial chips without low latency; default: 1",
+    )
+    group.add_argument(
+        "--window", metavar="LINES", type=positive, default=2, help="most lines in flight; default: 2"
+    )
+    add_machine(group)
+
+
+def _add_measuring(group: argparse._ArgumentGroup) -> None:
+    """How the file is held against its model."""
+    group.add_argument(
+        "--filament", metavar="MM", type=length, help="diameter; default: as the file says, else 1.75"
+    )
+    group.add_argument(
+        "--shell",
+        metavar="MM",
+        type=length,
+        help="depth of the shell; default: of the file's own perimeters",
+    )
+    group.add_argument(
+        "--skin",
+        metavar="MM",
+        type=factor,
+        default=0.0,
+        help="height under and over air that belongs to the shell; default: the layer next to it",
+    )
+    group.add_argument(
+        "--limit",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="change one limit: uncovered, outside, overlap, air, under, over, outline; may be repeated",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
     """Look at G-code before it is printed, hold it against its model, and say what is wrong."""
+    from printer_slicer.cli.models import plate_name, repaired_plate
+    from printer_slicer.commands import read_text
+    from printer_slicer.inspection.coverage.measurement import CoverageRules
+    from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
+    from printer_slicer.profile import load_profile
+
     refuse_mixing(arguments)
     refuse_other_text(arguments.gcode)
-    looked = look(arguments)
+    looked = _look(arguments)
     if not arguments.models:
         return _tell_looked(arguments, looked)
     limits = _limits(arguments.limit)
@@ -59,7 +134,118 @@ def check_command(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _tell_looked(arguments: argparse.Namespace, looked: Looked) -> int:
+# The commands of the file, and the serial link
+
+
+@dataclass(frozen=True, slots=True)
+class _Looked:
+    """What was seen: for programs, for people, and what is wrong."""
+
+    facts: dict[str, Any]
+    lines: list[str]
+    wrong: list[str]
+
+
+def _look(arguments: argparse.Namespace) -> _Looked:
+    """Look at the job that a G-code file makes.
+
+    Raises:
+        UsageError: it is no job, or the profile or a name makes no sense.
+    """
+    from printer_slicer.cli.jobs import finding_facts, finding_lines, refused
+    from printer_slicer.gcode import FLAVOURS, read_moves
+    from printer_slicer.inspection.dry_run.feasibility import Link, feasibility
+    from printer_slicer.inspection.lint.lint_jobs import lint_file
+    from printer_slicer.motion.machine import limits_of
+
+    profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
+    job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
+    wrong = refused(job)
+    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
+    lines = [
+        f"{job.name}: {len(job.commands)} commands, {spoken(job.seconds)} of motion on {profile.printer.name}"
+    ]
+    lines += [f"refused     {one}" for one in wrong] or ["policy      nothing is refused"]
+    lines += finding_lines(arguments, job)
+    if arguments.link:
+        link = Link(
+            arguments.link,
+            latency_back=arguments.latency / 1000,
+            window_lines=arguments.window,
+            window_bytes=profile.printer.receive_buffer - 1,
+        )
+        printer = profile.printer
+        moves = read_moves(job.commands, printer.corners[0], FLAVOURS[printer.flavour])
+        told = _located(job, feasibility(job.commands, moves, limits_of(printer), link, job.marks))
+        facts["link"] = _link_facts(told)
+        lines += _link_lines(arguments, told)
+        wrong += _link_wrong(told)
+    return _Looked(facts | profile_facts(arguments), lines, wrong)
+
+
+def _located(job: Job, told: Feasibility) -> Feasibility:
+    """The same with lines of the text."""
+    from printer_slicer.commands import lines_of
+
+    firsts = lines_of(job.text, [one.first for one in told.stretches])
+    lasts = lines_of(job.text, [one.last for one in told.stretches])
+    stretches = zip(told.stretches, firsts, lasts, strict=True)
+    return replace(
+        told, stretches=tuple(replace(one, line=first, last_line=last) for one, first, last in stretches)
+    )
+
+
+def _link_facts(told: Feasibility) -> dict[str, Any]:
+    return asdict(told) | {"ok": told.ok, "advice": _advice(told)}
+
+
+def _link_lines(arguments: argparse.Namespace, told: Feasibility) -> list[str]:
+    """For people."""
+    link = told.link
+    rate = "any number of" if told.lines_per_second == inf else f"{told.lines_per_second:.0f}"
+    yes = f"{link.baud} Bd, {link.latency_back * 1000:g} ms, {link.window_lines} lines in flight: {rate} lines/s"
+    if told.ok:
+        return [f"link        {yes}; the machine never waits for lines"]
+    lines = [f"link        {yes}", f"            {_summary(told)}"]
+    most = len(told.stretches) if arguments.verbose else _TOLD
+    worst = sorted(told.stretches, key=lambda one: -one.seconds)[:most]
+    lines += [f"            {_stretch_sentence(one)}" for one in sorted(worst, key=lambda one: one.first)]
+    if len(told.stretches) > most:
+        lines.append(f"            ... and {len(told.stretches) - most} more that lose less (-v tells all)")
+    return [*lines, f"            {_advice(told)}"]
+
+
+def _summary(told: Feasibility) -> str:
+    n = len(told.stretches)
+    lost = sum(one.seconds for one in told.stretches)
+    many = "1 stretch" if n == 1 else f"{n} stretches"
+    stands = f"it stands still {told.stalls} times" if told.stalls else "it never stands still"
+    return (
+        f"the machine waits for lines in {many}: {lost:.1f} s lost, {stands}"
+        f" ({spoken(told.seconds)} instead of {spoken(told.unhindered)})"
+    )
+
+
+def _stretch_sentence(one: SlowStretch) -> str:
+    layer = f"layer {one.layer}, " if one.layer else ""
+    return (
+        f"{layer}lines {one.line} to {one.last_line}: {one.wanted:.0f} lines/s wanted, {one.possible:.0f} come, "
+        f"{one.seconds:.1f} s lost"
+    )
+
+
+def _advice(told: Feasibility) -> str:
+    if told.ok:
+        return ""
+    rate = int(told.lines_per_second * _SPARE)
+    return f"slice for this link: --set printer.link_lines_per_second={rate}; or raise the speed of the port"
+
+
+def _link_wrong(told: Feasibility) -> list[str]:
+    return [] if told.ok else [f"the link is too slow: {_summary(told)}"]
+
+
+def _tell_looked(arguments: argparse.Namespace, looked: _Looked) -> int:
     """The answer where there is no model."""
     if arguments.picture or arguments.limit:
         raise UsageError("--picture and --limit are about the part", remedy="name it with --model part.stl")
@@ -71,12 +257,17 @@ def _tell_looked(arguments: argparse.Namespace, looked: Looked) -> int:
     return 0
 
 
+# The material against the model
+
+
 def _limits(changes: list[str]) -> CoverageLimits:
     """The usual limits with changes.
 
     Raises:
         UsageError: a name that does not exist, or a value that is no limit.
     """
+    from printer_slicer.inspection.coverage.limits import CoverageLimits
+
     known = {field.name for field in fields(CoverageLimits)}
     limits = CoverageLimits()
     for change in changes:
@@ -84,7 +275,7 @@ def _limits(changes: list[str]) -> CoverageLimits:
         try:
             value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
         except ValueError:
-            value = np.nan
+            value = nan
         if name.strip() not in known or not (isfinite(value) and value >= 0):
             raise UsageError(
                 f"--limit {change}: expected NAME=VALUE, with a value of 0 or more",
@@ -95,7 +286,7 @@ def _limits(changes: list[str]) -> CoverageLimits:
 
 
 def _insist(check: Check, more: Sequence[str] = ()) -> None:
-    _refuse(check.name, [*check.problems, *(sentence(finding) for finding in check.findings), *more])
+    _refuse(check.name, [*check.problems, *map(sentence, check.findings), *more])
 
 
 def _refuse(name: str, wrong: Sequence[str]) -> None:
@@ -106,7 +297,7 @@ def _refuse(name: str, wrong: Sequence[str]) -> None:
 
 def _lines(check: Check, model: str) -> Iterator[str]:
     """The verdict, then the table."""
-    wrong = [*check.problems, *(sentence(finding) for finding in check.findings)]
+    wrong = [*check.problems, *map(sentence, check.findings)]
     count = (
         f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}"
         if wrong
@@ -128,6 +319,10 @@ def _lines(check: Check, model: str) -> Iterator[str]:
 
 def _table(coverage: Coverage) -> Iterator[str]:
     """Measurements: the worst layer, and the whole file."""
+    import numpy as np
+
+    from printer_slicer.inspection.deposition.purposes import Purpose
+
     fill, outline = coverage.fill, coverage.outline
     shell, covered = coverage.shell.area(), coverage.covered.area()
     rows = [
@@ -182,6 +377,8 @@ def _of_areas(name: str, coverage: Coverage, areas: Float, whole: Float) -> tupl
 
 def _at(coverage: Coverage, values: Float) -> str:
     """Where the largest value is, if there is any that is not 0."""
+    import numpy as np
+
     if np.isnan(values).all() or not np.nanmax(np.abs(values)) > 0:
         return ""
     layer = int(np.nanargmax(values))
@@ -190,6 +387,8 @@ def _at(coverage: Coverage, values: Float) -> str:
 
 def _said(pick: Callable[[Float], float], values: Float, how: str, unit: str = "") -> str:
     """One value of a column, or a dash where it has none."""
+    import numpy as np
+
     return "-" if np.isnan(values).all() else f"{pick(values):{how}}{unit}"
 
 
@@ -199,11 +398,15 @@ def _number(value: float) -> float | None:
 
 
 def _column(values: Float | Sequence[float]) -> list[float | None]:
+    import numpy as np
+
     return [_number(value) for value in np.asarray(values, np.float64).tolist()]
 
 
 def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     """All that is known, ready for JSON; layers count from 1."""
+    from printer_slicer.inspection.deposition.purposes import Purpose
+
     coverage, stack = check.coverage, check.coverage.stack
     found = [
         {key: _number(value) if isinstance(value, float) else value for key, value in as_json(one).items()}

@@ -1,24 +1,29 @@
-"""`profiles import`."""
+"""`profiles import`: make profiles from those of other slicers."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.common import say, visible, write_file
-from printer_slicer.cli.parsing import Command, later, output
-from printer_slicer.cli.profile_files import kept_schemas, make_folder, own_folder
+from printer_slicer.cli.arguments import add_output
+from printer_slicer.cli.output import say, visible, write_file
+from printer_slicer.cli.settings import kept_schemas, own_folder
 from printer_slicer.cli.values import positive
 from printer_slicer.errors import OutputError, ProfileError, UsageError
+from printer_slicer.saving import make_folder
 
-__all__ = ["add_import", "import_command"]
+if TYPE_CHECKING:
+    from printer_slicer.importing import Imported, Note
+    from printer_slicer.macros import Value
+    from printer_slicer.profile import Profile
 
-_IN_FULL: Final = 3  # profiles; more are told in a line each
-_EXAMPLES: Final = """\
-examples:
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
   printer-slicer profiles import config.ini                       what PrusaSlicer or SuperSlicer exported
   printer-slicer profiles import printed_before.gcode             the settings at the end of their G-code
   printer-slicer profiles import Creality.ini --list              what a vendor's bundle holds
@@ -27,18 +32,12 @@ examples:
   printer-slicer profiles import creality_ender3.def.json --cura layer_height=0.2   where Cura's other definitions are
   printer-slicer profiles import fine.curaprofile --folder cura/resources/definitions
 """
+_IN_FULL: Final = 3  # profiles; more are told in a line each
+_MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
 
 
-def add_import(profiles: Command) -> None:
-    """`import` as the first word behind `profiles`, with flags of its own."""
-    parser = Command(
-        prog=f"{profiles.prog} import",
-        description="Make profiles from those of other slicers, and say what became of every setting.",
-        epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    profiles.below = {"import": parser}
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `profiles import`."""
     parser.add_argument(
         "files",
         nargs="+",
@@ -50,12 +49,11 @@ def add_import(profiles: Command) -> None:
     parser.add_argument(
         "-o", "--out", metavar="FOLDER", type=Path, help="where to write; default: your own profiles"
     )
-    _choices(parser)
-    output(parser)
-    parser.set_defaults(run=later("importing", "import_command"))
+    _add_choices(parser)
+    add_output(parser)
 
 
-def _choices(parser: argparse.ArgumentParser) -> None:
+def _add_choices(parser: argparse.ArgumentParser) -> None:
     """What of a file is wanted, and how."""
     parser.add_argument("--force", action="store_true", help="write over profiles that are there")
     parser.add_argument("--list", action="store_true", help="only name what the files hold")
@@ -99,13 +97,12 @@ def _choices(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def import_command(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Import, write, and tell what became of everything."""
-    from printer_slicer.cli.macro_checks import with_macro_notes
     from printer_slicer.importing import Imported, Refused
 
     results = list(_results(arguments))
-    made = with_macro_notes([one for one in results if isinstance(one, Imported)])
+    made = _with_macro_notes([one for one in results if isinstance(one, Imported)])
     refused = [one for one in results if isinstance(one, Refused)]
     if arguments.list:
         _list(arguments, results)
@@ -292,3 +289,70 @@ def _contradictions(made: Sequence[Any]) -> Iterator[str]:
     if len(made) == len(parts) == 3:
         for key, problem, remedy in faults_together(**parts):
             yield f"look at  {key}: {problem}: {remedy}"
+
+
+# What `print` would refuse in the G-code of imported printers, found before anything is printed with it
+
+
+def _with_macro_notes(made: Sequence[Imported]) -> list[Imported]:
+    """The profiles, printers among them with a note for each command that is refused unless somebody allows it.
+
+    Args:
+        made: the profiles of a file; a material among them says what temperatures stand for.
+    """
+    from printer_slicer.profile import load_profile, settings_of
+
+    usual = settings_of(load_profile())
+    kinds = [one.kind for one in made]
+    known = {one.kind: _without_own(one.values) for one in made if kinds.count(one.kind) == 1}
+    return [replace(one, notes=(*one.notes, *_notes(one, usual | known))) for one in made]
+
+
+def _without_own(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings without those of single objects, which are judged when there are objects."""
+    return {key: value for key, value in values.items() if key != "overrides"}
+
+
+def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[Note]:
+    """What is refused in the macros of one profile."""
+    from printer_slicer.macros import with_other_names
+    from printer_slicer.profile import profile_from
+    from printer_slicer.profile.reading import flatten
+
+    if one.kind != "printer" or not any(one.values.get(name) for name in _MACROS):
+        return
+    values = {**others, "printer": one.values}
+    profile = profile_from(values)
+    names: dict[str, Value] = {}
+    for kind, part in values.items():
+        for key, value in flatten(part):
+            if isinstance(value, (bool, int, float, str)):
+                names[f"{kind}.{key}"] = value
+                names.setdefault(key, value)
+    known = with_other_names(names)
+    for name in _MACROS:
+        commands = list(_commands(str(one.values.get(name, "")), known))
+        yield from _refused(commands, profile, f"{one.source}: {name}")
+
+
+def _refused(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[Note]:
+    from printer_slicer.importing import Note
+    from printer_slicer.inspection.lint.scan import scan
+
+    for found in scan(commands, profile, moves=()):
+        if found.is_error:
+            text = f"{found.command}: {found.message}; {found.reason}: `print` refuses it without --allow {found.code}"
+            yield Note(place, text)
+
+
+def _commands(macro: str, names: Mapping[str, Value]) -> Iterator[bytes]:
+    """The commands of a macro, of every branch that may be taken, with values where they are known, 0 elsewhere."""
+    from printer_slicer.macros import read_template
+
+    try:
+        lines = read_template(macro, "").possible_lines(names)
+    except ProfileError:  # which the import has told
+        return
+    for line in lines:
+        if command := line.partition(";")[0].strip():
+            yield command.encode("ascii", "replace")

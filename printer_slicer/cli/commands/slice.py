@@ -1,43 +1,93 @@
-"""`slice`."""
+"""`slice`: make G-code from a part."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.common import (
-    profile_facts,
-    profile_from,
-    refuse_mixing,
-    refuse_same,
-    say,
-    stages,
-    write_file,
-)
-from printer_slicer.cli.completing import MODELS
-from printer_slicer.cli.facts import facts_of, sentences
-from printer_slicer.cli.models import plate_from, warn
-from printer_slicer.cli.projects import with_projects
-from printer_slicer.cli.unsupported import refuse_unsupported, unsupported_facts, unsupported_warnings
-from printer_slicer.errors import UsageError
-from printer_slicer.extrusion import move_seconds
-from printer_slicer.gcode_text import gcode_of
-from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
-from printer_slicer.model import LayerPlan, Program
-from printer_slicer.pipeline import slice_stages
-from printer_slicer.profile import Profile
-from printer_slicer.profile.places import heights_of
-from printer_slicer.saving import make_folder
-from printer_slicer.surface import certify, read_surface
+from printer_slicer.cli.arguments import add_models, add_slicing
+from printer_slicer.cli.inputs import MODELS
+from printer_slicer.cli.output import refuse_mixing, refuse_same, say, stages, warn, write_file
+from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.values import whole
+from printer_slicer.errors import PartError, UsageError
 
-__all__ = ["slice_command"]
+if TYPE_CHECKING:
+    from printer_slicer.inspection.deposition.unsupported import Unsupported
+    from printer_slicer.model import LayerPlan, Program
+    from printer_slicer.profile import Profile
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer slice part.stl -o part.gcode --printer corexy_klipper --material petg
+  printer-slicer slice part.stl --set infill_density=0.3 --set speeds.travel=200
+  printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12
+  printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%
+  printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files
+  printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
+_REMEDY = "turn the part or add supports; `print` needs --allow unsupported"
 
 
-def slice_command(arguments: Namespace) -> int:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `slice`."""
+    add_models(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.gcode",
+        action=_Output,
+        help="default: beside the first model; - for stdout; a folder, or a name ending with /: as --output-dir",
+    )
+    where.add_argument(
+        "--output-dir",
+        metavar="DIR",
+        type=Path,
+        help="write one G-code file per model into this folder; created if missing",
+    )
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="draw one layer's beads, SVG or PNG by the name"
+    )
+    parser.add_argument(
+        "--layer", metavar="N", type=whole, help="which layer of the print to draw, from 1; default: 1"
+    )
+    parser.add_argument(
+        "--timestamp",
+        action="store_true",
+        help="write date and time into the first line; default: only if SOURCE_DATE_EPOCH is set",
+    )
+    parser.add_argument(
+        "--allow",
+        metavar="NAME",
+        action="append",
+        choices=("unsupported",),
+        default=[],
+        help="accept this despite --strict: unsupported (extrusion with nothing under it)",
+    )
+    add_slicing(
+        parser, strict="fail if the mesh needs repair, or if extrusion is unsupported and not allowed"
+    )
+
+
+class _Output(argparse.Action):
+    """Action of -o: an existing folder, or a name ending with /, sets --output-dir instead."""
+
+    def __call__(
+        self, _parser: object, namespace: argparse.Namespace, value: object, _flag: object = None
+    ) -> None:
+        path = Path(str(value))
+        is_folder = str(value).endswith(("/", os.sep)) or (value != "" and path.is_dir())
+        setattr(namespace, "output_dir" if is_folder else "output", path)
+
+
+def run(arguments: Namespace) -> int:
     """Slice models and write the G-code: one file for all, or one per model into a folder."""
     profile = profile_from(arguments)
     refuse_mixing(arguments)
@@ -56,6 +106,14 @@ def slice_command(arguments: Namespace) -> int:
 
 def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
     """Slice all models together and print a summary; without `output` the G-code goes beside the first model."""
+    from printer_slicer.cli.facts import facts_of
+    from printer_slicer.cli.models import plate_from, with_projects
+    from printer_slicer.extrusion import move_seconds
+    from printer_slicer.gcode_text import gcode_of
+    from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
+    from printer_slicer.pipeline import slice_stages
+    from printer_slicer.surface import certify, read_surface
+
     with stages(arguments) as report:
         report("loading")
         mesh, plate = plate_from(arguments, profile.printer, report)
@@ -72,7 +130,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         program = stage.program
         unsupported = unsupported_of_program(program, profile)
         if arguments.strict and "unsupported" not in arguments.allow:
-            refuse_unsupported(stage.part.name, unsupported)
+            _refuse_unsupported(stage.part.name, unsupported)
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
@@ -89,14 +147,18 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
                 made=arguments.made,
             ),
         )
-    facts = facts_of(stage, profile, seconds, certificate)
-    late = [*unsupported_warnings(unsupported), *_unreached(profile, stage.sections.plan)]
+    late = [*_unsupported_warnings(unsupported), *_unreached(profile, stage.sections.plan)]
     warn(arguments, late)
+    told = {"unsupported": _unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
+    _tell(arguments, output, facts_of(stage, profile, seconds, certificate) | plate.facts() | told)
+
+
+def _tell(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
+    """Say what was made, for programs or for people."""
+    from printer_slicer.cli.facts import sentences
+
     if arguments.json:
-        told = {"unsupported": unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
-        print(
-            json.dumps({"output": str(output), **facts, **plate.facts(), **told, **profile_facts(arguments)})
-        )
+        print(json.dumps({"output": str(output), **facts, **profile_facts(arguments)}))
     elif str(output) != "-":
         first, *more = sentences(facts)
         say(arguments, "\n  ".join([f"{output}: {first}", *more]))
@@ -109,6 +171,8 @@ def _outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
         UsageError: two models have the same output file or picture.
         OutputError: the folder cannot be created.
     """
+    from printer_slicer.saving import make_folder
+
     folder: Path = arguments.output_dir
     outputs: dict[Path, Path] = {}
     for model in arguments.models:
@@ -158,8 +222,48 @@ def _refuse_model_name(output: Path) -> None:
         )
 
 
+def _unsupported_warnings(found: Sequence[Unsupported]) -> list[str]:
+    """Return a warning if anything was found."""
+    from printer_slicer.inspection.deposition.unsupported import describe
+
+    return [f"{describe(found)}; {_REMEDY}"] if found else []
+
+
+def _unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
+    """Return facts for JSON: one entry per height, lengths in mm."""
+    return [
+        {
+            "code": "unsupported",
+            "severity": "warning",
+            "layer": one.layer,
+            "z": round(one.z, 4),
+            "x": round(one.x, 3),
+            "y": round(one.y, 3),
+            "length_mm": round(one.length, 3),
+        }
+        for one in found
+    ]
+
+
+def _refuse_unsupported(name: str, found: Sequence[Unsupported]) -> None:
+    """Fail if anything was found, for --strict without --allow unsupported.
+
+    Raises:
+        PartError: there is unsupported extrusion.
+    """
+    from printer_slicer.inspection.deposition.unsupported import describe
+
+    if found:
+        raise PartError(
+            f"{name}: {describe(found)}",
+            remedy="turn the part, add supports, or --allow unsupported; without --strict this is only a warning",
+        )
+
+
 def _unreached(profile: Profile, plan: LayerPlan) -> Iterator[str]:
     """The settings of heights over the part, which change nothing."""
+    from printer_slicer.profile.places import heights_of
+
     top = float(plan.top[-1])
     for low, high, own in heights_of(profile):
         if low >= top:

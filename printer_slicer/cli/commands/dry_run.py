@@ -1,0 +1,105 @@
+"""`dry-run`: print on a simulated printer, and say what would happen."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.cli.arguments import add_allow, add_firmware, add_models, add_slicing
+from printer_slicer.cli.output import say, stages, write_file
+from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.values import positive
+
+if TYPE_CHECKING:
+    from printer_slicer.inspection.dry_run.judging import Verdict
+    from printer_slicer.profile import Profile
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer dry-run part.stl
+  printer-slicer dry-run part.gcode --printer marlin_220 --json
+  printer-slicer dry-run part.gcode --link 57600 --picture print.png"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `dry-run`."""
+    add_models(parser, gcode=True)
+    parser.add_argument(
+        "--link",
+        metavar="BAUD",
+        type=positive,
+        help="speed of the serial port; running out of moves counts as a fault then",
+    )
+    parser.add_argument(
+        "--picture",
+        metavar="FILE",
+        type=Path,
+        help="draw what was printed, time and flow over the height, and the faults (.svg or .png)",
+    )
+    add_allow(parser)
+    add_firmware(parser)
+    add_slicing(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print on the simulated printer and say what would happen."""
+    from printer_slicer.cli.jobs import (
+        finding_facts,
+        insist_verified,
+        job_from,
+        judged_by,
+        refused,
+        repairs_facts,
+        repairs_lines,
+    )
+    from printer_slicer.cli.verdicts import (
+        faults_of,
+        insist_printable,
+        planted_facts,
+        planted_lines,
+        simulate,
+        verdict_facts,
+        verdict_text,
+    )
+
+    faults = faults_of(arguments)
+    if arguments.picture:
+        from printer_slicer.drawing.canvas import check_picture
+
+        check_picture(arguments.picture)
+    profile = profile_from(arguments, **judged_by(arguments))
+    with stages(arguments) as report:
+        job, known = job_from(arguments, profile, report)
+    job = job.allowing(arguments.allow)
+    verdict = simulate(arguments, job, profile, events=False, baud=arguments.link, faults=faults)
+    if arguments.picture:
+        write_file(arguments.picture, _picture(verdict, profile, arguments.picture))
+    if arguments.json:
+        findings = {"ok": verdict.ok and not refused(job), "findings": finding_facts(job)}
+        repairs = {"repairs": repairs_facts(job)}
+        facts = verdict_facts(verdict, job, profile) | findings | repairs | known | planted_facts(faults)
+        facts |= profile_facts(arguments)
+        print(json.dumps(facts))
+    else:
+        told = [verdict_text(arguments, verdict, job, profile), *planted_lines(faults), *repairs_lines(job)]
+        say(arguments, "\n".join(told))
+    insist_printable(verdict)
+    insist_verified(job)
+    return 0
+
+
+def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
+    from printer_slicer.diagnostics import sentence
+    from printer_slicer.drawing.canvas import picture_bytes
+    from printer_slicer.drawing.rehearsal import Mark, rehearsal_picture
+
+    assert verdict.account is not None
+    found = [Mark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
+    title = f"{verdict.job}: {'prints as it should' if verdict.ok else 'do NOT print it'}"
+    return picture_bytes(
+        rehearsal_picture(verdict.account, found, title, profile.printer.corners, profile.max_flow),
+        path,
+    )

@@ -1,0 +1,30 @@
+"""`ports`: list the serial ports of this computer."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Final
+
+from printer_slicer.cli.arguments import add_output
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = "  printer-slicer ports --json"
+add_arguments = add_output
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """List the serial ports of this computer."""
+    from dataclasses import asdict
+
+    from printer_slicer.stream.serial_port import list_ports
+
+    ports = [] if arguments.quiet else list_ports()
+    if arguments.json:
+        print(json.dumps([asdict(port) for port in ports]))
+    elif not ports and not arguments.quiet:
+        print("no serial ports found; is the printer switched on and its USB cable plugged in?")
+    for port in [] if arguments.json else ports:
+        print(f"{port.device:<24}{port.description}")
+    return 0

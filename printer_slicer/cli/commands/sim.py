@@ -1,0 +1,253 @@
+"""`sim`: serve the simulated printer to other programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from printer_slicer.cli.arguments import add_firmware, add_models, add_slicing
+from printer_slicer.cli.output import refuse_same, say, write_file
+from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.values import address, factor, positive
+from printer_slicer.durations import spoken
+from printer_slicer.errors import UsageError
+from printer_slicer.progress import quiet
+from printer_slicer.saving import check_writable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from printer_slicer.profile import Profile
+    from printer_slicer.sim.faults import Faults
+    from printer_slicer.sim.link import Cable
+    from printer_slicer.sim.printer import SimulatedPrinter
+    from printer_slicer.sim.tally import Report
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer sim --pty /tmp/printer &
+  printer-slicer print part.stl --port /tmp/printer
+  printer-slicer sim --tcp 127.0.0.1:8888             print --port socket://127.0.0.1:8888
+  printer-slicer sim --tcp 127.0.0.1:8888 --rfc2217   print --port rfc2217://127.0.0.1:8888
+  printer-slicer sim --firmware klipper --faults bad_day.toml --seed 3
+  printer-slicer sim --pty /tmp/printer --speed 0     as fast as the host can send
+  printer-slicer sim --pty /tmp/printer --expect part.stl   and say whether all of it was printed"""
+_VIOLATIONS = 20  # listed in the text output
+_MOST = 64 * 1024 * 1024  # bytes of a file on the card
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `sim`."""
+    _add_door(parser)
+    parser.add_argument(
+        "--baud", type=positive, metavar="N", help="pace of the bytes; default: none, or the firmware's need"
+    )
+    parser.add_argument(
+        "--latency-timer",
+        type=factor,
+        metavar="MS",
+        default=0.0,
+        help="of a USB chip, such as 16; default: none",
+    )
+    parser.add_argument(
+        "--card",
+        metavar="FILE",
+        nargs="*",
+        type=Path,
+        help="a memory card with these files; default: no reader",
+    )
+    parser.add_argument(
+        "--report", metavar="FILE", type=Path, help="write what was executed as JSON at the end"
+    )
+    add_models(parser, gcode=True, flag="--expect", meaning="judge at the end whether this was printed")
+    add_firmware(parser)
+    add_slicing(parser)
+
+
+def _add_door(parser: argparse.ArgumentParser) -> None:
+    """Where hosts find it, and how fast its clock runs."""
+    door = parser.add_mutually_exclusive_group()
+    door.add_argument(
+        "--pty",
+        metavar="LINK",
+        type=Path,
+        help="where to link a pseudo-terminal; default: printer-slicer-sim",
+    )
+    door.add_argument(
+        "--tcp",
+        metavar="HOST:PORT",
+        type=address,
+        help="listen there instead, on any system; port 0: a free one",
+    )
+    parser.add_argument(
+        "--rfc2217", action="store_true", help="speak RFC 2217 at --tcp instead of plain bytes"
+    )
+    parser.add_argument(
+        "--speed", type=factor, default=1.0, metavar="X", help="times real time; 0: do not wait at all"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
+    from printer_slicer.cli.jobs import job_from, judged_by, repairs_facts
+    from printer_slicer.cli.verdicts import (
+        faults_of,
+        insist_printable,
+        planted_facts,
+        planted_lines,
+        verdict_facts,
+        verdict_text,
+    )
+    from printer_slicer.inspection.dry_run.comparison import Comparison
+    from printer_slicer.inspection.dry_run.judging import judge
+    from printer_slicer.inspection.dry_run.runner import layer_counter
+
+    _look_at_sim_flags(arguments)
+    faults = faults_of(arguments)
+    profile = profile_from(arguments, **judged_by(arguments), tell=False)
+    job, known = job_from(arguments, profile, quiet) if arguments.models else (None, {})
+    comparison = Comparison(job.commands if job else ())
+    if faults and job:
+        faults.layer_now = layer_counter(job, comparison)
+    report = _serve_printer(arguments, profile, comparison, faults)
+    result = {
+        **asdict(report),
+        "violations": [list(violation) for violation in report.violations],
+        "print_seconds": report.print_seconds,
+        "job_commands": comparison.executed,
+        "job_digest": comparison.digest,
+        **known,
+        **planted_facts(faults),
+        **profile_facts(arguments),
+    }
+    verdict = judge(job, profile, report, comparison) if job else None
+    if verdict and job:
+        result["verdict"] = verdict_facts(verdict, job, profile) | {"repairs": repairs_facts(job)}
+    if arguments.report:
+        write_file(arguments.report, (json.dumps(result) + "\n").encode())
+    if arguments.json:
+        print(json.dumps(result))
+    elif verdict and job:
+        text = verdict_text(arguments, verdict, job, profile)
+        say(arguments, "\n".join([text, *planted_lines(faults)]))
+    else:
+        motion = f"{spoken(report.print_seconds)} of motion, {report.n_violations} violations"
+        first = f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}"
+        say(arguments, "\n".join([first, *_violation_lines(report), *planted_lines(faults)]))
+    if verdict:
+        insist_printable(verdict)
+    return 0
+
+
+def _look_at_sim_flags(arguments: argparse.Namespace) -> None:
+    """Refuse flags that do not go together."""
+    if arguments.report and arguments.json and str(arguments.report) == "-":
+        raise UsageError("--report - and --json both want stdout", remedy="leave one of them out")
+    if arguments.rfc2217 and arguments.tcp is None:
+        raise UsageError("--rfc2217 without --tcp", remedy="say with --tcp HOST:PORT where to listen")
+    if arguments.report:
+        check_writable(arguments.report)
+        for path in arguments.models:
+            refuse_same(arguments.report, path, "--report")
+
+
+def _violation_lines(report: Report) -> list[str]:
+    """List what a real machine would have rejected, clipped or suffered, with the command; at most 20 lines."""
+    shown = [f"  command {one.line}: {one.text}" for one in report.violations[:_VIOLATIONS]]
+    more = report.n_violations - len(shown)
+    return [*shown, f"  and {more} more: --report and --json list up to 1000"] if more else shown
+
+
+def _serve_printer(
+    arguments: argparse.Namespace,
+    profile: Profile,
+    on_executed: Callable[[str], None],
+    faults: Faults | None,
+) -> Report:
+    """Be a printer until Ctrl-C or SIGTERM; its account."""
+    from printer_slicer.cli.verdicts import firmware_of
+    from printer_slicer.inspection.dry_run.machines import machine_of
+    from printer_slicer.sim.link import Cable
+    from printer_slicer.sim.printer import SimulatedPrinter
+
+    firmware = firmware_of(arguments, profile.printer)
+    files = _card(arguments)
+    machine = replace(
+        machine_of(profile.printer, arguments.extruders, one_hotend=arguments.one_hotend),
+        card=files is not None,
+    )
+
+    def make() -> SimulatedPrinter:
+        """The printer, switched on."""
+        return SimulatedPrinter(machine, firmware, on_executed=on_executed, faults=faults, card=files)
+
+    # Bytes that come all at once would overflow a small receive buffer.
+    paced = arguments.baud or (None if firmware.receive_buffer is None else profile.printer.baud)
+    timer = arguments.latency_timer / 1000.0
+    connect = partial(Cable, baud=paced, timer=timer, damage=faults)
+    return _served(arguments, profile, make, connect, faults)
+
+
+def _served(
+    arguments: argparse.Namespace,
+    profile: Profile,
+    make: Callable[[], SimulatedPrinter],
+    connect: Callable[[SimulatedPrinter], Cable],
+    faults: Faults | None,
+) -> Report:
+    """Let hosts in by the door that was asked for."""
+    stopped: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _frame: stopped.append(number))
+
+    def ready(name: str) -> None:
+        """Say where the printer is; who waits for it reads this through a pipe."""
+        say(arguments, f"simulated {profile.printer.name} at {name}; Ctrl-C ends it")
+        sys.stdout.flush()
+
+    common: dict[str, Any] = {
+        "speed": arguments.speed,
+        "connect": connect,
+        "unplugged": (lambda: faults.unplugged) if faults else (lambda: False),
+        "stop": lambda: bool(stopped),
+    }
+    if arguments.tcp is None:
+        from printer_slicer.sim.pty_server import serve
+
+        link = arguments.pty or Path("printer-slicer-sim")
+        return serve(make, link, ready=lambda name: ready(f"{link} ({name})"), **common)
+    from printer_slicer.sim.tcp_server import serve_tcp
+
+    if not arguments.rfc2217:
+        return serve_tcp(make, arguments.tcp, ready=lambda name: ready(f"socket://{name}"), **common)
+    from printer_slicer.sim.rfc2217 import Negotiator
+
+    return serve_tcp(
+        make, arguments.tcp, telnet=Negotiator, ready=lambda name: ready(f"rfc2217://{name}"), **common
+    )
+
+
+def _card(arguments: argparse.Namespace) -> dict[str, bytes] | None:
+    """The files for the memory card; None without a card reader."""
+    if arguments.card is None:
+        return None
+    files: dict[str, bytes] = {}
+    for path in arguments.card:
+        try:
+            with path.open("rb") as file:
+                data = file.read(_MOST + 1)
+        except OSError as error:
+            raise UsageError(f"{path}: {error.strerror}", remedy="--card wants G-code files") from error
+        if len(data) > _MOST:
+            raise UsageError(
+                f"{path}: over {_MOST >> 20} MiB",
+                remedy="the card of a simulated printer takes smaller files",
+            )
+        files[path.name] = data
+    return files

@@ -1,0 +1,448 @@
+"""The profile that a command line describes: named profiles, changed settings, and settings in G-code files."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn
+
+from printer_slicer.cli.arguments import DIALS
+from printer_slicer.cli.output import visible, without_stdin, write_file
+from printer_slicer.errors import ProfileError, UsageError
+from printer_slicer.saving import make_folder
+
+if TYPE_CHECKING:
+    from printer_slicer.importing.report import Imported, Refused
+    from printer_slicer.profile import Profile
+
+__all__ = [
+    "changes_from",
+    "kept_schemas",
+    "named_folders",
+    "own_folder",
+    "profile_facts",
+    "profile_from",
+    "write_schemas",
+]
+
+_OF_PLANNER = ("tolerance", "layer_height")  # what ranges of the planner have
+_RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
+_ENDS: Final = 1 << 14  # bytes at both ends of a file in which slicers name the machine
+_MACHINE: Final = re.compile(
+    rb"^; ?(?:TARGET_MACHINE\.NAME:|machine_type:|printer_model = |printer_settings_id = )([^\r\n]{1,100})",
+    re.MULTILINE,
+)
+"""The machine as named by Cura, FlashPrint, and PrusaSlicer and its forks."""
+
+_NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
+
+
+def profile_from(
+    arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
+) -> Profile:
+    """Load the profile of --printer, --material, --quality, --planner and --set, and print its names and sources.
+
+    Args:
+        arguments: the command line; `profile_facts` returns the sources of the profile afterwards.
+        slices: whether a part is sliced with it; what is only printed need not suit the quality.
+        gcode: a file whose own machine, material and quality are used unless the command line names others.
+        tell: whether to print them; `sim` prints its own line, and the console prints only lines of the printer.
+
+    Raises:
+        UsageError: a name or setting that does not exist or is out of bounds.
+    """
+    from printer_slicer.profile import load_profile, profile_over
+
+    names: dict[str, Any] = {
+        kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
+    }
+    folders = named_folders(arguments)
+    changes = changes_from(arguments)
+    if gcode is None:
+        own = _OwnSettings({}, ())
+        profile = load_profile(**names, changes=changes, slices=slices, folders=folders)
+    else:
+        own = _own_settings(gcode, folders)
+        profile = profile_over(own.values, names, changes, folders)
+    used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
+    told = _provenance({kind: name for kind, name in names.items() if kind in used}, own, folders)
+    arguments.profile_facts = {"profile": told}
+    if tell:
+        _tell_profile(arguments, told, own.refused)
+    return profile
+
+
+def _tell_profile(
+    arguments: argparse.Namespace, told: dict[str, dict[str, str]], refused: Sequence[str]
+) -> None:
+    """Print machine, material and quality with their sources as the first line.
+
+    The line goes to stderr if stdout carries data; --json has it in `profile`.
+    """
+    if arguments.quiet:
+        return
+    for reason in refused:
+        text = f"printer-slicer: warning: the settings in the file are not used: {reason}"
+        print(visible(text), file=sys.stderr)
+    if not arguments.json:
+        data = any(str(getattr(arguments, name, "")) == "-" for name in ("output", "picture"))
+        line = ", ".join(f"{one['name']} ({_origin(one)})" for one in told.values())
+        print(visible(without_stdin(arguments, line)), file=sys.stderr if data else sys.stdout)
+
+
+def _origin(told: dict[str, str]) -> str:
+    """Return where a profile comes from, and the machine named by the file if no profile has that name."""
+    named = told.get("named_in_file")
+    return told["from"] + (f": the file names '{named}', which has no profile" if named else "")
+
+
+def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return machine, material and quality of a command with their sources, for JSON."""
+    facts: dict[str, Any] = getattr(arguments, "profile_facts", {})
+    return facts
+
+
+def named_folders(arguments: argparse.Namespace) -> Sequence[Path]:
+    """The folders of --profiles.
+
+    Raises:
+        UsageError: one that there is not.
+    """
+    folders: Sequence[Path] = getattr(arguments, "profiles", ())
+    for folder in folders:
+        if not folder.is_dir():
+            raise UsageError(
+                f"--profiles {folder}: no such folder",
+                remedy="name one that holds printers/, materials/ or qualities/",
+            )
+    return folders
+
+
+def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
+    """The settings that --set and flags with names of their own change.
+
+    Raises:
+        UsageError: one that is no setting with a value, or an empty name of a profile.
+    """
+    changes = _dialled(arguments)
+    if getattr(arguments, "baud", None):
+        changes["printer.baud"] = arguments.baud
+    for change in arguments.set:
+        key, equals, value = change.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(
+                f"--set {change}: expected KEY=VALUE", remedy="for example --set infill_density=0.2"
+            )
+        changes[key.strip()] = value.strip()
+    if getattr(arguments, "firmware", None) and not {"flavour", "printer.flavour"} & set(changes):
+        changes["printer.flavour"] = _flavour_of(arguments.firmware)
+    _apply_layer_height(changes)
+    for flag in ("printer", "material", "quality"):
+        if getattr(arguments, flag, None) == "":
+            raise UsageError(
+                f"--{flag}: the name is empty", remedy="leave it out, or see `printer-slicer profiles`"
+            )
+    return changes
+
+
+def _flavour_of(firmware: str) -> str:
+    """Return the G-code flavour of a simulated firmware, for slicing and reading."""
+    from printer_slicer.sim.front_end import FRONT_ENDS
+
+    return FRONT_ENDS[firmware].flavour
+
+
+def _dialled(arguments: argparse.Namespace) -> dict[str, object]:
+    """The settings that flags with names of their own stand for."""
+    given = {
+        key.removeprefix("dial "): value for key, value in vars(arguments).items() if key.startswith("dial ")
+    }
+    changes: dict[str, object] = {key: value for key, value in given.items() if value is not None}
+    heights = str(changes.pop("heights", ""))
+    if ":" in heights:
+        low, high, *step = heights.split(":")
+        if len(step) > 1:
+            raise UsageError(
+                f"--heights {heights}: expected LOW:HIGH or LOW:HIGH:STEP", remedy="in mm: 0.1:0.3:0.02"
+            )
+        changes |= {
+            "quality.thinnest_layer": low,
+            "quality.thickest_layer": high,
+            "quality.layer_heights": "",
+        }
+        changes |= {"quality.layer_step": step[0]} if step else {}
+    elif heights:
+        changes["quality.layer_heights"] = heights
+    own = list(getattr(arguments, "set_for", ()))
+    planned: list[str] = []
+    for rule in getattr(arguments, "range", ()):
+        of_planner = all(
+            part.partition("=")[0].strip() in _OF_PLANNER for part in rule.split(":")[2:] if "=" in part
+        )
+        if not of_planner:
+            _insist_on_heights(rule)
+        (planned if of_planner else own).append(rule)
+    # Behind those of the quality's file, over which they win.
+    changes |= {"quality.planner.ranges+": ";".join(planned)} if planned else {}
+    return changes | ({"quality.overrides+": ";".join(own)} if own else {})
+
+
+def _insist_on_heights(rule: str) -> None:
+    """A rule of --range begins with two numbers; otherwise their text would be taken for the name of an object.
+
+    Raises:
+        UsageError: it does not.
+    """
+    from printer_slicer.profile.overrides import HIGHEST, has_heights
+
+    if not has_heights(rule):
+        raise UsageError(
+            f"--range {rule}: expected LOW:HIGH:KEY=VALUE",
+            remedy=f"two heights in mm, as 5:10:perimeters=4, or up to the top 5:{HIGHEST:g}:perimeters=4; objects are"
+            " named with --set-for",
+        )
+
+
+# A layer height selects a planner
+
+
+def _apply_layer_height(changes: dict[str, object]) -> None:
+    """Select the planner for a layer height: uniform, or optimal if ranges have a layer height of their own.
+
+    Args:
+        changes: setting -> value from the command line; the planner and its heights are added.
+
+    Raises:
+        UsageError: the named planner, one of its settings or a list of heights contradicts the layer height.
+    """
+    named = {key.removeprefix("quality."): value for key, value in changes.items()}
+    if "layer_height" not in named:
+        return
+    height = named["layer_height"]
+    if listed := named.get("layer_heights"):
+        raise UsageError(
+            f"layer height {height}: uniform layers have one height, --heights {listed} names others",
+            remedy="leave out one of the two",
+        )
+    ranged = any(key in named for key in _RANGE_SETTINGS)
+    planner = named.get("planner.kind")
+    against = list(_contradictions(changes))
+    fits = "optimal" if ranged else "uniform"
+    if against or planner not in (None, fits):
+        _refuse_heights(height, planner, against, fits)
+    changes["quality.planner.kind"] = fits
+    if ranged:
+        changes["quality.layer_heights"] = height
+
+
+def _contradictions(changes: Mapping[str, object]) -> Iterator[str]:
+    """Yield the options for planners that choose heights; ranges with a layer height of their own do not count."""
+    from printer_slicer.profile.planners import PLANNER_SETTINGS
+    from printer_slicer.profile.quality import Quality
+
+    flags = {dial.setting: flag for flag, dial in DIALS.items()}
+    own = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}
+    own -= set(Quality.__struct_fields__)
+    for key, value in changes.items():
+        short = key.removeprefix("quality.")
+        if short in _RANGE_SETTINGS:
+            if "tolerance" in str(value):
+                yield f"--range {value}" if key.endswith("+") else f"--set {key}"
+        elif short in own or (short.startswith("planner.") and short != "planner.kind"):
+            yield flags.get(key, f"--set {key}")
+
+
+def _refuse_heights(height: object, planner: object, against: list[str], fits: str) -> NoReturn:
+    """Report what contradicts the layer height.
+
+    Raises:
+        UsageError: always.
+    """
+    if not against and fits == "optimal":
+        raise UsageError(
+            f"layer height {height}: the {planner} planner has no ranges; only --planner optimal has",
+            remedy=f"leave out --planner {planner}",
+        )
+    if not against:
+        raise UsageError(
+            f"layer height {height}: the {planner} planner chooses heights itself; only --planner uniform takes one",
+            remedy=f"leave out one of the two, or limit the heights: --heights 0.1:{height}",
+        )
+    others = [*([f"--planner {planner}"] if planner not in (None, "uniform") else []), *against]
+    rest = "the layer height, or all the others" if len(others) > 1 else f"{others[0]}, or the layer height"
+    raise UsageError(
+        f"layer height {height} and {', '.join(others)} contradict each other: layers are either uniform or chosen by "
+        "a planner",
+        remedy=f"leave out {rest}; --heights 0.1:{height} limits chosen heights, --range LOW:HIGH:layer_height=MM sets "
+        "another height in part of a print",
+    )
+
+
+# Settings in G-code files
+
+
+class _OwnSettings(NamedTuple):
+    """Settings found in a G-code file.
+
+    Attributes:
+        values: kind -> settings; kinds without settings in the file are missing.
+        refused: reasons why settings in the file are not used, one sentence each.
+        unknown: name of the machine in the file if no profile has that name, else empty.
+    """
+
+    values: Mapping[str, Mapping[str, Any]]
+    refused: Sequence[str]
+    unknown: str = ""
+
+
+def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
+    """Read the settings that this program, PrusaSlicer or its forks wrote, or the name of the machine.
+
+    Settings that an import would reject, such as impossible temperatures, are not used.
+
+    Args:
+        path: the G-code file.
+        folders: further folders of profiles.
+
+    Raises:
+        UsageError: it is a pipe.
+    """
+    from printer_slicer.importing.embedded import NoSettingsError
+    from printer_slicer.importing.native import is_native, native_profiles
+    from printer_slicer.importing.report import Refused
+
+    if path.is_fifo():  # what is read of it here, nobody would judge
+        raise UsageError(
+            f"{path}: is a pipe, which can be read only once, and G-code is read several times",
+            remedy="pipe it into stdin and name -, or write it to a file",
+        )
+    try:
+        found = native_profiles(path) if is_native(path) else _foreign(path)
+    except NoSettingsError:
+        return _of_named_machine(path, folders)
+    except (OSError, ValueError):  # an invalid file name
+        return _OwnSettings({}, ())
+    except ProfileError as error:
+        # A file that cannot be read is reported when all of it is read.
+        return _OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
+    refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, Refused)]
+    return _OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
+
+
+def _foreign(path: Path) -> Sequence[Imported | Refused]:
+    """Read the profiles in G-code of another slicer."""
+    from printer_slicer.importing import import_profiles
+
+    return import_profiles(path)
+
+
+def _of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:
+    """Return the profile of the machine that a file without settings names, or the name if no profile has it."""
+    from printer_slicer.profile import load_profile, settings_of
+
+    try:
+        with path.open("rb") as file:
+            head = file.read(_ENDS)
+            file.seek(max(path.stat().st_size - _ENDS, len(head)))
+            found = _MACHINE.search(head + b"\n" + file.read())
+    except (OSError, ValueError):
+        return _OwnSettings({}, ())  # reported when all of the file is read
+    name = found[1].decode("utf-8", "replace").strip() if found else ""
+    profile = _called("printer", name, folders) if name else ""
+    if not profile:
+        return _OwnSettings({}, (), name)
+    return _OwnSettings(
+        {"printer": settings_of(load_profile(profile, slices=False, folders=folders))["printer"]}, ()
+    )
+
+
+def _provenance(
+    names: Mapping[str, str | None], own: _OwnSettings, folders: Sequence[Path]
+) -> dict[str, dict[str, str]]:
+    """Map each kind to the `name` of its profile, where it comes `from`, and an unknown machine `named_in_file`.
+
+    Args:
+        names: kind -> name on the command line; None if there is none.
+        own: settings of the file.
+        folders: further folders of profiles.
+    """
+    from printer_slicer.profile import DEFAULT_NAMES
+
+    told: dict[str, dict[str, str]] = {}
+    for kind, name in names.items():
+        if name:
+            told[kind] = {"name": name, "from": f"--{kind}"}
+        elif kind in own.values:
+            said = str(own.values[kind].get("name", ""))
+            told[kind] = {"name": _called(kind, said, folders) or said, "from": "from the file"}
+        else:
+            told[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
+            if kind == "printer" and own.unknown:
+                told[kind]["named_in_file"] = own.unknown
+    return told
+
+
+def _called(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
+    """Return the name that selects the profile with this `name` setting; empty if there is none."""
+    from printer_slicer.profile import profile_paths
+
+    for typed, path in profile_paths(kind, folders).items():
+        found = _NAME.search(path.read_text(encoding="utf-8", errors="replace"))
+        if found and found[1] == name:
+            return typed
+    return ""
+
+
+# Where new profiles go
+
+
+def own_folder(named: Sequence[Path], what: str, remedy: str) -> Path:
+    """The folder that a person's new profiles go to: the first that was named, or their own.
+
+    Args:
+        named: folders that were typed.
+        what: is to be done, for the message.
+        remedy: for it.
+
+    Raises:
+        UsageError: there is none.
+    """
+    from printer_slicer.profile.folders import own_folders
+
+    folders = [*named, *own_folders()]
+    if not folders:
+        raise UsageError(f"{what}: there is no folder of your own", remedy=remedy)
+    return folders[0]
+
+
+def write_schemas(folder: Path) -> list[Path]:
+    """The schemas of all kinds as files of a folder, which is made; their paths.
+
+    Raises:
+        OutputError: the folder cannot be made, or not be written to.
+    """
+    from printer_slicer.profile import KINDS
+    from printer_slicer.profile.schema import schema_name, schema_text
+
+    make_folder(folder)
+    paths = [folder / schema_name(kind) for kind in KINDS]
+    for kind, path in zip(KINDS, paths, strict=True):
+        write_file(path, schema_text(kind).encode())
+    return paths
+
+
+def kept_schemas(root: Path | None) -> Path | None:
+    """Where files of profiles find their schemas: None: beside the folders of profiles, where they are written now.
+
+    Args:
+        root: the folder of a person's own profiles; None: the files go anywhere, and find those that are shipped.
+    """
+    from printer_slicer.profile.folders import SCHEMAS, profile_root
+
+    if root is None:
+        return profile_root() / SCHEMAS
+    write_schemas(root / SCHEMAS)
+    return None
