@@ -83,7 +83,7 @@ Stages = Callable[[str], None]
 
 @contextmanager
 def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
-    """Says which stage the work is in: a bar once it takes longer than a second, on a terminal only.
+    """Show which stage the work is in: a bar once it takes longer than a second, on a terminal, without --json.
 
     With --verbose every stage is a line on stderr, with the seconds since the beginning.
     """
@@ -95,7 +95,7 @@ def stages(arguments: argparse.Namespace) -> Iterator[Stages]:
 
     if arguments.verbose and not arguments.quiet:
         yield tell
-    elif arguments.quiet or not sys.stderr.isatty():
+    elif arguments.quiet or getattr(arguments, "json", False) or not sys.stderr.isatty():
         yield lambda _stage: None
     else:
         bar = _LateBar()
