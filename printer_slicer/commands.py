@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Final, overload
 
 from printer_slicer.errors import UsageError
+from printer_slicer.gcode.lexer import strip
 from printer_slicer.input_files import read_input
-from printer_slicer.stream.framing import check_commands, strip
+from printer_slicer.stream.framing import check_commands
 
 __all__ = ["Commands", "Told", "lines_of", "read_text", "refuse_unsendable", "told_by"]
 

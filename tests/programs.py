@@ -7,6 +7,7 @@ from math import inf
 
 from hypothesis import strategies as st
 
+from printer_slicer.gcode.lexer import strip
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.front_end import (
     KLIPPER,
@@ -19,7 +20,7 @@ from printer_slicer.sim.front_end import (
 )
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.stream.framing import checksum, strip
+from printer_slicer.stream.framing import checksum
 
 FRONT_ENDS = {
     "marlin": MARLIN_2_1,

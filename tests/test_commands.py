@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from printer_slicer.commands import Commands, lines_of, told_by
 from printer_slicer.errors import UsageError
+from printer_slicer.gcode.lexer import strip
 from printer_slicer.profile import load_profile
 from printer_slicer.slice_jobs import job_from
-from printer_slicer.stream.framing import strip
 
 LINE = st.sampled_from(
     [

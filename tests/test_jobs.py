@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from printer_slicer.commands import lines_of, told_by
 from printer_slicer.errors import MeshError, PartError, PrinterSlicerError, UsageError
+from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.jobs import GCODE_SUFFIXES, Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile
 from printer_slicer.slice_jobs import job_from
-from printer_slicer.stream.framing import strip
 
 PARTS = Path(__file__).parents[1] / "sample_parts"
 PROFILE = load_profile("marlin_220", "pla", "standard", {"layer_height": 0.3, "first_layer_height": 0.2})

@@ -1,41 +1,160 @@
-"""Command codes by kind: one list for all code that tracks the state of a program.
+"""The one table of commands: what each of them does, for all code that follows, sends or judges a program.
 
-Sources: Marlin's G-code index, Duet3D's G-code dictionary, Klipper's G-Codes, Smoothieware's supported G-codes.
+Whoever needs a class of commands (those that wait, heat, move, set a mode) asks this table for it, so that no two parts
+of the program can disagree. How a firmware reads a command in its own way stands behind the table.
+
+Sources: Marlin's G-code index, Duet3D's G-code dictionary, Klipper's G-Codes, Smoothieware's supported G-codes,
+Prusa-Firmware's list of commands.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from typing import Final, Literal
+from dataclasses import dataclass
+from enum import Flag, auto
+from math import inf
+from typing import Final, Literal, TypeAlias
 
 __all__ = [
-    "COUNTING_CODES",
     "HOME_OFFSET",
     "MACHINE_COORDINATES",
-    "MOVES",
-    "MOVES_UNSEEN",
-    "OTHER_COORDINATES",
-    "WAITS_FOR_MOTION",
-    "is_macro",
+    "TABLE",
+    "TOOL_TEMPERATURES",
+    "CommandRow",
+    "Effect",
+    "HeaterName",
+    "commands_that",
+    "heater_of",
+    "names_that",
+    "takes_text",
 ]
 
-MOVES: Final = frozenset({b"G0", b"G1", b"G2", b"G3"})
-"""Moves to a given position."""
+HeaterName: TypeAlias = Literal["nozzle", "bed", "chamber"]
 
-COUNTING_CODES: Final = frozenset({b"G90", b"G91", b"M82", b"M83"})
-"""Commands for absolute and relative mode."""
 
-MOVES_UNSEEN: Final = frozenset(
-    b"G5 G12 G26 G27 G29 G30 G32 G33 G34 G35 G38 G42 G61 G76 G80 G425 M48 M98 M125 M701 M702".split()
+class Effect(Flag):
+    """What a command does.
+
+    Attributes:
+        MOVES: to the place that its words name.
+        ARC: along an arc.
+        MOVES_UNSEEN: to a place that only the machine knows.
+        HOMES: drives axes to their endstops.
+        SETS_POSITION: renames the place.
+        SETS_HOME_OFFSET: moves the origin by a known amount.
+        MOVES_ORIGIN: moves it by an unknown amount.
+        MODE: sets absolute or relative coordinates.
+        UNITS: sets inches or mm.
+        RETRACTS: pulls filament back or pushes it forward by the firmware's own length.
+        FAN: sets a fan.
+        WAITS: is acknowledged after all earlier moves have finished.
+        WAITS_FOR_HEAT: and after heaters have reached their targets.
+        WAITS_FOR_PERSON: and after somebody has come.
+        ENDED_BY_M108: its wait can be ended so.
+        RUNS_MACRO: does what the printer's own macro says.
+        REPEATABLE: does the same twice in a row as once.
+        STICKY: sets what stays until the printer restarts, and says all of it in its words.
+        TAKES_TEXT: has free text behind it.
+    """
+
+    NONE = 0
+    MOVES = auto()
+    ARC = auto()
+    MOVES_UNSEEN = auto()
+    HOMES = auto()
+    SETS_POSITION = auto()
+    SETS_HOME_OFFSET = auto()
+    MOVES_ORIGIN = auto()
+    MODE = auto()
+    UNITS = auto()
+    RETRACTS = auto()
+    FAN = auto()
+    WAITS = auto()
+    WAITS_FOR_HEAT = auto()
+    WAITS_FOR_PERSON = auto()
+    ENDED_BY_M108 = auto()
+    RUNS_MACRO = auto()
+    REPEATABLE = auto()
+    STICKY = auto()
+    TAKES_TEXT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRow:
+    """One command.
+
+    Attributes:
+        effect: what it does.
+        heater: whose target it sets.
+        seconds: that it may take by itself at most, besides the motion before it.
+    """
+
+    effect: Effect
+    heater: HeaterName | None = None
+    seconds: float = 0.0
+
+
+_PROBING: Final = 600.0  # s, and for homing
+_LEVELLING: Final = 1200.0
+_HEATING: Final = 1800.0
+
+_E: Final = Effect
+_UNSEEN: Final = Effect.MOVES_UNSEEN
+_TWICE: Final = Effect.REPEATABLE
+_KEPT: Final = Effect.REPEATABLE | Effect.STICKY
+_HEAT: Final = Effect.WAITS | Effect.WAITS_FOR_HEAT
+_PERSON: Final = Effect.WAITS | Effect.WAITS_FOR_PERSON
+
+_ROWS: Final[tuple[tuple[str, CommandRow], ...]] = (
+    ("G0 G1", CommandRow(_E.MOVES)),
+    ("G2 G3", CommandRow(_E.MOVES | _E.ARC)),
+    ("G4", CommandRow(_E.WAITS)),
+    ("G5 G26 G38 G42 G61 G425 M701 M702", CommandRow(_UNSEEN)),
+    ("G10 G11", CommandRow(_E.RETRACTS)),
+    ("G12 G27 G30 M48", CommandRow(_UNSEEN, seconds=_PROBING)),
+    ("G17", CommandRow(_KEPT)),
+    ("G20 G21", CommandRow(_E.UNITS | _TWICE)),
+    ("G28", CommandRow(_E.HOMES | _E.WAITS | _TWICE, seconds=_PROBING)),
+    ("G29", CommandRow(_UNSEEN | _E.WAITS | _TWICE, seconds=_LEVELLING)),
+    ("G32", CommandRow(_UNSEEN | _E.RUNS_MACRO, seconds=_LEVELLING)),
+    ("G33 G34 G35 G76 G80", CommandRow(_UNSEEN, seconds=_LEVELLING)),
+    ("G54 G55 G56 G57 G58 G59 M428", CommandRow(_E.MOVES_ORIGIN)),
+    ("G90 G91 M82 M83", CommandRow(_E.MODE | _TWICE)),
+    ("G92", CommandRow(_E.SETS_POSITION | _TWICE)),
+    ("M0 M1", CommandRow(_PERSON | _E.ENDED_BY_M108, seconds=inf)),
+    ("M25", CommandRow(_E.WAITS_FOR_PERSON, seconds=inf)),
+    ("M98", CommandRow(_UNSEEN | _E.RUNS_MACRO | _E.TAKES_TEXT, seconds=_HEATING)),
+    ("M104", CommandRow(_TWICE, "nozzle")),
+    ("M106 M107", CommandRow(_E.FAN | _TWICE)),
+    ("M109", CommandRow(_HEAT | _E.ENDED_BY_M108 | _TWICE, "nozzle", _HEATING)),
+    ("M116", CommandRow(_HEAT | _TWICE, seconds=_HEATING)),
+    ("M117 M486", CommandRow(_TWICE | _E.TAKES_TEXT)),
+    ("M125", CommandRow(_PERSON | _UNSEEN, seconds=inf)),
+    ("M140", CommandRow(_TWICE, "bed")),
+    ("M141", CommandRow(_TWICE, "chamber")),
+    ("M190", CommandRow(_HEAT | _E.ENDED_BY_M108 | _TWICE, "bed", _HEATING)),
+    ("M191", CommandRow(_HEAT | _E.ENDED_BY_M108 | _TWICE, "chamber", _HEATING)),
+    ("M201 M203 M204 M205 M207 M208 M220 M221 M900 M572 M566 M92 M302", CommandRow(_KEPT)),
+    ("M200 M851 SET_PRESSURE_ADVANCE SET_VELOCITY_LIMIT SET_RETRACTION", CommandRow(_E.STICKY)),
+    ("M206", CommandRow(_E.SETS_HOME_OFFSET)),
+    ("M226 M600 M601 PAUSE", CommandRow(_PERSON, seconds=inf)),
+    ("@PAUSE", CommandRow(_E.WAITS_FOR_PERSON)),
+    ("M303", CommandRow(_E.NONE, seconds=_HEATING)),
+    ("M400", CommandRow(_E.WAITS | _TWICE)),
+    ("M568", CommandRow(_TWICE, "nozzle")),
+    ("G94 M17 M18 M73 M84 M105 M114 M115 M155 M593 M906", CommandRow(_TWICE)),
+    ("TEMPERATURE_WAIT", CommandRow(_HEAT, seconds=_HEATING)),
+    ("M16 M23 M28 M30 M32 M33 M36 M37 M38 M118 M291 M550 M551 M862 M928", CommandRow(_E.TAKES_TEXT)),
+    ("M810 M811 M812 M813 M814 M815 M816 M817 M818 M819", CommandRow(_E.TAKES_TEXT)),
 )
-"""Commands that move the machine to an unknown position; so does G28."""
 
-OTHER_COORDINATES: Final = frozenset(b"G54 G55 G56 G57 G58 G59 M428".split())
-"""Commands that select or move the origin by an unknown amount."""
+TABLE: Final[Mapping[bytes, CommandRow]] = {
+    code: row for codes, row in _ROWS for code in codes.encode().split()
+}
+"""Code, or name in capitals, -> what it does; a command without a row does nothing that matters here."""
 
-WAITS_FOR_MOTION: Final = frozenset(b"G4 G28 G29 M0 M1 M109 M116 M190 M191 M226 M400 M600 M601".split())
-"""Commands that are acknowledged after all earlier moves have finished."""
+TOOL_TEMPERATURES: Final = frozenset({"reprapfirmware"})
+"""Flavours in which M568, and G10 with a tool, set the temperature of that tool."""
 
 MACHINE_COORDINATES: Final = frozenset({"reprapfirmware", "smoothie"})
 """Flavours with `G53 G1 ...` in machine coordinates; in others it depends on the build."""
@@ -51,12 +170,24 @@ HOME_OFFSET: Final[Mapping[str, Literal["at once", "when homed", "never"]]] = {
 }
 """Flavour -> when M206 moves the origin. Klipper does not support it, and Repetier uses M206 to write its EEPROM."""
 
-_SETS_ONLY: Final = re.compile(
-    rb"(SET_|EXCLUDE_OBJECT|RESPOND\b|SAVE_GCODE_STATE|TURN_OFF_HEATERS|M\d|T\d|@|;|$)"
-)
-_CODE: Final = re.compile(rb"[GMT]\s*\d", re.IGNORECASE)
+
+def commands_that(effect: Effect) -> frozenset[bytes]:
+    """Return the codes of the commands that do one of these things."""
+    return frozenset(code for code, row in TABLE.items() if row.effect & effect)
 
 
-def is_macro(command: bytes) -> bool:
-    """Whether a command is a macro of the printer, with unknown effects."""
-    return not _CODE.match(command) and _SETS_ONLY.match(command.upper()) is None
+def names_that(effect: Effect) -> frozenset[str]:
+    """Return the same as text."""
+    return frozenset(code.decode() for code in commands_that(effect))
+
+
+def heater_of(code: str) -> HeaterName | None:
+    """Return the heater whose target a command sets, None if it sets none."""
+    row = TABLE.get(code.encode())
+    return row.heater if row else None
+
+
+def takes_text(code: str) -> bool:
+    """Whether free text stands behind a command (M117)."""
+    row = TABLE.get(code.encode())
+    return row is not None and Effect.TAKES_TEXT in row.effect

@@ -1,20 +1,82 @@
-"""Split a G-code line into its code and the numbers of its words, ignoring case.
+"""Take a line of G-code apart: line number, checksum and comment off, then code, words and settings, ignoring case.
 
-Plain Python and nothing else, so that the host can use it without loading numpy.
+Three readings, all from the same patterns: `parse` gives the last number of each letter, as firmware reads a command;
+`extended` reads a command of words, such as Klipper's; `read_commands` gives all numbers of each letter, and every
+command that some firmware may find in the line. Plain Python and nothing else, so that the host can use it without
+loading numpy.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
-__all__ = ["letters", "parse"]
+from printer_slicer.gcode.commands import takes_text
 
-_CODE: Final = re.compile(rb"([GMT])\s*(\d+)")
-_VALUE: Final = re.compile(rb"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
-_LETTER: Final = re.compile(rb"([A-Z])\s*(?:[-+]?(?:\d+\.?\d*|\.\d+))?")
+__all__ = [
+    "LintCommand",
+    "code_and_rest",
+    "extended",
+    "is_macro",
+    "letters",
+    "number_and_command",
+    "parse",
+    "read_commands",
+    "strip",
+]
+
+_NUMBER: Final = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_ANY_WORD: Final = rf"([A-Z])\s*({_NUMBER})?"
+_ANY_NAME: Final = r"@?[A-Z_][A-Z_0-9]+"
+_ANY_SETTING: Final = rf"\b([A-Z_][A-Z_0-9]*)\s*=\s*['\"]?({_NUMBER})"
+
+_CODE: Final = re.compile(rb"\s*([GMT])\s*(\d+)")
+_VALUE: Final = re.compile(rf"([A-Z])\s*({_NUMBER})".encode())
+_LETTER: Final = re.compile(rf"([A-Z])\s*(?:{_NUMBER})?".encode())
+_NAME: Final = re.compile(_ANY_NAME.encode())
+_SETTING: Final = re.compile(_ANY_SETTING.encode())
+_NUMBERED: Final = re.compile(rb"[Nn](\d+)\s*")
+_CHECKED: Final = re.compile(rb"\s*\*\d{1,5}$")
+_SETS_ONLY: Final = re.compile(rb"SET_|EXCLUDE_OBJECT|RESPOND\b|SAVE_GCODE_STATE|TURN_OFF_HEATERS|@|;|$")
 _NONSENSE: Final = 1e9
-"""Larger numbers count as missing, as in the reader."""
+"""Larger numbers count as missing: no machine goes there."""
+
+_SUSPECTED_CODE: Final = re.compile(r"([GMTD])\s*(-?[0-9]+)(?:\.[0-9]+)?")
+_FURTHER: Final = re.compile(r"[GM] *[0-9]+")
+_WORD: Final = re.compile(_ANY_WORD)
+_TEXT_NAME: Final = re.compile(_ANY_NAME)
+_TEXT_SETTING: Final = re.compile(_ANY_SETTING)
+_QUOTED: Final = re.compile(r'"[^"]*"?')
+_ASIDE: Final = re.compile(r"\([^)]*\)?")
+_EXPONENT: Final = re.compile(r"[0-9]E[-+]?[0-9]|0X[0-9A-F]")
+
+
+def strip(line: bytes) -> bytes:
+    """Return the command of a line: no comment, no blanks around it, no number or checksum of its own.
+
+    Empty when nothing is left, and for M110, which would set another line number behind the host's back.
+    """
+    if b";" in line:
+        line = line[: line.index(b";")]
+    line = line.strip()
+    first = line[:1]
+    if first in (b"N", b"n"):
+        line = number_and_command(line)[1]
+        first = line[:1]
+    if first in (b"M", b"m") and parse(line)[0] == b"M110":
+        return b""
+    return line
+
+
+def number_and_command(line: bytes) -> tuple[int | None, bytes]:
+    """Return the line number, None without one, and the command of a line without comment; the checksum goes."""
+    found = _NUMBERED.match(line)
+    if found is None:
+        return None, line
+    return int(found[1]), _CHECKED.sub(b"", line[found.end() :], count=1)
 
 
 def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
@@ -39,3 +101,98 @@ def letters(command: bytes) -> frozenset[bytes]:
     command = command.upper()
     found = _CODE.match(command)
     return frozenset(_LETTER.findall(command, found.end())) if found else frozenset()
+
+
+def code_and_rest(line: bytes) -> tuple[bytes, bytes]:
+    """Cut a line behind its code: `b"g01"` and `b" x1"`, in the case in which they are written; both empty without."""
+    found = _CODE.match(line.upper())
+    return (line[: found.end()], line[found.end() :]) if found else (b"", b"")
+
+
+def extended(command: bytes) -> tuple[bytes, dict[bytes, float]]:
+    """Return the name of a command of words, such as SET_PIN, in capitals, and the numbers of its NAME=number."""
+    command = command.upper()
+    found = _NAME.match(command)
+    if not found:
+        return b"", {}
+    return found[0], {name: float(number) for name, number in _SETTING.findall(command)}
+
+
+def is_macro(command: bytes) -> bool:
+    """Whether a command is a macro of the printer, with unknown effects."""
+    command = command.upper()
+    return not _CODE.match(command) and _SETS_ONLY.match(command) is None
+
+
+@dataclass(frozen=True, slots=True)
+class LintCommand:
+    """One command of a line, with everything that may be read out of it.
+
+    Attributes:
+        code: letter and number, `M104`; of a command of words its name, `SET_PIN`; "" for anything else.
+        text: the line it stands in, capitals.
+        words: letter -> all its numbers, none for a letter alone.
+        settings: NAME -> number, of NAME=number.
+        further: whether it is not the first of its line.
+        rest: the text after the code up to the next command, without quoted and bracketed texts.
+    """
+
+    code: str
+    text: str
+    words: dict[str, list[float]] = field(default_factory=dict)
+    settings: dict[str, float] = field(default_factory=dict)
+    further: bool = False
+    rest: str = ""
+
+    def most(self, letters: str) -> float | None:
+        """The largest number behind any of the letters, None without one."""
+        values = [value for letter in letters for value in self.words.get(letter, ())]
+        return max(values, default=None)
+
+    @property
+    def vague(self) -> bool:
+        """Whether its numbers may be read in more ways than one: expressions, exponents, hexadecimals."""
+        return _is_vague(self.text)
+
+
+@lru_cache(maxsize=8)
+def _is_vague(text: str) -> bool:
+    """Whether a line is; asked once for a line, however many commands stand in it."""
+    return "{" in text or _EXPONENT.search(text) is not None
+
+
+def read_commands(line: bytes) -> Iterator[LintCommand]:
+    """Yield the commands that firmware may find in a line.
+
+    More suspicious than `parse`: some firmwares execute a second command in the same line, and differ in which number
+    of a letter that comes twice they take.
+    """
+    text = number_and_command(line.strip())[1].decode("latin-1").upper()
+    match = _SUSPECTED_CODE.match(text)
+    if match is None:
+        named = _TEXT_NAME.match(text)
+        settings = {name: float(number) for name, number in _TEXT_SETTING.findall(text)}
+        yield LintCommand(named[0] if named else "", text, settings=settings)
+        return
+    code = f"{match[1]}{int(match[2])}"
+    rest = _ASIDE.sub(" ", _QUOTED.sub(" ", text[match.end() :]))
+    if takes_text(code):
+        yield LintCommand(code, text, _words(rest))
+        return
+    found = list(_FURTHER.finditer(rest))
+    own = rest[: found[0].start()] if found else rest
+    yield LintCommand(code, text, _words(own), rest=own)
+    ends = [*(one.start() for one in found), len(rest)][1:]
+    for one, end in zip(found, ends, strict=True):
+        name = one.group().replace(" ", "")
+        own = rest[one.end() : end]
+        yield LintCommand(f"{name[0]}{int(name[1:])}", text, _words(own), further=True, rest=own)
+
+
+def _words(text: str) -> dict[str, list[float]]:
+    words: dict[str, list[float]] = {}
+    for letter, number in _WORD.findall(text):
+        values = words.setdefault(letter, [])
+        if number:
+            values.append(float(number))
+    return words

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from heapq import merge
@@ -14,10 +13,13 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, numbered, run_begins
 from printer_slicer.errors import ProfileError
+from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, stop_notes
+from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
+from printer_slicer.gcode.state import uses_inches
 from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
 from printer_slicer.profile import Profile
@@ -36,10 +38,9 @@ __all__ = [
 
 # The names that PrusaSlicer's and OrcaSlicer's viewers know.
 TYPE_NAMES: Final[dict[Role, str]] = {role: ROLES[role].type_comment for role in Role if role != Role.TRAVEL}
-_CODE: Final = re.compile(r" *([GM])0*([0-9]+)", re.IGNORECASE)
-_MOVING: Final = frozenset({"G0", "G1", "G2", "G3", "G28"})
-_MODES: Final = frozenset({"G20", "G21", "G90", "G91", "G92", "M82", "M83"})
-_TAKING_TIME: Final = _MOVING | {"G4"}
+_MOVING: Final = commands_that(Effect.MOVES | Effect.HOMES)
+_MODES: Final = commands_that(Effect.UNITS | Effect.MODE | Effect.SETS_POSITION)
+_TAKING_TIME: Final = _MOVING | {b"G4"}
 _HAIR: Final = 1e-9  # so that rounding does not make the last percent 99
 _SELDOM: Final = 5.0  # s: the share done is not told more often, however short the print is
 _Note = tuple[int, list[str]]
@@ -164,8 +165,13 @@ def macros_between(writing: Writing, rows: Rows) -> Iterator[_Note]:
     if all(macro_of(writing.profile, name).empty for name in names) and not writing.profile.quality.pause_at:
         return
     for move, lines in chain(*_macros(writing, rows)):
-        if any(f"{found[1].upper()}{found[2]}" in _TAKING_TIME for found in map(_CODE.match, lines) if found):
+        if not _TAKING_TIME.isdisjoint(_codes(lines)):
             yield move, lines
+
+
+def _codes(lines: list[str]) -> set[bytes]:
+    """The codes of some commands."""
+    return {parse(line.encode())[0] for line in lines}
 
 
 def _pauses(writing: Writing) -> set[int]:
@@ -205,11 +211,11 @@ def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list
 
     Rows say only what differs from the row before: a macro that moves would lead the next one astray.
     """
-    codes = {f"{found[1].upper()}{found[2]}" for found in map(_CODE.match, lines) if found}
+    codes = _codes(lines)
     if not codes & (_MOVING | _MODES):
         return []
     printer = writing.profile.printer
-    back = ["G21"] if "G20" in codes else []
+    back = ["G21"] if uses_inches(line.encode() for line in lines) else []
     back += ["G90", "M83" if printer.relative_extrusion else "M82"]
     fed = rows.fed[move - 1] if move else 0
     back += [] if printer.relative_extrusion else [f"G92 E{number(fed / 10**E_DECIMALS)}"]

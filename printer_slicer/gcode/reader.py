@@ -6,15 +6,15 @@ retraction by the firmware, tools, and extrusion by volume (M200). What does not
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from printer_slicer.gcode.commands import WAITS_FOR_MOTION
+from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.gcode.lexer import extended, letters, parse
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.moves import Moves
 from printer_slicer.gcode.plain import plain_moves
@@ -24,14 +24,10 @@ from printer_slicer.motion.counting import Counting
 
 __all__ = ["Reader", "pieces_of", "read_moves"]
 
-_STOPS: Final = frozenset({*(code.decode() for code in WAITS_FOR_MOTION), "PAUSE"})
+_STOPS: Final = names_that(Effect.WAITS)
+_HOMES: Final = names_that(Effect.HOMES)
 _AT_ONCE: Final = 8192  # commands; more do not fit into the processor's cache
 _PIECE: Final = 1 << 15  # commands whose moves are looked at together
-_NONSENSE: Final = 1e9  # no machine goes there; not-a-number is refused by the same comparison
-_CODE: Final = re.compile(r" *([GMT]) *([0-9]+)", re.IGNORECASE)
-_WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))?", re.IGNORECASE)
-_EXTENDED: Final = re.compile(r" *([A-Z]{3,}(?:_[A-Z]+)*)\b", re.IGNORECASE)
-_SETTING: Final = re.compile(r"\b([A-Z_]+) *= *([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))", re.IGNORECASE)
 
 
 def read_moves(
@@ -130,28 +126,15 @@ class Reader:
 
 
 def _parse(command: bytes, actions: Mapping[str, Action]) -> tuple[str, dict[str, float]]:
-    """Code and numeric words of a command, with or without blanks between them."""
-    text = command.decode("latin-1")
-    match = _CODE.match(text)
-    if match is None:
-        return _extended(text)
-    code = f"{match[1].upper()}{int(match[2])}"
-    if code[0] == "T":
-        return "T", {"T": float(match[2][:3])}
+    """Code and numeric words of a command; of a command of words its name and settings."""
+    word, values = parse(command)
+    if not word:
+        word, values = extended(command)
+    code = word.decode()
+    if code[:1] == "T" and code[1:].isdigit():
+        return "T", {"T": float(code[1:4])}
     if code not in actions:
         return code, {}
-    found = _WORD.findall(text, match.end())
-    if code == "G28":  # axes are named by letters alone
-        return code, {letter.upper(): 0.0 for letter, _ in found}
-    return code, _numbers(found)
-
-
-def _extended(text: str) -> tuple[str, dict[str, float]]:
-    """Name and numeric settings of a command of words."""
-    match = _EXTENDED.match(text)
-    return (match[1].upper(), _numbers(_SETTING.findall(text))) if match else ("", {})
-
-
-def _numbers(found: list[tuple[str, str]]) -> dict[str, float]:
-    numbers = ((letter.upper(), float(number)) for letter, number in found if number)
-    return {letter: value for letter, value in numbers if abs(value) < _NONSENSE}
+    if code in _HOMES:  # axes are named by letters alone
+        return code, {letter.decode(): 0.0 for letter in letters(command)}
+    return code, {letter.decode(): value for letter, value in values.items()}

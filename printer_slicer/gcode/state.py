@@ -16,23 +16,32 @@ from math import hypot, pi
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from printer_slicer.gcode.commands import (
-    COUNTING_CODES,
     HOME_OFFSET,
     MACHINE_COORDINATES,
-    MOVES,
-    MOVES_UNSEEN,
-    OTHER_COORDINATES,
+    TABLE,
+    TOOL_TEMPERATURES,
+    Effect,
+    HeaterName,
+    commands_that,
 )
 from printer_slicer.gcode.lexer import letters, parse
 from printer_slicer.motion.counting import COUNTING, Counting
 
-__all__ = ["MachineState", "ModalState", "Move", "Place"]
+__all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "heater_target", "uses_inches"]
 
 Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
 """x, y, z, e in mm; None where unknown."""
 
 _AXES: Final = (b"X", b"Y", b"Z", b"E")
 _INCH: Final = 25.4
+_INCHES: Final = b"G20"
+_MOVES: Final = commands_that(Effect.MOVES)
+_ARCS: Final = commands_that(Effect.ARC)
+_MODES: Final = commands_that(Effect.MODE)
+_MOVES_UNSEEN: Final = commands_that(Effect.MOVES_UNSEEN)
+_MOVES_ORIGIN: Final = commands_that(Effect.MOVES_ORIGIN)
+_TOOL_BY_P: Final = frozenset({b"G10", b"M568"})  # commands whose P, and not T, names a tool
+_FULL: Final = 255.0  # of a fan
 
 
 class Move(NamedTuple):
@@ -43,6 +52,39 @@ class Move(NamedTuple):
 
     delta: tuple[float, float, float, float]
     speed: float
+
+
+class HeaterTarget(NamedTuple):
+    """A target that a command sets: of which heater, of which tool (None: the active one), °C."""
+
+    heater: HeaterName
+    tool: int | None
+    celsius: float
+
+
+def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | None:
+    """Return the target that a parsed command sets; None if it sets none.
+
+    G10 with a tool does so in RepRapFirmware. R is a target only where the command waits for it.
+    """
+    row, tool = TABLE.get(word), values.get(b"T")
+    if row is None or not values:
+        return None
+    heater, celsius = row.heater, values.get(b"S")
+    if Effect.RETRACTS in row.effect:
+        heater = "nozzle" if b"P" in values else None
+    if heater is None:
+        return None
+    if celsius is None and Effect.WAITS_FOR_HEAT in row.effect:
+        celsius = values.get(b"R")
+    if word in _TOOL_BY_P:
+        tool = values.get(b"P")
+    return None if celsius is None else HeaterTarget(heater, None if tool is None else int(tool), celsius)
+
+
+def uses_inches(commands: Iterable[bytes]) -> bool:
+    """Whether one of some commands switches to inches."""
+    return any(b"20" in command[:6] and parse(command)[0] == _INCHES for command in commands)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +146,8 @@ class MachineState:
         tool_command: the command that selected it; empty if none.
         hotends: tool -> target, °C.
         bed, chamber: targets, °C.
+        fan: of the part, 0 to 255.
+        fans: number -> command that set it last, of other fans.
         shift: logical x, y and z minus those in the current frame, mm; see `frames`.
         frames: number of the frame of x, y, z; it increases when the origin of an axis moves by an unknown amount.
             Positions of two commands are comparable only within the same frame.
@@ -111,15 +155,16 @@ class MachineState:
 
     __slots__ = (
         *("_anchored", "_e_told", "_home_offset", "_next_unseen", "_position"),
-        *("bed", "chamber", "counting", "flavour", "frames", "hotends", "pulled", "retracted", "shift"),
-        *("speed", "tool", "tool_command", "unit"),
+        *("bed", "chamber", "counting", "fan", "fans", "flavour", "frames", "hotends", "pulled", "retracted"),
+        *("shift", "speed", "tool", "tool_command", "unit"),
     )
 
     def __init__(self, flavour: str = "marlin") -> None:
         self.flavour = flavour
         self.unit = 1.0
         self.counting = Counting(COUNTING[flavour])
-        self.speed = self.pulled = self.bed = self.chamber = 0.0
+        self.speed = self.pulled = self.bed = self.chamber = self.fan = 0.0
+        self.fans: dict[float, bytes] = {}
         self.retracted = False
         self.tool, self.tool_command = 0, b""
         self.hotends: dict[int, float] = {}
@@ -134,7 +179,7 @@ class MachineState:
         """Return an independent copy."""
         other = copy(self)
         other._position = list(self._position)  # noqa: SLF001 - of its own kind
-        other.hotends = dict(self.hotends)
+        other.hotends, other.fans = dict(self.hotends), dict(self.fans)
         return other
 
     @property
@@ -206,17 +251,17 @@ class MachineState:
 
     def apply(self, word: bytes, values: Mapping[bytes, float], command: bytes = b"") -> Move | None:
         """Process a parsed command; return its move, or None if it is not a move."""
-        if word in MOVES:
+        if word in _MOVES:
             return self._move(word, values)
         if word == b"G53":
             return self._move_in_machine_coordinates(values)
         if (action := self._ACTIONS.get(word)) is not None:
             action(self, word, values, command)
-        elif word in COUNTING_CODES:
+        elif word in _MODES:
             self.counting = self.counting.after(word.decode())
-        elif word in MOVES_UNSEEN:
+        elif word in _MOVES_UNSEEN:
             self.lose_place()
-        elif word in OTHER_COORDINATES:
+        elif word in _MOVES_ORIGIN:
             self._lose_origin()
         elif word[:1] == b"T":
             self.tool, self.tool_command = int(word[1:]), command.strip()
@@ -248,7 +293,7 @@ class MachineState:
                 self._e_told = self._e_told or axis == 3
         if delta[3]:
             self.pulled = max(self.pulled - delta[3], 0.0)
-        if word in {b"G2", b"G3"}:
+        if word in _ARCS:
             radius = values.get(b"R") or hypot(values.get(b"I", 0.0), values.get(b"J", 0.0))
             delta[:2] = [max(hypot(*delta[:2]), 2 * pi * abs(radius * unit)), 0.0]
         if self._next_unseen:
@@ -270,7 +315,7 @@ class MachineState:
             self._next_unseen = True
             return None
         word = b"G%d" % values[b"G"]
-        if word not in MOVES:
+        if word not in _MOVES:
             return None
         move = self._move(word, values)
         if self.flavour not in MACHINE_COORDINATES:
@@ -349,38 +394,46 @@ class MachineState:
             self._shift_origin(axis, by)
         self._home_offset = (new[0], new[1], new[2])
 
-    def _retract(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
+    def _retract(self, word: bytes, values: Mapping[bytes, float], command: bytes) -> None:
         """G10 and G11; in RepRapFirmware, G10 with letters sets tool temperatures and origins."""
         if not values:
             self.retracted = word == b"G10"
         elif word == b"G10" and b"L" in values:
             self._lose_origin()
-        elif word == b"G10" and b"P" in values and b"S" in values:
-            self.hotends[int(values[b"P"])] = values[b"S"]
+        else:
+            self._heat(word, values, command)
 
     def _heat(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
-        """M104 and M109, M140 and M190, M141 and M191."""
-        wanted = values.get(b"S", values.get(b"R"))
-        if wanted is None:
+        """Commands that set the target of a heater."""
+        target = heater_target(word, values)
+        if target is None or (word in _TOOL_BY_P and self.flavour not in TOOL_TEMPERATURES):
             return
-        if word in {b"M104", b"M109"}:
-            self.hotends[int(values.get(b"T", self.tool))] = wanted
-        elif word in {b"M140", b"M190"}:
-            self.bed = wanted
+        if target.heater == "nozzle":
+            self.hotends[self.tool if target.tool is None else target.tool] = target.celsius
+        elif target.heater == "bed":
+            self.bed = target.celsius
         else:
-            self.chamber = wanted
+            self.chamber = target.celsius
+
+    def _set_fan(self, word: bytes, values: Mapping[bytes, float], command: bytes) -> None:
+        """M106 and M107."""
+        if number := values.get(b"P", 0.0):
+            self.fans[number] = command
+        else:
+            self.fan = values.get(b"S", _FULL) if word == b"M106" else 0.0
 
     def _set_unit(self, word: bytes, _values: Mapping[bytes, float], _command: bytes) -> None:
         """G20 and G21."""
-        self.unit = _INCH if word == b"G20" else 1.0
+        self.unit = _INCH if word == _INCHES else 1.0
 
     _ACTIONS: ClassVar[
         Mapping[bytes, Callable[[MachineState, bytes, Mapping[bytes, float], bytes], None]]
     ] = {
-        **dict.fromkeys((b"G10", b"G11"), _retract),
-        **dict.fromkeys((b"G20", b"G21"), _set_unit),
-        b"G28": _home,
-        b"G92": _set_position,
-        b"M206": _offset_home,
-        **dict.fromkeys((b"M104", b"M109", b"M140", b"M190", b"M141", b"M191"), _heat),
+        **dict.fromkeys(commands_that(Effect.RETRACTS), _retract),
+        **dict.fromkeys(commands_that(Effect.UNITS), _set_unit),
+        **dict.fromkeys(commands_that(Effect.HOMES), _home),
+        **dict.fromkeys(commands_that(Effect.SETS_POSITION), _set_position),
+        **dict.fromkeys(commands_that(Effect.SETS_HOME_OFFSET), _offset_home),
+        **dict.fromkeys(commands_that(Effect.FAN), _set_fan),
+        **dict.fromkeys((code for code, row in TABLE.items() if row.heater), _heat),
     }

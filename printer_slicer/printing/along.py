@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import atan2, cos, hypot, pi, sin, sqrt
 
-from printer_slicer.gcode.commands import MOVES
+from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.modes import Step, number
 
 __all__ = ["nearest", "rest_of", "stand_at"]
 
+_MOVES = commands_that(Effect.MOVES)
+_ARCS = commands_that(Effect.ARC)
 _CHORDS = 64  # of an arc, when the place on it that is nearest to a point is looked for
 Point = tuple[float, float, float, float]
 
@@ -26,7 +28,7 @@ def _ends(step: Step) -> tuple[Point, Point]:
 def _centre(step: Step) -> tuple[float, float, float] | None:
     """Centre of an arc and the signed angle that it turns, rad; None for a straight move."""
     word, values = parse(step.command)
-    if word not in {b"G2", b"G3"}:
+    if word not in _ARCS:
         return None
     unit = step.before.unit
     (x0, y0, *_), (x1, y1, *_) = _ends(step)
@@ -108,7 +110,7 @@ def rest_of(step: Step, share: float) -> bytes:
     """Return the command for the rest of a move from there, in the unit of the program."""
     here, after = stand_at(step, share), step.after
     word = parse(step.command)[0]
-    words = [word if word in MOVES else b"G1"]  # G53 is for machine coordinates, and these are the program's
+    words = [word if word in _MOVES else b"G1"]  # G53 is for machine coordinates, and these are the program's
 
     def say(letter: bytes, mm: float) -> bytes:
         return letter + number(mm / here.unit)

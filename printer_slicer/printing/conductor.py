@@ -13,7 +13,8 @@ from math import inf
 from typing import Any, Final
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing import wishes
 from printer_slicer.printing.along import nearest, rest_of, stand_at
@@ -34,7 +35,7 @@ from printer_slicer.printing.phases import Phase, Ticket
 from printer_slicer.printing.questions import REPORT, Prompts, Thermometer
 from printer_slicer.printing.setup import Setup
 from printer_slicer.stream import events as told
-from printer_slicer.stream.framing import check_commands, strip
+from printer_slicer.stream.framing import check_commands
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import Position, Unknown, read_reply
@@ -45,6 +46,7 @@ __all__ = ["Conductor"]
 
 _OFF_PATH: Final = 0.5  # mm between where the printer says that it stopped and the commanded path.
 
+_WAITS_FOR_PERSON: Final = commands_that(Effect.WAITS_FOR_PERSON)
 _GIVE_UP: Final = 20.0  # s that M410 and the question behind it may take.
 
 
@@ -443,8 +445,9 @@ class Conductor:
 
     def _on_unknown(self, word: bytes) -> None:
         """The firmware does not know a command: one that waits for a person is the host's to do."""
-        if word in {b"M600", b"M601"} and self._prints:
-            self._listen(told.Note(f"{word.decode()} is not known here: change the filament, then resume"))
+        if word in _WAITS_FOR_PERSON and self._prints:
+            what = "change the filament, then resume" if word == b"M600" else "resume when ready"
+            self._listen(told.Note(f"{word.decode()} is not known here: {what}"))
             self._on_pause(wishes.Pause())
 
     # Temperatures.

@@ -6,43 +6,23 @@ it had never been left: after a pause, or on a machine that has lost everything.
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from copy import copy
 from typing import Final, NamedTuple
 
-from printer_slicer.gcode.commands import WAITS_FOR_MOTION
-from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.lexer import extended, parse, strip
 from printer_slicer.gcode.state import MachineState, ModalState
-from printer_slicer.stream.framing import strip
 
 __all__ = ["SCRIPT", "Modes", "Step", "number"]
 
 _HISTORY: Final = 256
 """Commands that are remembered: more than the moves in any planner of Marlin's kind, and what lies between."""
 
-_STICKY: Final = frozenset(
-    {
-        b"M201",
-        b"M203",
-        b"M204",
-        b"M205",
-        b"M220",
-        b"M221",
-        b"M207",
-        b"M208",
-        b"M900",
-        b"M572",
-        b"M566",
-    }
-    | {b"G17", b"M200", b"M92", b"M302", b"M851"}
-)
-"""Settings that stay and say themselves what they set: the last of each with the same letters is enough."""
-
-_WORDS: Final = re.compile(rb"([A-Z][A-Z_]{2,})\b")
-_STICKY_WORDS: Final = frozenset({b"SET_PRESSURE_ADVANCE", b"SET_VELOCITY_LIMIT", b"SET_RETRACTION"})
+_STICKY: Final = commands_that(Effect.STICKY)
 """Not SET_GCODE_OFFSET: a baby-step is in the height at which the nozzle stands, and that is what is told anew."""
 
+_WAITS: Final = commands_that(Effect.WAITS)
 _MESHES: Final = frozenset({b"BED_MESH_PROFILE", b"BED_MESH_CALIBRATE"})
 
 
@@ -86,8 +66,6 @@ class Modes:
     Attributes:
         machine: machine state.
         stand: position and modes.
-        fan: 0 to 255, of the part fan.
-        fans: number -> command, of others.
         mesh: the command that has the bed's unevenness followed, empty for none.
         sticky: settings to repeat after a printer restart, by what they set, and whether in inches.
         recent: the last moves that may not have been made yet, and what belongs between them.
@@ -96,8 +74,6 @@ class Modes:
     def __init__(self, flavour: str = "marlin") -> None:
         self.machine = MachineState(flavour)
         self.stand = self.machine.modal
-        self.fan = 0.0
-        self.fans: dict[float, bytes] = {}
         self.mesh = b""
         self.sticky: dict[bytes, tuple[bytes, bool]] = {}
         self.recent: deque[Step] = deque(maxlen=_HISTORY)
@@ -122,7 +98,7 @@ class Modes:
         """Return an independent copy without the remembered moves."""
         other = copy(self)
         other.machine = self.machine.fork()
-        other.fans, other.sticky = dict(self.fans), dict(self.sticky)
+        other.sticky = dict(self.sticky)
         other.recent = deque(maxlen=_HISTORY)
         return other
 
@@ -150,7 +126,7 @@ class Modes:
             self._lay(before)
         elif word:
             self._set(word, values, command)
-            if entry >= 0 and word in WAITS_FOR_MOTION:
+            if entry >= 0 and word in _WAITS:
                 self.recent.clear()
         else:
             self._set_in_words(command)
@@ -188,19 +164,14 @@ class Modes:
             self.mesh = b"M420 S1"
         elif word == b"M420" and (b"S" in values or b"Z" in values):
             self.mesh = command if values.get(b"S", 1.0) else b""
-        elif word in {b"M106", b"M107"} and values.get(b"P", 0.0) == 0.0:
-            self.fan = values.get(b"S", 255.0) if word == b"M106" else 0.0
-        elif word in {b"M106", b"M107"}:
-            self.fans[values[b"P"]] = command
         if word in _STICKY:
             self.sticky[word + b"".join(sorted(values))] = command, self.machine.inches
 
     def _set_in_words(self, command: bytes) -> None:
         """Process an extended command, such as Klipper's."""
-        said = command.upper()
-        found = _WORDS.match(said)
-        if found and found[1] in _STICKY_WORDS:
-            self.sticky[found[1]] = command, False
-        elif found and found[1] in _MESHES:
+        name, _ = extended(command)
+        if name in _STICKY:
+            self.sticky[name] = command, False
+        elif name in _MESHES:
             # A measured mesh can be restored only by its name.
-            self.mesh = command if b"LOAD" in said else b"BED_MESH_PROFILE LOAD=default"
+            self.mesh = command if b"LOAD" in command.upper() else b"BED_MESH_PROFILE LOAD=default"

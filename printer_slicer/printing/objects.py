@@ -17,19 +17,22 @@ from dataclasses import dataclass
 from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode.commands import COUNTING_CODES, HOME_OFFSET, MOVES
-from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.commands import HOME_OFFSET, Effect, commands_that
+from printer_slicer.gcode.lexer import code_and_rest, parse, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 from printer_slicer.printing.modes import Modes, number
-from printer_slicer.stream.framing import strip
 
 __all__ = ["LiveJob", "Span", "spans_of"]
 
 _COMMENT: Final = re.compile(rb"\s*;\s*(stop )?printing object (.+?)\s*$")
-_M486: Final = re.compile(rb"M486\s+([STAC])\s*(.*)")
+_M486: Final = re.compile(rb"\s+([STAC])\s*(.*)")
 _WORDS: Final = re.compile(rb"EXCLUDE_OBJECT_(START|END)(?:\s+NAME=(\S+))?")
-_HINTS: Final = (b"printing object", b"M486", b"EXCLUDE_OBJECT_START")
-_LEFT_OUT: Final = MOVES | COUNTING_CODES | {b"G10", b"G11", b"G20", b"G21", b"G53", b"G92", b"M206"}
+_OBJECT_NUMBER: Final = b"486"
+_HINTS: Final = (b"printing object", _OBJECT_NUMBER, b"EXCLUDE_OBJECT_START")
+_READ_MOVES: Final = commands_that(
+    Effect.MODE | Effect.UNITS | Effect.SETS_POSITION | Effect.SETS_HOME_OFFSET | Effect.RETRACTS
+)
+_LEFT_OUT: Final = commands_that(Effect.MOVES) | _READ_MOVES | {b"G53"}
 """Commands that are not sent: moves, and those that only change how moves are read."""
 
 _LOOK_AHEAD: Final = 40
@@ -71,7 +74,8 @@ def _mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
         return "" if found[1] else found[2].decode(errors="replace")
     if found := _WORDS.match(line):
         return "" if found[1] == b"END" else (found[2] or b"").decode(errors="replace")
-    if found := _M486.match(line):
+    head, behind = code_and_rest(line) if _OBJECT_NUMBER in line else (b"", b"")
+    if parse(head)[0] == b"M486" and (found := _M486.match(behind)):
         value = found[2].strip().strip(b'"').decode(errors="replace")
         if found[1] == b"S":
             which, _, rest = value.partition(" ")
@@ -192,7 +196,7 @@ class LiveJob(Sequence[bytes]):
         after = before.fork()
         # On other firmwares it does not move the origin now, so it may be sent.
         at_once = HOME_OFFSET[before.machine.flavour] == "at once"
-        left_out = _LEFT_OUT if at_once else _LEFT_OUT - {b"M206"}
+        left_out = _LEFT_OUT if at_once else _LEFT_OUT - commands_that(Effect.SETS_HOME_OFFSET)
         moves = []
         for index in range(first, end):
             command = self._commands[index]

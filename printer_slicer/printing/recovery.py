@@ -198,7 +198,7 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
     if warm:
         prime = [b"M83", b"G1 E%s F300" % number(setup.purge + setup.retract)]
         script += [*prime, b"G1 E-%s F%d" % (number(setup.retract), setup.retract_speed * 60)]
-    script += [b"M106 S%d" % modes.fan if modes.fan else b"M107", *modes.fans.values()]
+    script += [b"M106 S%d" % machine.fan if machine.fan else b"M107", *machine.fans.values()]
     beside = approach_from(laid_points(job, point.entries, setup), (x, y, z), setup)
     if beside is not None:
         script.append(b"G1 X%s Y%s" % (number(round(beside[0], 3)), number(round(beside[1], 3))) + travel)

@@ -20,7 +20,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.commands import Effect, commands_that
 
 if TYPE_CHECKING:
     from printer_slicer.gcode.state import Place
@@ -32,56 +32,8 @@ _CLOSE: Final = 0.006
 
 _ROUNDS: Final = 3
 
-_SETS: Final = frozenset(
-    (
-        *(
-            b"G17",
-            b"G20",
-            b"G21",
-            b"G28",
-            b"G29",
-            b"G90",
-            b"G91",
-            b"G92",
-            b"G94",
-            b"M17",
-            b"M18",
-            b"M73",
-            b"M82",
-            b"M83",
-        ),
-        *(
-            b"M84",
-            b"M92",
-            b"M104",
-            b"M105",
-            b"M106",
-            b"M107",
-            b"M109",
-            b"M114",
-            b"M115",
-            b"M116",
-            b"M117",
-            b"M140",
-        ),
-        *(
-            b"M141",
-            b"M155",
-            b"M190",
-            b"M191",
-            b"M201",
-            b"M203",
-            b"M204",
-            b"M205",
-            b"M207",
-            b"M208",
-            b"M220",
-            b"M221",
-        ),
-        *(b"M302", b"M400", b"M486", b"M566", b"M572", b"M593", b"M900", b"M906"),
-    )
-)
-"""Commands after which all is the same whether they came once or twice in a row."""
+_REPEATABLE: Final = commands_that(Effect.REPEATABLE)
+_LINES: Final = commands_that(Effect.MOVES) - commands_that(Effect.ARC)
 
 
 class Fate(Enum):
@@ -93,10 +45,9 @@ class Fate(Enum):
     NEVER_KNOWN = "never known"
 
 
-def same_twice(command: bytes, *, relative: bool) -> bool:
-    """Whether a command twice in a row does the same as once; `relative`: it counts from where it is."""
-    word, _ = parse(command)
-    return word in _SETS or word.startswith(b"T") or (word in {b"G0", b"G1"} and not relative)
+def same_twice(word: bytes, *, relative: bool) -> bool:
+    """Whether a command twice in a row does the same as once; `relative`: as a move it counts from where it is."""
+    return word in _REPEATABLE or word.startswith(b"T") or (word in _LINES and not relative)
 
 
 class Doubt:

@@ -19,6 +19,7 @@ from collections import deque
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.burst import Burst, Verdict
 from printer_slicer.stream.framing import LONGEST, frame_crc
@@ -44,7 +45,7 @@ _MOST_BREAKS: Final = 6
 QUESTION_ROOM: Final = 16
 """Bytes of the window kept for a question about the lines in flight."""
 
-_WAITS: Final = frozenset({b"M0", b"M1", b"M109", b"M190", b"M191"})
+_WAITS: Final = commands_that(Effect.ENDED_BY_M108)
 
 _ECHO: Final = 0.5
 """s in which a printer that was busy answers the questions that have piled up."""

@@ -1,4 +1,4 @@
-"""From a line of a file to a line on the wire: comment cut, number in front, checksum behind.
+"""From a command to a line on the wire: number in front, checksum behind.
 
 The form is `N<number> <command>*<xor of all bytes before the star>`; RepRapFirmware also knows a CRC of 16 bits
 there, which it tells from the other by its five digits. Firmware cuts longer lines without a word, which takes
@@ -10,24 +10,21 @@ G-code dictionary, "Line numbers and checksums"; the polynomial is x^16 + x^12 +
 
 from __future__ import annotations
 
-import re
 from binascii import crc_hqx
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import UsageError
+from printer_slicer.gcode.lexer import strip
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["LONGEST", "check_commands", "checksum", "command_room", "frame", "frame_crc", "strip"]
+__all__ = ["LONGEST", "check_commands", "checksum", "command_room", "frame", "frame_crc"]
 
 LONGEST: Final = 95
 """Bytes of a numbered line, without its line break."""
 
 _FRAME_ROOM: Final = 15  # b"N", nine digits, a blank, a star, three digits
-_NUMBERED: Final = re.compile(rb"N\d+\s*")
-_CHECKED: Final = re.compile(rb"\s*\*\d{1,5}$")
-_SETS_NUMBER: Final = re.compile(rb"M110(?!\d)")
 
 
 def checksum(data: bytes) -> int:
@@ -45,22 +42,6 @@ def checksum(data: bytes) -> int:
     bits ^= bits >> 16
     bits ^= bits >> 8
     return bits & 0xFF
-
-
-def strip(command: bytes) -> bytes:
-    """What the printer needs of a line: no comment, no blanks around it, no number or checksum of its own.
-
-    Empty when nothing is left, and for M110, which would set another line number behind the host's back.
-    """
-    if b";" in command:
-        command = command[: command.index(b";")]
-    command = command.strip()
-    if command.startswith(b"N"):
-        command = _NUMBERED.sub(b"", command, count=1)
-        command = _CHECKED.sub(b"", command, count=1)
-    if command.startswith(b"M110") and _SETS_NUMBER.match(command):
-        return b""
-    return command
 
 
 def frame(number: int, command: bytes) -> bytes:

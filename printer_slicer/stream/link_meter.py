@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from math import exp2, floor, inf, log2
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.commands import WAITS_FOR_MOTION
-from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.commands import TABLE, Effect, commands_that
+from printer_slicer.gcode.lexer import number_and_command, parse, strip
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import make_block
@@ -29,16 +29,17 @@ if TYPE_CHECKING:
 
 __all__ = ["LinkMeter", "LinkSeen", "Metered"]
 
-_LINE: Final = re.compile(rb"N(\d+) *([^*]*)(?:\*\d+)?$")
 _OK: Final = re.compile(rb"ok\b(?: N(\d+))?")
 _RESEND: Final = re.compile(rb"(?:Resend:|rs )\s*N?:?\s*(\d+)")
 
 _STEPS: Final = 16
 """Steps of the histogram of latencies per doubling: 4 %."""
 
-_QUICK: Final = frozenset(
-    {b"G0", b"G1", b"G2", b"G3", b"G90", b"G91", b"G92", b"M82", b"M83", b"M104", b"M106", b"M107", b"M140"}
-)
+_WAITS: Final = commands_that(Effect.WAITS)
+_QUICK: Final = (
+    commands_that(Effect.MOVES | Effect.MODE | Effect.SETS_POSITION | Effect.FAN)
+    | {code for code, row in TABLE.items() if row.heater}
+) - _WAITS
 """Commands that are answered at once if there is room for them."""
 
 _PARTIAL: Final = 1024
@@ -123,11 +124,10 @@ class LinkMeter:
         """Bytes handed to the link at `now`, s."""
         self._bytes += len(data)
         for line in data.split(b"\n"):
-            found = _LINE.match(line)
-            if found is None:
+            number, command = number_and_command(line)
+            if number is None:
                 continue
-            number, command = int(found[1]), found[2].strip()
-            if command.startswith(b"M110"):
+            if not strip(command):  # M110
                 self._pending.clear()
                 self._highest = 0
                 continue
@@ -201,7 +201,7 @@ class LinkMeter:
         word, values = parse(command)
         move = self._machine.apply(word, values, command)
         held = self._stood or (self._clock is not None and self._clock.full(since))
-        self._stood = word in WAITS_FOR_MOTION
+        self._stood = word in _WAITS
         if self._stood:
             self._own += now - since
             if self._clock:

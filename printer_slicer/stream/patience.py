@@ -11,9 +11,10 @@ Commands that heat, home, probe or wait for a person take their own time.
 from __future__ import annotations
 
 from collections import deque
-from math import hypot, inf
+from math import hypot
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.gcode.commands import TABLE, Effect, commands_that
 from printer_slicer.gcode.state import Move
 from printer_slicer.motion.rules import make_block, ramp_time
 
@@ -44,40 +45,14 @@ _SLOWEST_Z: Final = 2.0
 _UNNAMED_SPEED: Final = 5.0
 """mm/s; below what any firmware takes before a file names a speed."""
 
-_HEAT: Final = 1800.0
-_HOME: Final = 600.0
+_MACRO: Final = 1800.0
+"""s for a macro, which may heat."""
 
-_OWN_TIME: Final[Mapping[bytes, float]] = {
-    b"": _HEAT,
-    b"G12": _HOME,
-    b"G27": _HOME,
-    b"G28": _HOME,
-    b"G29": 2 * _HOME,
-    b"G30": _HOME,
-    b"G32": 2 * _HOME,
-    b"G33": 2 * _HOME,
-    b"G34": 2 * _HOME,
-    b"G35": 2 * _HOME,
-    b"G76": 2 * _HOME,
-    b"G80": 2 * _HOME,
-    b"M48": _HOME,
-    b"M98": _HEAT,
-    b"M109": _HEAT,
-    b"M116": _HEAT,
-    b"M190": _HEAT,
-    b"M191": _HEAT,
-    b"M303": _HEAT,
-    b"M0": inf,
-    b"M1": inf,
-    b"M25": inf,
-    b"M125": inf,
-    b"M226": inf,
-    b"M600": inf,
-}
-"""s that a command may take by itself; one without a name here is a macro, which may heat. Longer is safe: it only
-delays the question, never the job."""
+_TOOL_CHANGE: Final = 600.0
+"""s; another tool may be picked up, and heated."""
 
-_EMPTIES_PLANNER: Final = frozenset({b"G4", b"G28", b"M400"})
+_EMPTIES_PLANNER: Final = commands_that(Effect.WAITS) - commands_that(Effect.WAITS_FOR_HEAT)
+"""A wait for heat ends at once where all is hot, and then moves may still be planned."""
 
 
 class Patience:
@@ -114,8 +89,7 @@ class Patience:
             self._planned.clear()
         if word == b"G4":
             return longest + values.get(b"S", 0.0) + values.get(b"P", 0.0) / 1000.0
-        # Another tool may be picked up, and heated.
-        return longest + (_HOME if word[:1] == b"T" else _OWN_TIME.get(word, 0.0))
+        return longest + _own_seconds(word)
 
     def _duration(self, move: Move) -> float:
         """Upper bound of the time of a move, s."""
@@ -125,3 +99,11 @@ class Patience:
             return 2 * max(max(hypot(x, y, z), abs(e)) / speed, abs(z) / _SLOWEST_Z)
         block = make_block(self._limits, move.delta, speed)
         return ramp_time(block.length, 0.0, block.speed, 0.0, block.acceleration) if block else 0.0
+
+
+def _own_seconds(word: bytes) -> float:
+    """Longest time that a command takes by itself, s. Longer is safe: it only delays the question, never the job."""
+    if not word:
+        return _MACRO
+    row = TABLE.get(word)
+    return row.seconds if row else _TOOL_CHANGE if word[:1] == b"T" else 0.0

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.commands import is_macro
-from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.lexer import is_macro, parse, strip
 from printer_slicer.gcode.state import MachineState, Place
 from printer_slicer.stream.doubt import Doubt, same_twice
 from printer_slicer.stream.events import Finished, Spot
-from printer_slicer.stream.framing import LONGEST, check_commands, strip
+from printer_slicer.stream.framing import LONGEST, check_commands
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.patience import Patience
 
@@ -137,8 +136,7 @@ class Script:
     def doubt(self) -> Doubt:
         """Questions about the last command that got its number."""
         word, values = parse(self._command)
-        relative = word in {b"G0", b"G1"} and self._machine.relative(values)
-        repeatable = same_twice(self._command, relative=relative)
+        repeatable = same_twice(word, relative=self._machine.relative(values))
         return Doubt(self._before, self._place, repeatable=repeatable, asks=self._command == ASK)
 
     def finished(self, acknowledged: int) -> Finished:

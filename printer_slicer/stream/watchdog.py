@@ -15,6 +15,7 @@ from math import inf
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import heater_target
 from printer_slicer.stream.events import (
     Accepted,
     Action,
@@ -36,11 +37,13 @@ __all__ = ["Alarm", "Unprotected", "Watchdog"]
 _SILENCE: Final = 10.0
 """s without an answer or a report while heaters are on; firmware that is busy says so every 2 s."""
 
-_HEATS: Final = {b"M104": "T", b"M109": "T", b"M140": "B", b"M190": "B", b"M141": "C", b"M191": "C"}
+_REPORTED: Final = {"nozzle": "T", "bed": "B", "chamber": "C"}
+"""Heater to its name in reports."""
+
 _FROM_PRINTER: Final = (Accepted, Action, Busy, Identified, Message, ResendAsked, Temperature)
 """Events that show that the printer lives; all others are the host's own."""
 
-_MAY_HEAT: Final = (b"M1", b"T")
+_MAY_HEAT: Final = (b"M", b"m", b"T", b"t", b"G10", b"g10")  # nearly all commands are moves
 _OFF: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
 
 
@@ -92,15 +95,15 @@ class Watchdog:
         if word.startswith(b"T") and word[1:].isdigit():
             self._tool = word[1:].decode()
             return
-        heater = _HEATS.get(word)
-        wanted = values.get(b"S", values.get(b"R"))
-        if heater is None or wanted is None:
+        target = heater_target(word, values)
+        if target is None:
             return
+        heater = _REPORTED[target.heater]
         if heater == "T":
-            heater += f"{values[b'T']:.0f}" if b"T" in values else self._tool
+            heater += self._tool if target.tool is None else f"{target.tool}"
         if not self.targets:
             self._heard = max(self._heard, now)  # a printer that was cold may have been silent for long
-        self._want(heater, wanted)
+        self._want(heater, target.celsius)
 
     def heard(self, event: Event, now: float) -> Unprotected | None:
         """Something happened; a warning if it gives reason for one."""

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.errors import UsageError
-from printer_slicer.stream.framing import LONGEST, check_commands, checksum, command_room, frame, strip
+from printer_slicer.gcode.lexer import strip
+from printer_slicer.stream.framing import LONGEST, check_commands, checksum, command_room, frame
 
 COMMANDS = st.binary(min_size=1, max_size=80).filter(lambda c: not set(c) & set(b"\n\r\0"))
 

@@ -155,7 +155,8 @@ class Talk:
         Raises:
             UsageError: it is refused.
         """
-        from printer_slicer.stream.framing import check_commands, strip
+        from printer_slicer.gcode.lexer import strip
+        from printer_slicer.stream.framing import check_commands
 
         command = strip(("M105" if line == ".temp" else line).encode("utf-8", "replace"))
         if line.startswith(".") and line != ".temp":

@@ -11,9 +11,9 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.gcode import Moves, read_moves
+from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of_moves
 from printer_slicer.inspection.deposition.purposes import Purpose, purpose_of
-from printer_slicer.stream.framing import strip
 
 __all__ = ["Deposit", "beads_of_gcode"]
 
@@ -85,7 +85,9 @@ def beads_of_gcode(text: bytes, *, filament_diameter: float | None = None) -> De
         key.decode(): value.decode("utf-8", "replace").strip() for key, value in _SETTING.findall(text)
     }
     diameter, known = _diameter(settings, filament_diameter)
-    if settings.get("use_volumetric_e", "0") == "1" and not any(one.startswith(b"M200") for one in commands):
+    if settings.get("use_volumetric_e", "0") == "1" and not any(
+        b"200" in one[:6] and parse(one)[0] == b"M200" for one in commands
+    ):
         # The printer was told before, or is, by a start macro.
         commands, numbers = [b"M200 D%f" % diameter[0], *commands], [0, *numbers]
     moves = read_moves(commands)

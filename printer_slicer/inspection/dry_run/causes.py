@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from printer_slicer.gcode.state import uses_inches
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
@@ -56,7 +57,7 @@ class Cause:
 
 def causes_of(job: Job, report: Report, comparison: Comparison, account: Deposition) -> list[Cause]:
     """What the firmware refused or clipped, layer by layer."""
-    inches = bool(report.violations) and b"G20" in job.commands
+    inches = bool(report.violations) and uses_inches(job.commands)
     found: dict[tuple[str, int], Cause] = {}
     # What is beyond the list may lie in any layer.
     cut = len(report.violations) < report.n_violations

@@ -10,6 +10,9 @@ from typing import Final, NamedTuple
 
 from printer_slicer.commands import lines_of
 from printer_slicer.diagnostics import Diagnostic, Severity
+from printer_slicer.gcode.commands import heater_of
+from printer_slicer.gcode.lexer import parse
+from printer_slicer.gcode.state import uses_inches
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
@@ -127,7 +130,7 @@ class Places:
 def of_machine(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Diagnostic]]:
     """What the firmware refused or clipped; the same thing in several commands is told once."""
     told: set[str] = set()
-    inches = bool(report.violations) and b"G20" in job.commands
+    inches = bool(report.violations) and uses_inches(job.commands)
     for violation in report.violations:
         what = violation.text
         kind = kind_of(what)
@@ -239,7 +242,6 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
         profile: its firmware may have macros.
         targets: °C, by "nozzle" and "bed".
     """
-    words: Mapping[str, Sequence[bytes]] = {"nozzle": (b"M104", b"M109"), "bed": (b"M140", b"M190")}
     off = {"nozzle": "M104 S0", "bed": "M140 S0"}
     for heater, target in targets.items():
         if target <= 0:
@@ -248,7 +250,7 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
             (
                 index
                 for index in range(len(job.commands) - 1, -1, -1)
-                if job.commands[index].upper().startswith(tuple(words[heater]))
+                if heater_of(parse(job.commands[index])[0].decode()) == heater
             ),
             -1,
         )
@@ -282,7 +284,7 @@ def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnostic]]:
     if not profile.printer.firmware.extended_commands:
         return
     for index, command in enumerate(job.commands[: min(job.marks, default=_BEFORE_LAYERS)]):
-        if command[:3].upper() == b"G28":
+        if parse(command)[0] == b"G28":
             return
         if macro := starts_prints(command.decode("latin-1")):
             what = f"{macro} is a macro of the printer's own; it is taken to home all axes and to heat"

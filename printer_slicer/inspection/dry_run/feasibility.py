@@ -17,6 +17,8 @@ from math import inf, isnan
 from typing import Final
 
 from printer_slicer.gcode import Moves, changed_limits
+from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.lexer import extended, parse
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import Block, Limits, make_block
 from printer_slicer.stream.flight import QUESTION_ROOM
@@ -30,9 +32,7 @@ _GREETING: Final = 2  # numbered lines before the job
 _APART: Final = 40  # commands without a loss between two stretches
 _FELT: Final = 0.05  # of its own time, by which a move that takes longer is held up
 _WORTH: Final = 0.25  # s lost in a stretch; a machine that sets out from rest may wait 0.1 s anyway
-_STANDS: Final = frozenset(
-    (b"G4", b"G28", b"G29", b"M0", b"M1", b"M109", b"M190", b"M226", b"M400", b"M600", b"M601", b"PAUSE")
-)
+_STANDS: Final = commands_that(Effect.WAITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,16 +198,12 @@ def _block_maker(limits: Limits) -> Callable[[list[float], float, float], Block 
 
 def _still(command: bytes) -> float | None:
     """Seconds that a command stands still, None if it does not; what it waits for besides is not counted."""
-    word, _, rest = command.upper().partition(b" ")
-    if word not in _STANDS:
+    word, values = parse(command)
+    if (word or extended(command)[0]) not in _STANDS:
         return None
     if word != b"G4":
         return 0.0
-    values = {part[:1]: part[1:] for part in rest.split()}
-    try:
-        return float(values[b"S"]) if b"S" in values else float(values.get(b"P", b"0")) / 1000
-    except ValueError:
-        return 0.0
+    return values[b"S"] if b"S" in values else values.get(b"P", 0.0) / 1000
 
 
 @dataclass(slots=True)

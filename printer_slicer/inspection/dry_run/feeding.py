@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.diagnostics import Diagnostic
+from printer_slicer.gcode.lexer import parse
 from printer_slicer.inspection.coverage.extrusions import beads_of
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.dry_run.causes import layer_of
@@ -159,14 +160,12 @@ def _runs(
 def _mode(job: Job, wrong: bytes, right: bytes, before: int) -> int | None:
     """The command up to one of a job that chose the mode of E, if it is the wrong one."""
     found = _last(job, (wrong, right), 0, before)
-    return found if found is not None and job.commands[found].upper().startswith(wrong) else None
+    return found if found is not None and parse(job.commands[found])[0] == wrong else None
 
 
 def _last(job: Job, words: tuple[bytes, ...], since: int, until: int) -> int | None:
-    """The last of the commands that begin with one of some words."""
-    return next(
-        (at for at in range(until, since - 1, -1) if job.commands[at].upper().startswith(words)), None
-    )
+    """The last of the commands with one of some codes."""
+    return next((at for at in range(until, since - 1, -1) if parse(job.commands[at])[0] in words), None)
 
 
 def _wanted(job: Job, profile: Profile) -> dict[int, float]:

@@ -7,24 +7,14 @@ Source: Marlin's documentation, "M104", "M109", "M140", "M190", "M141", "M149"; 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
-from printer_slicer.inspection.lint.words import LintCommand
+from printer_slicer.gcode.commands import HeaterName, heater_of
+from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Profile
 
 __all__ = ["HeaterRules"]
 
-_Heater = Literal["nozzle", "bed", "chamber"]
-
-_BY_CODE: Final[dict[str, _Heater]] = {
-    "M104": "nozzle",
-    "M109": "nozzle",
-    "M568": "nozzle",
-    "M140": "bed",
-    "M190": "bed",
-    "M141": "chamber",
-    "M191": "chamber",
-}
 _LETTERS: Final = "SR"
 
 _FAHRENHEIT_ZERO: Final = 32.0
@@ -51,7 +41,7 @@ class HeaterRules:
             return ""
         if command.settings or command.code.startswith(("SET_HEATER", "TEMPERATURE_WAIT")):
             return self._of_settings(command)
-        heater = _BY_CODE.get(command.code)
+        heater = heater_of(command.code)
         if command.code == "G10" and "P" in command.words and set(command.words) & set(_LETTERS):
             heater = "nozzle"
         if heater is None:
@@ -68,7 +58,7 @@ class HeaterRules:
             if "TEMP" not in name and name not in {"TARGET", "MINIMUM", "EXTRUDER", "HOTEND", "BED"}:
                 continue
             words = f"{name} {command.text}" if name in {"TARGET", "MINIMUM"} else name
-            heater: _Heater = "bed" if "BED" in words else "chamber" if "CHAMBER" in words else "nozzle"
+            heater: HeaterName = "bed" if "BED" in words else "chamber" if "CHAMBER" in words else "nozzle"
             self.heated = self.heated or heater == "nozzle"
             if command.vague:
                 return f"the temperature of the {heater} cannot be read"
@@ -81,7 +71,7 @@ class HeaterRules:
             return (value - _FAHRENHEIT_ZERO) / 1.8
         return value - _KELVIN_ZERO if self._unit == "K" else value
 
-    def _over(self, heater: _Heater, asked: float) -> str:
+    def _over(self, heater: HeaterName, asked: float) -> str:
         printer = self.profile.printer
         # Profiles do not know chambers; none is hotter than a bed may be.
         most = printer.max_nozzle_temperature if heater == "nozzle" else printer.max_bed_temperature

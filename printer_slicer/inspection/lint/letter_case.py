@@ -10,15 +10,14 @@ import re
 from typing import Final
 
 from printer_slicer.gcode import FLAVOURS
+from printer_slicer.gcode.commands import takes_text
+from printer_slicer.gcode.lexer import code_and_rest, number_and_command, parse
 from printer_slicer.inspection.lint.numbers import firmware_name
-from printer_slicer.inspection.lint.words import takes_text
 
 __all__ = ["lower_case_fault"]
 
-_CODE: Final = re.compile(r"\s*(?:[Nn]\d+\s*)?([A-Za-z])\s*(\d+)")
 _TEXT: Final = re.compile(r'"[^"]*"?|\([^)]*\)?|\{[^}]*\}?')
 _LOWER_WORD: Final = re.compile(r"(?<![A-Za-z_])[a-z](?![A-Za-z_])")
-_CODES: Final = frozenset("GMTD")
 
 
 def lower_case_fault(line: bytes, flavour: str) -> str:
@@ -30,15 +29,14 @@ def lower_case_fault(line: bytes, flavour: str) -> str:
     """
     if FLAVOURS[flavour].any_case or line == line.upper():
         return ""
-    text = line.decode("latin-1").rstrip()
-    found = _CODE.match(text)
-    if found is None or found[1].upper() not in _CODES:
+    head, rest = code_and_rest(number_and_command(line.strip())[1])
+    if not head:
         return ""
-    behind = text[found.end() :]
-    free = takes_text(f"{found[1].upper()}{int(found[2])}")
-    if found[1].isupper() and (free or not _LOWER_WORD.search(_TEXT.sub(" ", behind))):
+    behind = rest.decode("latin-1")
+    free = takes_text(parse(head)[0].decode())
+    if head.isupper() and (free or not _LOWER_WORD.search(_TEXT.sub(" ", behind))):
         return ""
-    capitals = found[0].lstrip().upper() + (behind if free else _in_capitals(behind))
+    capitals = head.decode().upper() + (behind if free else _in_capitals(behind))
     return f"is in lower case, which {firmware_name(flavour)} does not know: write {capitals}"
 
 

@@ -11,17 +11,17 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple
 
-from printer_slicer.inspection.lint.words import LintCommand
+from printer_slicer.gcode.commands import TABLE, Effect, names_that
+from printer_slicer.gcode.lexer import LintCommand
 
 __all__ = ["firmware_name", "number_faults"]
 
-_MOVES: Final = frozenset({"G0", "G1", "G2", "G3", "G5"})
 _ALL: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
 _LETTERS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(_MOVES, _ALL),
+    **dict.fromkeys(names_that(Effect.MOVES) | {"G5"}, _ALL),
     "G4": "PS",
     "G92": "XYZE",
-    **dict.fromkeys(("M104", "M109", "M140", "M190", "M141", "M191"), "SR"),
+    **dict.fromkeys((code.decode() for code, row in TABLE.items() if row.heater), "SR"),
     **dict.fromkeys(("M106", "M200", "M204", "M220", "M221"), "DEPRST"),
     **dict.fromkeys(("M201", "M202", "M203", "M205", "M207", "M208", "M566", "M572", "M900"), _ALL),
 }

@@ -16,7 +16,8 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.gcode import Moves
-from printer_slicer.inspection.lint.words import LintCommand
+from printer_slicer.gcode.commands import Effect, heater_of, names_that
+from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.own_macros import starts_prints
 from printer_slicer.sim.moves import HARMLESS_LIFT
 
@@ -29,9 +30,9 @@ _COOLS: Final = (
 )
 _UNKNOWN, _HOMED, _LOOSE = range(3)
 _COLD, _HEATING, _HOT, _COOLING, _COOLED = range(5)
-_WAITS: Final = frozenset({"M109", "M116", "M190", "M191", "G29", "TEMPERATURE_WAIT"})
-_MACROS: Final = frozenset({"M98", "G32"})
-"""Macros of RepRapFirmware, whose contents only the printer knows."""
+_WAITS: Final = names_that(Effect.WAITS_FOR_HEAT) | {"G29"}  # which takes as long as heating
+_MACROS: Final = names_that(Effect.RUNS_MACRO)
+_HOMES: Final = names_that(Effect.HOMES)
 
 
 @dataclass(slots=True)
@@ -87,7 +88,7 @@ class Readiness:
         if code in _MACROS or starts_prints(code):
             self._home(index, _AXES)
             self._heat.set(index, _HOT)
-        elif code == "G28":
+        elif code in _HOMES:
             self._home(index, "".join(axis for axis in _AXES if axis in command.words) or _AXES)
         elif code in {"M18", "M84"} and "S" not in command.words and self._axes.now == _HOMED:
             self._axes.set(index, _LOOSE)
@@ -137,7 +138,7 @@ class Readiness:
         if target is not None and target >= _COLDEST:
             state = _HOT if state in {_HOT, _COOLING} else _HEATING
         elif target is not None and not self._standby(command):
-            cools = command.code == "M109" and "R" in command.words
+            cools = command.code in _WAITS and "R" in command.words
             state = _COLD if state <= _HEATING else _COOLED if cools else _COOLING
         if command.code in _WAITS and state == _HEATING:
             state = _HOT
@@ -173,7 +174,7 @@ class Readiness:
 
 def _target(command: LintCommand) -> float | None:
     """Return the nozzle target that a command sets, °C; None if it sets none."""
-    if command.code in {"M104", "M109", "M568"} or (command.code == "G10" and "P" in command.words):
+    if heater_of(command.code) == "nozzle" or (command.code == "G10" and "P" in command.words):
         return command.most("SR")
     if (
         command.code == "SET_HEATER_TEMPERATURE"

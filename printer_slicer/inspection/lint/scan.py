@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -9,6 +10,8 @@ from typing import Final
 
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
+from printer_slicer.gcode.commands import Effect, names_that
+from printer_slicer.gcode.lexer import LintCommand, read_commands
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
 from printer_slicer.inspection.lint.letter_case import lower_case_fault
@@ -16,7 +19,6 @@ from printer_slicer.inspection.lint.motion import MoveJudge
 from printer_slicer.inspection.lint.numbers import number_faults
 from printer_slicer.inspection.lint.readiness import Readiness
 from printer_slicer.inspection.lint.table import RULES, Rule
-from printer_slicer.inspection.lint.words import LintCommand, read_commands, unusual
 from printer_slicer.profile import Profile
 
 __all__ = ["scan"]
@@ -25,7 +27,12 @@ _RULES: Final[Mapping[str, tuple[Rule, ...]]] = {
     code: tuple(rule for rule in RULES if code in rule.codes) for rule in RULES for code in rule.codes
 }
 _SCRIPTS: Final = frozenset({"IF", "ELIF", "ELSE", "WHILE", "VAR", "GLOBAL", "SET", "ABORT"})
-_MODES: Final = frozenset({"G0", "G1", "G2", "G3", "G20", "G21", "G28", "G90", "G91", "G92", "M82", "M83"})
+_FOLLOWED: Final = names_that(Effect.MOVES | Effect.HOMES | Effect.SETS_POSITION | Effect.MODE | Effect.UNITS)
+_PLAIN_WORD: Final = r" *[XYZEFIJR] *[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)"
+_ORDINARY: Final = re.compile(rf"(?m)^(?!G[0-3](?:{_PLAIN_WORD})++ *$).+$".encode())
+"""Matches a line that is not a plain move, or has a word that is not a letter and a number."""
+
+_AT_ONCE: Final = 1 << 15
 _Key = tuple[str, Severity, str, str]
 
 
@@ -57,7 +64,7 @@ def scan(
     found: dict[_Key, Diagnostic] = {}
     factors: list[tuple[int, float]] = []
     heat, readiness = HeaterRules(profile), Readiness(profile.printer.flavour)
-    for index, line in unusual(commands):
+    for index, line in _unusual(commands):
         for command in read_commands(line):
             readiness.follow(index, command)
             if command.code == "M221" and (ratio := command.most("S")):
@@ -78,6 +85,17 @@ def scan(
             readiness.watch(piece)
     everything = [*found.values(), *judge.findings(commands), *readiness.findings(commands)]
     return _in_order(everything, marks or {})
+
+
+def _unusual(commands: Sequence[bytes]) -> Iterator[tuple[int, bytes]]:
+    """Yield the commands that are not plain moves, and their places; many are searched at once."""
+    for begin in range(0, len(commands), _AT_ONCE):
+        text = b"\n".join(commands[begin : begin + _AT_ONCE])
+        index, at = begin, 0
+        for found in _ORDINARY.finditer(text):
+            index += text.count(b"\n", at, found.start())
+            at = found.start()
+            yield index, found.group()
 
 
 def _in_order(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple[Diagnostic, ...]:
@@ -106,5 +124,5 @@ def _said(command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
         yield "debug", "error", "is a command for developers", "it may read and write memory and pins"
     scripted = command.code in _SCRIPTS and "_" not in command.code
-    if scripted or (command.code in _MODES and (command.further or "{" in command.text)):
+    if scripted or (command.code in _FOLLOWED and (command.further or "{" in command.text)):
         yield "unreadable", "error", "cannot be followed", "what it does depends on the firmware"

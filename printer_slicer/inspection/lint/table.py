@@ -12,7 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from printer_slicer.inspection.lint.words import LintCommand
+from printer_slicer.gcode.commands import Effect, names_that
+from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Printer
 
 __all__ = ["RULES", "Rule", "Said"]
@@ -188,6 +189,7 @@ def _codes(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
+_ENDED_BY_BUTTON: Final = _codes("M0 M1")
 _STORED: Final = "settings that outlive the print"
 _GUARDS: Final = "what guards the machine is switched off"
 
@@ -231,7 +233,8 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule("endstops", _codes("FORCE_MOVE"), _always("moves past all limits"), _GUARDS),
     Rule(
         "offsets",
-        _codes("M206 M428 M851 SET_GCODE_OFFSET SET_KINEMATIC_POSITION G54 G55 G56 G57 G58 G59"),
+        names_that(Effect.MOVES_ORIGIN | Effect.SETS_HOME_OFFSET)
+        | _codes("M851 SET_GCODE_OFFSET SET_KINEMATIC_POSITION"),
         lambda command, _: (
             (True, "sets another origin")
             if command.words or command.settings or command.code != "M851"
@@ -249,10 +252,10 @@ RULES: Final[tuple[Rule, ...]] = (
         _always("switches the power off", told=True),
         "fans stop, too",
     ),
-    Rule("wait", _codes("M0 M1"), _wait, "the print stands still, heated, until then"),
+    Rule("wait", _ENDED_BY_BUTTON, _wait, "the print stands still, heated, until then"),
     Rule(
         "wait",
-        _codes("M25 M125 M226 M600 M601 PAUSE @PAUSE"),
+        names_that(Effect.WAITS_FOR_PERSON) - _ENDED_BY_BUTTON,
         _always("waits for a person", told=True),
         "somebody must come",
     ),

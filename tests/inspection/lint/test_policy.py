@@ -17,6 +17,7 @@ from printer_slicer.cli import main
 from printer_slicer.diagnostics import NAMES, Diagnostic, check_names, insist, remedy_of
 from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.gcode import FLAVOURS
+from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode.reader import Reader
 from printer_slicer.inspection.lint.letter_case import lower_case_fault
 from printer_slicer.inspection.lint.scan import scan
@@ -24,7 +25,6 @@ from printer_slicer.mesh_io import load_mesh
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_paths, profile_with
 from printer_slicer.slice_jobs import job_from
-from printer_slicer.stream.framing import strip
 from tests.waiting import LAST_RESORT
 
 PARTS = Path(__file__).parents[3] / "sample_parts"
