@@ -13,6 +13,9 @@ from math import ceil, hypot
 from typing import Final
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.gcode.commands import heater_of
+from printer_slicer.gcode.lexer import parse, strip
+from printer_slicer.gcode.state import MachineState
 from printer_slicer.importing.beds import Bed
 from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
@@ -31,6 +34,7 @@ _MACROS: Final = {
 }
 _STOPS: Final = "it is kept as it is, but slicing stops there; write what this machine needs"
 _CURA: Final = re.compile(r"\{\s*(\w+)\s*,\s*(\w+)\s*\}|\{[^{}]*\}|\[", re.ASCII)
+_PLACEHOLDER: Final = re.compile(r"\S*(?:\{[^}]*\}|\[[^\]]*\])\S*")
 _FARTHEST: Final = 100.0  # mm that a machine's own G-code may lead beside its bed
 
 
@@ -112,29 +116,25 @@ def _seen_in_macros(made: Conversion, bed: Bed) -> None:
         )
     elif far:
         made.put("reach", far, how="not in the source: as far as its start and end G-code go")
-    if any(re.match(r"(G29|G80)\b", line) for line in lines):
+    if any(parse(line.encode())[0] in {b"G29", b"G80"} for line in lines):
         made.put("probe", True, how="not in the source: its start G-code measures the bed")
 
 
 def _farthest(lines: Sequence[str], bed: Bed) -> float:
     """How far beside the bed these lines go, mm; of arcs the whole circle."""
-    far, absolute = 0.0, True
-    at = [0.0, 0.0]
+    far, machine = 0.0, MachineState()
     for line in lines:
-        words = line.partition(";")[0].upper().split()
-        if words and words[0] in ("G90", "G91"):
-            absolute = words[0] == "G90"
-        if not words or not absolute or not re.fullmatch(r"G0?[0-3]", words[0]):
+        command = strip(_PLACEHOLDER.sub("", line).encode())
+        word, values = parse(command)
+        before, unit = machine.position, machine.unit
+        if machine.apply(word, values, command) is None or machine.counting.axes:
             continue
-        said = {
-            word[0]: float(word[1:]) for word in words[1:] if re.fullmatch(r"[XYIJ]-?(\d+\.?\d*|\.\d+)", word)
-        }
-        round_about = [at[0] + said.get("I", 0.0), at[1] + said.get("J", 0.0)]
-        radius = hypot(said.get("I", 0.0), said.get("J", 0.0))
-        at = [said.get(letter, old) for letter, old in zip("XY", at, strict=True)]
-        for axis, letter in enumerate("XY"):
-            ends = [at[axis]] if letter in said else []
-            ends += [round_about[axis] - radius, round_about[axis] + radius] if radius else []
+        arm = {b"X": values.get(b"I", 0.0) * unit, b"Y": values.get(b"J", 0.0) * unit}
+        radius = hypot(*arm.values())
+        for axis, letter in enumerate(arm):
+            ends = [machine.position[axis] or 0.0] if letter in values else []
+            centre = (before[axis] or 0.0) + arm[letter]
+            ends += [centre - radius, centre + radius] if radius else []
             far = max(far, *(max(bed.low[axis] - end, end - bed.high[axis]) for end in ends), 0.0)
     return ceil(far * 10) / 10
 
@@ -147,9 +147,8 @@ def _heating(made: Conversion) -> None:
         made.skip(["autoemit_temperature_commands"])
         return
     start = str(made.values.get("start_gcode", ""))
-    commands = [line.partition(";")[0].strip().upper() for line in start.splitlines()]
-    bed = any(re.match(r"(M140|M190)\b", line) for line in commands)
-    nozzle = any(re.match(r"(M104|M109)\b", line) for line in commands)
+    heated = {heater_of(parse(strip(line.encode()))[0].decode()) for line in start.splitlines()}
+    bed, nozzle = "bed" in heated, "nozzle" in heated
     if bed and nozzle:
         return
     before = ["M140 S{first_layer_bed_temperature[0]}"] if not bed else []

@@ -6,6 +6,7 @@ import re
 from typing import Final, NamedTuple
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.gcode.commands import TABLE
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
 from printer_slicer.macros import read_template
@@ -17,8 +18,10 @@ _MACHINE: Final = "look at the value in the other slicer: no machine should be d
 
 
 _MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
-_HEATERS: Final = {"M104": "nozzle", "M109": "nozzle", "M140": "bed", "M190": "bed"}
-_HEATING: Final = re.compile(r"(?i)(?<![A-Z0-9])(M104|M109|M140|M190)(?!\d)([^{\n]*)")
+_HEATERS: Final = {
+    code.decode(): row.heater for code, row in TABLE.items() if row.heater in {"nozzle", "bed"}
+}
+_HEATING: Final = re.compile(rf"(?i)(?<![A-Z0-9])({'|'.join(_HEATERS)})(?!\d)([^{{\n]*)")
 _NUMBER: Final = re.compile(r"(?i)[RS] *(\d+\.?\d*|\.\d+)")
 
 
@@ -69,7 +72,7 @@ def _check_macros(made: Imported, preset: Preset, ceilings: Ceilings) -> None:
     for name in _MACROS:
         for line in _lines(str(made.values.get(name, ""))):
             for code, letters in _HEATING.findall(line.partition(";")[0]):
-                heater, most = _HEATERS[code.upper()], getattr(ceilings, _HEATERS[code.upper()])
+                heater, most = _HEATERS[code.upper()], getattr(ceilings, str(_HEATERS[code.upper()]))
                 wanted = max((float(one) for one in _NUMBER.findall(letters)), default=0.0)
                 if wanted > most:
                     raise ProfileError(

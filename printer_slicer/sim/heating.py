@@ -28,8 +28,10 @@ def _hotend_target(board: Board, command: Command) -> None:
 
 
 def tool_target(board: Board, command: Command) -> None:
-    """G10 P S of RepRapFirmware, and M568: the temperature of a tool; there is one for all tools here."""
-    _aim(board, board.hotend, command, "S")
+    """G10 P S of RepRapFirmware, and M568: the temperature of a tool, of the one in use without P."""
+    heater = hotend_of(board, command, "P")
+    if heater is not None:
+        _aim(board, heater, command, "S")
 
 
 def wait_for_all(board: Board, _: Command) -> Steps:

@@ -32,9 +32,9 @@ def _changing(board: Board, tool: int) -> Steps:
     board.say(f"echo:Active Extruder: {tool}")
 
 
-def hotend_of(board: Board, command: Command) -> Heater | None:
-    """The hotend that M104 and M109 are about: that of T, or the one in use; None when there is no such tool."""
-    tool = command.value("T")
+def hotend_of(board: Board, command: Command, letter: str = "T") -> Heater | None:
+    """The hotend that a command is about: of the tool behind a letter, or in use; None when there is no such tool."""
+    tool = command.value(letter)
     if tool is None:
         return board.hotend
     if 0 <= tool < board.machine.extruders:
