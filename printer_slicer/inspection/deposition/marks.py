@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Int
+from printer_slicer.gcode.lexer import parse
 from printer_slicer.inspection.deposition.purposes import Purpose, purpose_of
 
 __all__ = ["Defect", "Marks", "marks_of"]
 
-_TOOL: Final = re.compile(rb"[Tt]\d{1,3}\b")
 _OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", re.MULTILINE)
 
 _SPOKEN: Final = {
@@ -124,6 +124,8 @@ def _tools_of(commands: Sequence[bytes], text: bytes) -> tuple[Int, Int]:
     if not _OTHER_TOOL.search(text):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     found = [
-        (at, int(command[1:].split()[0])) for at, command in enumerate(commands, 1) if _TOOL.match(command)
+        (at, int(word[1:]))
+        for at, command in enumerate(commands, 1)
+        if command[:1] in (b"T", b"t") and (word := parse(command)[0])
     ]
     return np.array([at for at, _ in found], np.int64), np.array([tool for _, tool in found], np.int64)
