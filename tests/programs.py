@@ -88,14 +88,39 @@ COMMANDS = st.one_of(
     st.tuples(st.sampled_from(["M104", "M140"]), words("S", 0.0, 120.0)),
     st.tuples(st.just("M104 T1"), words("S", 0.0, 120.0)),
 )
-LINES = st.builds(
-    lambda command, *rest: Line(*command, *rest),
-    COMMANDS,
-    st.booleans(),
-    st.booleans(),
-    st.sampled_from(["", " ; note", ";G1 X9", "\t"]),
-    st.booleans(),
+SMALL_ARCS = st.tuples(
+    st.sampled_from(["G2", "G3", "G02"]),
+    st.tuples(words("XYZEF"), st.one_of(words("IJ", -3.0, 3.0), words("R", -60.0, 60.0))).map(
+        lambda parts: (*parts[0], *parts[1])
+    ),
 )
+MORE_COMMANDS = st.one_of(
+    SMALL_ARCS,
+    st.tuples(st.sampled_from(["G28", "G28 X", "G28 Y0 Z", "G28 Z", "G4 P1", "M400"]), st.just(())),
+    st.tuples(st.sampled_from(["M104", "M104 T2", "M140", "G10 P1", "M568 P2"]), words("S", 0.0, 120.0)),
+    st.tuples(st.sampled_from(["M109", "M109 T1", "M190"]), words("SR", 20.0, 90.0)),
+    st.tuples(st.sampled_from(["M104", "M140"]), words("R", 20.0, 90.0)),
+    st.tuples(st.sampled_from(["M106", "M106 P1", "M107"]), words("S", 0.0, 255.0)),
+)
+
+
+def written(
+    commands: st.SearchStrategy[tuple[str, tuple[tuple[str, float], ...]]],
+) -> st.SearchStrategy[Line]:
+    """Commands in lines of all kinds."""
+    return st.builds(
+        lambda command, *rest: Line(*command, *rest),
+        commands,
+        st.booleans(),
+        st.booleans(),
+        st.sampled_from(["", " ; note", ";G1 X9", "\t"]),
+        st.booleans(),
+    )
+
+
+LINES = written(COMMANDS)
+MORE_LINES = written(MORE_COMMANDS)
+"""Commands that wait, home and turn besides."""
 
 
 def program_of(lines: list[Line]) -> list[bytes]:

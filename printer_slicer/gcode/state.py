@@ -9,7 +9,7 @@ logical coordinate = coordinate of the machine + offset (G92, M206), as Marlin a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from math import hypot, pi
@@ -80,6 +80,18 @@ def heater_target(word: bytes, values: Mapping[bytes, float]) -> HeaterTarget | 
     if word in _TOOL_BY_P:
         tool = values.get(b"P")
     return None if celsius is None else HeaterTarget(heater, None if tool is None else int(tool), celsius)
+
+
+def _full_turn(values: Mapping[bytes, float], delta: Sequence[float]) -> float | None:
+    """Return the length of the full circle of an arc, in units of the program; None for an arc without a centre.
+
+    Firmware refuses that: R of 0, R with an end that is the start, neither I nor J (Marlin's G2_G3.cpp).
+    """
+    if b"R" in values:
+        radius = abs(values[b"R"]) if delta[0] or delta[1] else 0.0
+    else:
+        radius = hypot(values.get(b"I", 0.0), values.get(b"J", 0.0))
+    return 2 * pi * radius or None
 
 
 def uses_inches(commands: Iterable[bytes]) -> bool:
@@ -276,7 +288,7 @@ class MachineState:
         if feed > 0.0:
             self.speed = feed * unit / 60
         relative, relative_e = self.counting.axes, self.counting.e
-        delta = [0.0, 0.0, 0.0, 0.0]
+        goal, delta = list(position), [0.0, 0.0, 0.0, 0.0]
         for axis, letter in enumerate(_AXES):
             value = values.get(letter)
             if value is None:
@@ -285,17 +297,19 @@ class MachineState:
             here = position[axis]
             if relative_e if axis == 3 else relative:
                 delta[axis] = value
-                position[axis] = None if here is None else here + value
+                goal[axis] = None if here is None else here + value
             else:
                 # From an unknown position, the distance from zero is only a guess of the length.
                 delta[axis] = value - (here or 0.0)
-                position[axis] = value
-                self._e_told = self._e_told or axis == 3
+                goal[axis] = value
+        if word in _ARCS:
+            if (turn := _full_turn(values, delta)) is None:
+                return Move((0.0, 0.0, 0.0, 0.0), self.speed)
+            delta[:2] = [max(hypot(*delta[:2]), turn * unit), 0.0]
+        self._position = goal
+        self._e_told = self._e_told or (b"E" in values and not relative_e)
         if delta[3]:
             self.pulled = max(self.pulled - delta[3], 0.0)
-        if word in _ARCS:
-            radius = values.get(b"R") or hypot(values.get(b"I", 0.0), values.get(b"J", 0.0))
-            delta[:2] = [max(hypot(*delta[:2]), 2 * pi * abs(radius * unit)), 0.0]
         if self._next_unseen:
             self._next_unseen = False
             self._forget(values)

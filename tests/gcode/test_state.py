@@ -1,57 +1,18 @@
-"""One program, three interpreters: the state that the host keeps, the reader, and the simulated printer."""
+"""The state of a machine, command by command."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import FRONT_ENDS, LINES, Line, program_of, simulated
+from programs import LINES, Line, program_of
 
-from printer_slicer.gcode import FLAVOURS
 from printer_slicer.gcode.lexer import letters, parse
-from printer_slicer.gcode.reader import Reader
 from printer_slicer.gcode.state import MachineState
 
 START = [b"G28", b"G90", b"G1 X10 Y20 Z30 F6000"]
-
-
-@pytest.mark.parametrize("flavour", FRONT_ENDS)
-@given(lines=st.lists(LINES, max_size=25))
-def test_state_reader_and_simulator_agree_on_any_program(flavour: str, lines: list[Line]) -> None:
-    if flavour == "klipper":  # it refuses moves for the filament that they feed
-        lines = [replace(line, words=tuple(word for word in line.words if word[0] != "E")) for line in lines]
-    commands = [*START, *program_of(lines)]
-    state = MachineState(flavour)
-    for command in commands:
-        state.follow(command)
-    reader = Reader(dialect=FLAVOURS[flavour])
-    reader.feed(commands)
-    read, board = reader._state, simulated(commands, flavour)
-    modal = state.modal
-
-    for axis, (place, offset) in enumerate(zip(state.position, state.offset, strict=True)):
-        logical = read.position[axis] + read.offset[axis]
-        assert logical == pytest.approx(board.position[axis] + board.offset[axis], abs=1e-6)
-        if place is not None:
-            assert place == pytest.approx(logical, abs=1e-6)
-        if place is not None and offset is not None:
-            assert offset == pytest.approx(read.offset[axis], abs=1e-6)
-            assert offset == pytest.approx(board.offset[axis], abs=1e-6)
-    assert modal.e == pytest.approx(read.position[3], abs=1e-6) == pytest.approx(board.position[3], abs=1e-6)
-    assert modal.unit == read.unit == board.unit
-    assert (modal.relative, modal.relative_e) == (read.relative, read.relative_e)
-    assert (modal.relative, modal.relative_e) == (board.relative, board.relative_e)
-    assert modal.speed == pytest.approx(read.feed) == pytest.approx(board.feed)
-    if flavour != "klipper":
-        # Klipper has tools and G10 only where its owner has set them up.
-        assert modal.retracted == read.retracted == board.retracted
-        assert state.tool == read.tool == board.heaters.tool
-        hotends = [heater.target for heater in board.heaters.hotends]
-        assert [state.hotends.get(tool, 0.0) for tool in range(3)] == pytest.approx(hotends)
-        assert state.bed == board.bed.target
 
 
 @given(lines=st.lists(LINES.filter(lambda line: not line.code.startswith("G53")), max_size=25))
