@@ -398,8 +398,8 @@ class MachineState:
         for axis, letter in enumerate(_AXES[:3]):
             if letter not in values:
                 continue
-            if when == "when homed":
-                self._set_origin(axis, self.shift[axis], anchored=False)
+            if when == "when homed":  # Smoothieware takes it in mm even after G20 (Endstops.cpp)
+                new[axis] = values[letter]
                 continue
             offset = values[letter] * self.unit
             by, new[axis] = offset - new[axis], offset

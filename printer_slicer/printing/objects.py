@@ -255,8 +255,9 @@ def _amends(before: MachineState, after: MachineState, comes_anyway: bool) -> li
 
 def _amend_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[bytes], None]) -> None:
     """Set the origin that the file has after the object, by M206 and G92."""
-    homes = list(zip(now.home_offset, after.home_offset, strict=True))
-    if words := _words([new if abs(new - old) > _NEAR else None for old, new in homes]):
+    homes = zip(now.home_offset, after.home_offset, strict=True)
+    words = _words([new if abs(new - old) > _NEAR else None for old, new in homes])
+    if words and HOME_OFFSET[now.flavour] == "at once":  # elsewhere the file's own M206 is sent
         say_in_mm(b" ".join([b"M206", *words]))
     shifts = zip(now.position, now.shift, after.shift, strict=True)
     if words := _words(

@@ -11,7 +11,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import FRONT_ENDS, LINES, MORE_LINES, Executor, Line, program_of
 
@@ -39,7 +39,7 @@ TOOLS = range(3)
 
 
 def programs(flavour: str) -> st.SearchStrategy[list[Line]]:
-    lines = st.lists(st.one_of(LINES, MORE_LINES), max_size=25)
+    lines = st.lists(st.one_of(LINES, MORE_LINES), min_size=15, max_size=30)
     if flavour != "klipper":
         return lines
     # It refuses moves for the filament that they feed, and has tools and arcs only where its owner has set them up.
@@ -100,6 +100,7 @@ def assert_lint_reads(command: bytes) -> None:
 
 
 @pytest.mark.parametrize("flavour", FRONT_ENDS)
+@settings(max_examples=40)  # long ones: what a command does shows only in what comes behind it
 @given(data=st.data())
 def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject) -> None:
     commands = [*START, *program_of(data.draw(programs(flavour)))]

@@ -72,3 +72,48 @@ def test_a_line_is_read_alike_in_either_case() -> None:
     assert parse(b"hello") == (b"", {})
     assert parse(b"G1 X99999999999 Y1") == (b"G1", {b"Y": 1.0})
     assert letters(b"g28 x y0") == {b"X", b"Y"}
+
+
+@pytest.mark.parametrize("arc", [b"G2 X5 Y5", b"G3 X5 R0", b"G2 X10 Y20 R3"])
+def test_an_arc_that_firmware_refuses_moves_nothing(arc: bytes) -> None:
+    state = MachineState()
+    for command in START:
+        state.follow(command)
+
+    move = state.follow(arc)
+
+    assert move is not None
+    assert not any(move.delta)
+    assert state.position == (10.0, 20.0, 30.0)
+
+
+def test_r_is_a_target_only_where_the_command_waits() -> None:
+    state = MachineState()
+    for command in (b"M104 R200", b"M140 R60"):
+        state.follow(command)
+    assert (state.hotend, state.bed) == (0.0, 0.0)
+
+    for command in (b"M109 R200", b"M190 R60"):
+        state.follow(command)
+    assert (state.hotend, state.bed) == (200.0, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("flavour", "hotends"), [("reprapfirmware", {1: 210.0, 2: 190.0}), ("marlin", {}), ("klipper", {})]
+)
+def test_tool_temperatures_are_those_of_reprapfirmware(flavour: str, hotends: dict[int, float]) -> None:
+    state = MachineState(flavour)
+    for command in (b"G10 P1 S210 R140", b"M568 P2 S190"):
+        state.follow(command)
+
+    assert state.hotends == hotends
+
+
+def test_smoothieware_has_its_home_offset_when_it_homes() -> None:
+    state = MachineState("smoothie")
+    for command in (b"G28", b"G20", b"M206 X5", b"G21", b"G1 X1 Y1 Z1"):
+        state.follow(command)
+    assert state.offset == (0.0, 0.0, 0.0)
+
+    state.follow(b"G28 X")
+    assert state.offset == (5.0, 0.0, 0.0)

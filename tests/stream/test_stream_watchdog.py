@@ -154,3 +154,8 @@ def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tupl
     for name in dog.targets:
         assert name[0].encode() in (b"T", b"B")
     assert dog.farewell().count(b" S0") >= 2 * len(dog.targets)
+
+
+@pytest.mark.parametrize("command", [b"m104 s200", b"G10 P0 S200", b"M568 P0 S200"])
+def test_every_way_to_heat_the_nozzle_is_switched_off(command: bytes) -> None:
+    assert b"\nM104" in Watchdog().farewell([b"G28", command])

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
-from printer_slicer.inspection.dry_run.feasibility import Feasibility, Link, feasibility
+from printer_slicer.inspection.dry_run.feasibility import Feasibility, Link, _still, feasibility
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.jobs import Job
 from printer_slicer.motion.machine import limits_of
@@ -182,3 +182,8 @@ def test_an_arc_is_one_line_for_many_moves() -> None:
 def test_the_rate_of_a_link_is_that_of_the_wire_or_of_the_answers() -> None:
     assert Link(115_200, window_lines=8, window_bytes=1000).lines_per_second(38) == pytest.approx(303, abs=1)
     assert Link(115_200, latency_back=0.016, window_lines=1).lines_per_second(38) == pytest.approx(51, abs=1)
+
+
+@pytest.mark.parametrize("wait", [b"M116", b"M191 S40", b"g4 p1", b"PAUSE", b"M125"])
+def test_the_machine_stands_still_for_every_command_that_waits(wait: bytes) -> None:
+    assert _still(wait) is not None
