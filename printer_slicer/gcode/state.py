@@ -302,12 +302,17 @@ class MachineState:
                 # From an unknown position, the distance from zero is only a guess of the length.
                 delta[axis] = value - (here or 0.0)
                 goal[axis] = value
+        # An arc to the place where it begins has no radius and is refused: nobody knows whether this is one.
+        doubtful = word in _ARCS and b"R" in values and None in position[:2] and not relative
         if word in _ARCS:
-            if (turn := _full_turn(values, delta)) is None:
+            turn = _full_turn(values, delta)
+            if turn is None and not doubtful:
                 return Move((0.0, 0.0, 0.0, 0.0), self.speed)
-            delta[:2] = [max(hypot(*delta[:2]), turn * unit), 0.0]
+            delta[:2] = [max(hypot(*delta[:2]), (turn or 0.0) * unit), 0.0]
         self._position = goal
-        self._e_told = self._e_told or (b"E" in values and not relative_e)
+        self._e_told = (self._e_told or (b"E" in values and not relative_e)) and not doubtful
+        if doubtful:
+            self._forget(values)
         if delta[3]:
             self.pulled = max(self.pulled - delta[3], 0.0)
         if self._next_unseen:
