@@ -20,7 +20,7 @@ from printer_slicer.gcode.lexer import is_macro, parse, read_commands
 from printer_slicer.gcode.reader import Reader
 from printer_slicer.gcode.reading import State
 from printer_slicer.gcode.state import MachineState, heater_target
-from printer_slicer.policy import scan
+from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.board import Board
@@ -131,5 +131,5 @@ def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject
     for name in ("end", "delta", "speed", "line", "tool", "stop"):
         np.testing.assert_array_equal(getattr(again, name), getattr(moves, name))
     told = scan([command.upper() for command in commands], PROFILE)
-    refused = {one.command for one in told if one.name == "temperature"}
+    refused = {one.command for one in told if one.code == "temperature"}
     assert too_hot <= refused <= names_heat  # of S and R, the lint takes what is worse

@@ -20,7 +20,7 @@ ROOT = Path(printer_slicer.__file__).parent
 ALLOWED = (
     "sim/",
     "cli/inputs.py",  # tells G-code from other files by its first bytes
-    "verdict/stretch.py",  # executes many commands at once, for the simulated printer
+    "inspection/dry_run/command_runs.py",  # executes many commands at once, for the simulated printer
     "gcode/commands.py",
     "gcode/lexer.py",
     "gcode/state.py",

@@ -66,7 +66,7 @@ def test_moves_tell_their_travel_and_speed() -> None:
 
 
 def test_an_arc_counts_as_its_full_circle() -> None:
-    _, moves = follow("G1 X0 Y0 F600", "G2 X10 Y0 I5 J0", "G3 X10 Y0 R-20 Z1 E1")
+    _, moves = follow("G1 X0 Y0 F600", "G2 X10 Y0 I5 J0", "G3 X12 Y0 R-20 Z1 E1")
 
     assert moves[1:] == [
         Move((10 * pi, 0.0, 0.0, 0.0), 10.0),
