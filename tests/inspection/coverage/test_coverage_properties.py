@@ -7,7 +7,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -169,6 +169,7 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(1.2, 30), st.floats(1.2, 30))
+@example(2.25, 2.25)
 def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
     section = np.array([(0, 0), (side, 0), (side, deep), (0, deep)])
     coverage = coverage_of(stacked(loops(side, deep)), sections([section]), CoverageRules(shell=WIDTH))
@@ -182,8 +183,10 @@ def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
     order = np.argsort(off)
     reached = straight + np.cumsum(weight[order])
     share = reached[-1] - max(0.05 * reached[-1], 2.0)  # 2 mm are let pass
-    wanted = off[order][np.searchsorted(reached, share)] if reached[0] < share else 0.0
-    assert coverage.outline.p95[0] == pytest.approx(wanted, abs=2 * ARC)
+    # The distance grows fast where the straight sides end: samples of the outline are half a mm apart there.
+    places = np.clip(np.searchsorted(reached, [share - 0.5, share + 0.5]), 0, len(off) - 1)
+    least, most = np.where(reached[0] < share + np.array([-0.5, 0.5]), off[order][places], 0.0)
+    assert least - 2 * ARC <= coverage.outline.p95[0] <= most + 2 * ARC
     assert coverage.outline.largest[0] == pytest.approx((np.sqrt(2) - 1) * half, abs=ARC)
 
 
