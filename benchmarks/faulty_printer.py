@@ -19,7 +19,7 @@ from time import monotonic
 from typing import Final
 
 from printer_slicer.commands import told_by
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.sim.front_end import MARLIN_2_1
 from printer_slicer.sim.link import Cable
 from printer_slicer.sim.machine import Machine
@@ -29,7 +29,7 @@ from printer_slicer.sim.tally import Report
 
 __all__ = ["FAULTS", "MACHINES", "PREPARED", "FaultyPrinter"]
 
-QUICK: Final = Limits(
+QUICK: Final = MotionLimits(
     max_speed=(1000.0, 1000.0, 50.0, 500.0),
     max_acceleration=(1e5, 1e5, 1e4, 1e5),
     acceleration=1e5,
@@ -51,7 +51,7 @@ PART: Final = replace(
     corner="jerk",
     jerk=(20.0, 20.0, 0.4, 5.0),
 )
-MACHINES: Final[dict[str, Limits]] = {"quick": QUICK, "part": PART}
+MACHINES: Final[dict[str, MotionLimits]] = {"quick": QUICK, "part": PART}
 
 FAULTS: Final = ("none", "lost ok", "flipped bytes", "reset", "resend without ok", "garbage")
 _AT: Final = (500, 800, 1100)  # answers, or executed lines, at which something happens
@@ -69,7 +69,7 @@ class FaultyPrinter:
         job: commands that it should execute.
     """
 
-    def __init__(self, fault: str, machine: Limits, job: list[bytes]) -> None:
+    def __init__(self, fault: str, machine: MotionLimits, job: list[bytes]) -> None:
         front_end = replace(MARLIN_2_1, ok_after_resend=fault != "resend without ok")
         self._fault = fault
         self._inner = SimulatedPrinter(

@@ -24,7 +24,7 @@ from typing import Any
 from benchmarks.prusa_presets import BUNDLES, FILAMENT, Oracle, between, bundles, marked, rendered, saved
 from printer_slicer import dry_run, job_of, load_mesh, load_profile
 from printer_slicer.errors import PrinterSlicerError
-from printer_slicer.importing import Imported, Refused, Wanted, import_profiles, profile_text
+from printer_slicer.importing import Imported, ImportRequest, Refused, import_profiles, profile_text
 
 PART = Path(__file__).parent.parent / "sample_parts" / "box.stl"
 FEWEST = 0.95
@@ -98,7 +98,7 @@ def spread(printers: list[tuple[Path, str]], count: int) -> list[tuple[Path, str
 
 def triple(path: Path, printer: str) -> tuple[Triple, dict[str, str], list[Refused]]:
     """The printer with its default print and filament: ours, and all settings as PrusaSlicer has them."""
-    results = import_profiles(path, Wanted(printer=printer))
+    results = import_profiles(path, ImportRequest(printer=printer))
     made = {one.kind: one for one in results if isinstance(one, Imported)}
     oracle = Oracle(path)
     settings: dict[str, str] = {}

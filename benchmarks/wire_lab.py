@@ -13,7 +13,7 @@ from difflib import SequenceMatcher
 from math import cos, sin
 from random import Random  # noqa: TID251 - seeded
 
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.sim.front_end import FrontEnd
 from printer_slicer.sim.link import Direction, VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -27,7 +27,7 @@ __all__ = ["QUICK", "Fault", "Setup", "Trial", "job_of", "print_over", "question
 Fault = Callable[[bytes, Direction], bytes]
 
 QUICK = Machine(
-    limits=Limits(
+    limits=MotionLimits(
         max_speed=(1000.0, 1000.0, 50.0, 500.0),
         max_acceleration=(1e5, 1e5, 1e4, 1e5),
         acceleration=1e5,

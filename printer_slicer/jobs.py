@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from printer_slicer.commands import Told, lines_of, refuse_unsendable, told_by
+from printer_slicer.commands import TextFacts, lines_of, refuse_unsendable, told_by
 from printer_slicer.diagnostics import Diagnostic, check_names, sentence
 from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import FLAVOURS, Moves, Timer, pieces_of
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.saving import save
-from printer_slicer.showing import Card, Drawn
+from printer_slicer.showing import Drawn, Summary
 
 if TYPE_CHECKING:
     from printer_slicer.model import LayerPlan, Program, Repairs
@@ -78,7 +78,7 @@ class Job(Drawn):
             "layers": f"plastic at {len(self.heights)} heights",
             "motion": spoken(self.seconds),
         }
-        return self.program or Card(
+        return self.program or Summary(
             self.name, facts, [sentence(one) for one in self.findings if one.is_error]
         )
 
@@ -113,7 +113,9 @@ def is_gcode(path: Path) -> bool:
     return path.suffix.lower() in GCODE_SUFFIXES
 
 
-def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, float], flavour: str) -> Job:
+def job_of_text(
+    name: str, text: bytes, *, limits: MotionLimits, corner: tuple[float, float], flavour: str
+) -> Job:
     """The job that a G-code text is, as it was looked at before: nothing is found in it.
 
     Args:
@@ -133,7 +135,7 @@ def job_of_text(name: str, text: bytes, *, limits: Limits, corner: tuple[float, 
     return tally.job(name, text, told)
 
 
-def sendable(name: str, text: bytes, *, streamed: bool = True) -> Told:
+def sendable(name: str, text: bytes, *, streamed: bool = True) -> TextFacts:
     """Return what a text holds that can be sent.
 
     Args:
@@ -159,7 +161,7 @@ class JobSummary:
         limits: of the machine.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: MotionLimits) -> None:
         self._timer = Timer(limits)
         self._heights: dict[float, None] = {}
         self._end = (0.0, 0.0, 0.0)
@@ -173,7 +175,7 @@ class JobSummary:
             self._end = x, y, z
         return moves
 
-    def job(self, name: str, text: bytes, told: Told) -> Job:
+    def job(self, name: str, text: bytes, told: TextFacts) -> Job:
         """Return the job that makes these moves, without findings."""
         return Job(
             name,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-__all__ = ["Card", "Drawn", "drawn_by"]
+__all__ = ["Drawn", "Summary", "drawn_by"]
 
 _artists: list[Callable[[object], str]] = []
 
@@ -20,7 +20,7 @@ def drawn_by(artist: Callable[[object], str]) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Card:
+class Summary:
     """What is seen of a value that has no shape: a headline, what is known by name, and what is wrong."""
 
     title: str

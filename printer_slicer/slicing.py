@@ -14,7 +14,7 @@ from printer_slicer.geometry.crossing import Crossings, crossings_of
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.planes import connected, edge_faults
 from printer_slicer.geometry.slabs import slab_shadows
-from printer_slicer.model import Contours, Faults, Gap, LayerPlan, Mesh, Repair, Sections
+from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Repair, Sections
 
 __all__ = ["contours", "cut", "mesh_faults", "open_places", "section_repairs"]
 
@@ -147,9 +147,9 @@ def section_repairs(
     return done
 
 
-def mesh_faults(mesh: Mesh) -> Faults:
+def mesh_faults(mesh: Mesh) -> MeshFaults:
     """Where the mesh is open, wrongly oriented, or not a surface; in the coordinates of the mesh."""
-    return Faults(*edge_faults(mesh.triangles))
+    return MeshFaults(*edge_faults(mesh.triangles))
 
 
 class _Rings(NamedTuple):

@@ -112,6 +112,16 @@ def test_test_files_have_names_of_their_own() -> None:
     assert [one for one, after in pairwise(names) if one == after] == []
 
 
+def test_no_two_public_classes_have_one_name() -> None:
+    homes: dict[str, list[str]] = {}
+    for path in SOURCES:
+        for node in ast.parse(path.read_text("utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(name_of(path))
+
+    assert {name: where for name, where in homes.items() if len(where) > 1} == {}
+
+
 def test_no_file_is_so_long_that_it_holds_more_than_one_idea() -> None:
     sizes = {
         shown(path): source_lines(path)

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from printer_slicer.cli.arguments import DIALS, FIRMWARES
 from printer_slicer.cli.inputs import MODELS
-from printer_slicer.cli.parser import Command
+from printer_slicer.cli.parser import CommandParser
 
 __all__ = ["SHELLS", "actions_of", "complete", "shell_code"]
 
@@ -61,12 +61,12 @@ def _as_one_command(parser: argparse.ArgumentParser) -> None:
                     os.environ["COMP_LINE"] = line.replace(found[1], joined, 1)
 
 
-def _below(commands: Mapping[str, argparse.ArgumentParser]) -> list[tuple[str, str, Command]]:
+def _below(commands: Mapping[str, argparse.ArgumentParser]) -> list[tuple[str, str, CommandParser]]:
     """Commands, first words behind them that lead to another parser, and these."""
     return [
         (name, word, below)
         for name, made in commands.items()
-        if isinstance(made, Command)
+        if isinstance(made, CommandParser)
         for word, below in made.below.items()
     ]
 
@@ -83,7 +83,7 @@ def actions_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
             for below in action.choices.values():
                 yield from actions_of(below)
-    for below in parser.below.values() if isinstance(parser, Command) else ():
+    for below in parser.below.values() if isinstance(parser, CommandParser) else ():
         yield from actions_of(below)
 
 

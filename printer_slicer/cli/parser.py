@@ -13,7 +13,7 @@ from printer_slicer.cli.values import attached
 from printer_slicer.errors import UsageError
 from printer_slicer.version import VERSION
 
-__all__ = ["COMMANDS", "Command", "build_parser", "declare"]
+__all__ = ["COMMANDS", "CommandParser", "build_parser", "declare"]
 
 COMMANDS: Final[Mapping[str, str]] = {
     "slice": "make G-code from a part",
@@ -68,7 +68,7 @@ def build_parser(asked: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentP
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and stop")
-    usual: type[argparse.ArgumentParser] = Command
+    usual: type[argparse.ArgumentParser] = CommandParser
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual, title="commands")
     for name, meaning in COMMANDS.items():
         command = commands.add_parser(
@@ -125,14 +125,14 @@ def _near(word: str, known: Iterable[str]) -> str:
     return f"did you mean {near[0]!r}? " if near else ""
 
 
-class Command(_Parser):
+class CommandParser(_Parser):
     """A parser whose usage names what must be typed; what may be typed stands in the help.
 
     Attributes:
         below: first words behind which another parser reads.
     """
 
-    below: Mapping[str, Command] = {}
+    below: Mapping[str, CommandParser] = {}
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As the class it comes from; what is not known is refused here, where the flags are that it may have meant."""

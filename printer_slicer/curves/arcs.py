@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
-from printer_slicer.curves.lines import Lines, stretches
+from printer_slicer.curves.lines import PathLines, stretches
 from printer_slicer.model import Toolpaths
 from printer_slicer.motion.arcs import CHORDS_PER_TURN, LONGEST_CHORD, SHORTEST_CHORD
 from printer_slicer.profile import Profile
@@ -34,7 +34,7 @@ def curved(paths: Toolpaths, profile: Profile) -> Toolpaths:
     tolerance = profile.quality.arc_tolerance
     if not tolerance or not paths.n_paths:
         return paths
-    line = Lines.of(paths)
+    line = PathLines.of(paths)
 
     def fits(first: Int, stop: Int) -> Bool:
         return _fits(line, first, stop, tolerance)
@@ -44,7 +44,7 @@ def curved(paths: Toolpaths, profile: Profile) -> Toolpaths:
     return _with_arcs(paths, line, first[arc], stop[arc]) if len(arc) else paths
 
 
-def _fits(line: Lines, first: Int, stop: Int, tolerance: float) -> Bool:
+def _fits(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
     """(T,) whether lines `first` up to `stop` lie on a circle."""
     centre, radius = _circles(line, first, stop)
     size = stop - first
@@ -66,7 +66,7 @@ def _fits(line: Lines, first: Int, stop: Int, tolerance: float) -> Bool:
     return np.asarray(good & (radius >= _SMALLEST) & (radius <= _LARGEST))
 
 
-def _circles(line: Lines, first: Int, stop: Int) -> tuple[Float, Float]:
+def _circles(line: PathLines, first: Int, stop: Int) -> tuple[Float, Float]:
     """Centre (T, 2) and radius (T,) of the circle through both ends of each stretch that fits its points best."""
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     middle, chord = (begin + last) / 2, last - begin
@@ -87,7 +87,7 @@ def _circles(line: Lines, first: Int, stop: Int) -> tuple[Float, Float]:
     return middle + shift[:, None] * normal, np.hypot(shift, length / 2)
 
 
-def _with_arcs(paths: Toolpaths, line: Lines, first: Int, stop: Int) -> Toolpaths:
+def _with_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> Toolpaths:
     """The paths with the points of arcs in the place of those of lines `first` up to `stop` (A,)."""
     centre, radius = _circles(line, first, stop)
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]

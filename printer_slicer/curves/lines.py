@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, run_begins
 from printer_slicer.model import Toolpaths
 
-__all__ = ["Fits", "Lines", "stretches"]
+__all__ = ["Fits", "PathLines", "stretches"]
 
 _SAME_WIDTH = 0.002  # mm
 _ROUNDS = 40
@@ -20,7 +20,7 @@ Fits = Callable[[Int, Int], Bool]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lines:
+class PathLines:
     """The lines of all paths.
 
     Attributes:
@@ -38,7 +38,7 @@ class Lines:
     apart: Bool
 
     @classmethod
-    def of(cls, paths: Toolpaths) -> Lines:
+    def of(cls, paths: Toolpaths) -> PathLines:
         """Path by path; loops end with the line to their first point."""
         begin, end = paths.ends_of_beads
         owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
@@ -54,7 +54,7 @@ class Lines:
         return cls(begin, end, paths.xy[begin], way, apart)
 
 
-def stretches(line: Lines, fits: Fits) -> tuple[Int, Int]:
+def stretches(line: PathLines, fits: Fits) -> tuple[Int, Int]:
     """All lines in stretches (T,), from `first` up to `stop`, none of which can be joined with the next one."""
     first = np.arange(len(line.begin))
     stop = first + 1
@@ -67,7 +67,7 @@ def stretches(line: Lines, fits: Fits) -> tuple[Int, Int]:
     return first, stop
 
 
-def _joined(line: Lines, first: Int, stop: Int, fits: Fits, *, odd: bool) -> tuple[Int, Int, bool]:
+def _joined(line: PathLines, first: Int, stop: Int, fits: Fits, *, odd: bool) -> tuple[Int, Int, bool]:
     """Stretches of lines (T,), some of them joined with the next one; and whether any were.
 
     Of each two neighbours one is asked, every other time the other one.

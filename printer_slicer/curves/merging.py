@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int, consecutive
-from printer_slicer.curves.lines import Lines, stretches
+from printer_slicer.curves.lines import PathLines, stretches
 from printer_slicer.model import Toolpaths
 
 __all__ = ["merged"]
@@ -15,7 +15,7 @@ __all__ = ["merged"]
 
 def merged(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     """The paths; lines of those `chosen` (M,) are joined where nothing is moved by more than `tolerance` mm."""
-    line = Lines.of(paths)
+    line = PathLines.of(paths)
     owner = np.searchsorted(paths.start, line.begin, side="right") - 1
     arc = np.isfinite(paths.centre[line.begin, 0])
     # Neither a chord of an arc nor what follows it is joined with what stands before.
@@ -32,7 +32,7 @@ def merged(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     )
 
 
-def _fits(line: Lines, first: Int, stop: Int, tolerance: float) -> Bool:
+def _fits(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
     """(T,) whether all points of lines `first` up to `stop` lie near to the one from begin to end, and in turn."""
     size = stop - first
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]

@@ -13,7 +13,7 @@ from printer_slicer.drawing.frame import Panel, marks
 from printer_slicer.inspection.deposition.height_map import PlateHeights
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 
-__all__ = ["Mark", "rehearsal_picture"]
+__all__ = ["FaultMark", "rehearsal_picture"]
 
 _SHADES: Final = ("#d5e5f2", "#b0cfe6", "#86b4d6", "#5e98c4", "#3c7baf", "#215f94", "#0d4577")
 _BAR, _FLOW, _CAP, _WRONG, _INK, _PALE = "#4f8ac0", "#8a6bb1", "#c0392b", "#c0392b", "#222222", "#dddddd"
@@ -62,7 +62,7 @@ class _Chart(NamedTuple):
     cap_name: str = ""
 
 
-class Mark(NamedTuple):
+class FaultMark(NamedTuple):
     """A fault to be shown: its sentence, its height and place on the plate, mm, where they are known."""
 
     text: str
@@ -72,7 +72,7 @@ class Mark(NamedTuple):
 
 def rehearsal_picture(
     account: Deposition,
-    found: Sequence[Mark],
+    found: Sequence[FaultMark],
     title: str,
     corners: tuple[tuple[float, float], tuple[float, float]],
     max_flow: float,
@@ -170,7 +170,7 @@ def _bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> Itera
         yield Text(x, panel.top - 8, f"{chart.cap_name} {cap:g}", _SIZE, _CAP, anchor="end")
 
 
-def _marked(number: int, mark: Mark, bed: _Bed, charts: Sequence[Panel], top: float) -> Iterator[Shape]:
+def _marked(number: int, mark: FaultMark, bed: _Bed, charts: Sequence[Panel], top: float) -> Iterator[Shape]:
     """A fault on the plate and over the height."""
     if mark.place is not None:
         x, y = bed.nearest(*mark.place)

@@ -19,7 +19,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Sections, Toolpaths
 from printer_slicer.naming import kind_of
 from printer_slicer.roles import Role
-from printer_slicer.showing import Card, Drawn
+from printer_slicer.showing import Drawn, Summary
 from printer_slicer.surface import Certificate
 from printer_slicer.thumbnails import render
 
@@ -82,7 +82,7 @@ def _mesh(part: Mesh, _layer: int | None) -> Picture:
 
 
 @_picture.register
-def _card(told: Card, _layer: int | None) -> Picture:
+def _card(told: Summary, _layer: int | None) -> Picture:
     return card(told.title, told.facts, told.problems)
 
 

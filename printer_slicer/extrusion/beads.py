@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
-from printer_slicer.extrusion.rows import Kind, Rows
+from printer_slicer.extrusion.rows import Kind, MoveRows
 from printer_slicer.model import Toolpaths
 from printer_slicer.profile import Profile, Speeds
 from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
@@ -50,7 +50,7 @@ class Beads:
         return self.length * per_mm * (self.share * self.flow)
 
 
-def beads_of(paths: Toolpaths, rows: Rows, rules: tuple[Profile, ...]) -> Beads:
+def beads_of(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> Beads:
     """The beads of the rows that lay some, with the flow that the profiles of their paths have."""
     begin, end, path = rows.begin, rows.end, rows.bead_path
     way = paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)
@@ -72,7 +72,7 @@ def beads_of(paths: Toolpaths, rows: Rows, rules: tuple[Profile, ...]) -> Beads:
     )
 
 
-def speeds_of(paths: Toolpaths, rows: Rows, beads: Beads, rules: tuple[Profile, ...]) -> Float:
+def speeds_of(paths: Toolpaths, rows: MoveRows, beads: Beads, rules: tuple[Profile, ...]) -> Float:
     """(K,) speed of each move, mm/s; of beads that of the profile that their path has."""
     printer, speeds = rules[0].printer, rules[0].speeds
     z_speed = min(speeds.travel, printer.max_speed_z)

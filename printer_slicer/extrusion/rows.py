@@ -11,7 +11,7 @@ from printer_slicer.extrusion.wiping import Wipes, wipes_of
 from printer_slicer.model import Toolpaths, Travels, leaves
 from printer_slicer.profile import Profile
 
-__all__ = ["APPROACH", "Kind", "Rows", "rows_of"]
+__all__ = ["APPROACH", "Kind", "MoveRows", "rows_of"]
 
 APPROACH = 2.0  # mm over the first layer at which the nozzle arrives: nothing is dragged over the bed
 _SHORTEST = 0.003  # mm, of a bead
@@ -26,7 +26,7 @@ class Kind:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class MoveRows:
     """The moves before they have numbers; the last one retracts after the last path.
 
     Attributes:
@@ -62,7 +62,7 @@ class Rows:
         return result
 
 
-def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
+def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
     """The moves that print paths in order."""
     wipes = wipes_of(paths, travels, profile)
     ways = _ways(paths, travels, profile)
@@ -84,7 +84,7 @@ def rows_of(paths: Toolpaths, travels: Travels, profile: Profile) -> Rows:
     pulled[kind == Kind.WIPE] = -wipes.moving
     printer = profile.printer
     pulled[kind == Kind.DERETRACT] = printer.retract_length + printer.deretract_extra
-    return Rows(
+    return MoveRows(
         np.append(path, path[-1]),
         np.append(kind, Kind.RETRACT),
         np.concatenate([xyz, xyz[-1:]]),

@@ -9,14 +9,14 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.model import Program
-from printer_slicer.motion.blocks import Limits
+from printer_slicer.motion.blocks import MotionLimits
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.whole import durations
 from printer_slicer.profile import Profile
 
 __all__ = ["known_as", "move_seconds", "timed_again"]
 
-_timed: WeakKeyDictionary[Program, tuple[Limits, Float]] = WeakKeyDictionary()
+_timed: WeakKeyDictionary[Program, tuple[MotionLimits, Float]] = WeakKeyDictionary()
 
 
 def move_seconds(program: Program, profile: Profile) -> Float:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect
-from printer_slicer.gcode.reading import State, passed_over, set_accelerations
+from printer_slicer.gcode.reading import ReadingState, passed_over, set_accelerations
 from printer_slicer.macros import number
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
@@ -38,7 +38,7 @@ def _retraction(printer: Printer) -> list[str]:
     ]
 
 
-def _set_retraction(state: State, words: Mapping[str, float], _index: int) -> None:
+def _set_retraction(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """SET_RETRACTION."""
     names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
     old = state.retraction
@@ -46,7 +46,7 @@ def _set_retraction(state: State, words: Mapping[str, float], _index: int) -> No
     state.retraction = length, back, forward, extra
 
 
-def _set_velocity_limit(state: State, words: Mapping[str, float], index: int) -> None:
+def _set_velocity_limit(state: ReadingState, words: Mapping[str, float], index: int) -> None:
     """SET_VELOCITY_LIMIT: of it only the acceleration, which is that of all moves."""
     accelerate = set_accelerations("printing", "travel", "retract", letters="S")
     accelerate(state, {"S": words.get("ACCEL", 0.0)}, index)

@@ -19,7 +19,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, run_begins
 from printer_slicer.gcode.dialect import Dialect
-from printer_slicer.gcode.rows import E_DECIMALS, Rows
+from printer_slicer.gcode.rows import E_DECIMALS, MoveText
 from printer_slicer.macros import number
 from printer_slicer.model import Labels, Program
 from printer_slicer.profile import Profile
@@ -28,8 +28,8 @@ from printer_slicer.roles import Role
 __all__ = [
     "LABEL_WORDS",
     "LabelWords",
-    "Mark",
     "Marking",
+    "ObjectMark",
     "definitions",
     "for_all",
     "fresh_rows",
@@ -106,7 +106,7 @@ def definitions(marks: Marking | None) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class ObjectMark:
     """Before move `index` thing `stop` ends and thing `start` begins; -1: none.
 
     The beads of the one end before move `after`, those of the other begin with move `until`.
@@ -119,7 +119,7 @@ class Mark:
     until: int
 
 
-def marks_of(program: Program, labels: Labels) -> list[Mark]:
+def marks_of(program: Program, labels: Labels) -> list[ObjectMark]:
     """All changes from thing to thing, and at every layer."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     item, layer = labels.item[beads], program.layer[beads]
@@ -129,13 +129,13 @@ def marks_of(program: Program, labels: Labels) -> list[Mark]:
     ends = np.where(change > 0, beads[np.maximum(change - 1, 0)] + 1, 0)
     before = np.where(change > 0, item[np.maximum(change - 1, 0)], -1)
     marks = [
-        Mark(_between(program, int(end), int(begin)), int(stop), int(start), int(end), int(begin))
+        ObjectMark(_between(program, int(end), int(begin)), int(stop), int(start), int(end), int(begin))
         for end, begin, stop, start in zip(ends, begins, before, item[change], strict=True)
     ]
     if len(item) and item[-1] >= 0:
         last = int(beads[-1]) + 1
         end = program.n_moves
-        marks.append(Mark(_between(program, last, end), int(item[-1]), -1, last, end))
+        marks.append(ObjectMark(_between(program, last, end), int(item[-1]), -1, last, end))
     return marks
 
 
@@ -156,13 +156,13 @@ def _lifts(program: Program, move: int) -> bool:
     return bool(way[2] > 0 and (way[:2] == 0).all() and program.filament[move] == 0)
 
 
-def fresh_rows(marks: list[Mark]) -> Int:
+def fresh_rows(marks: list[ObjectMark]) -> Int:
     """The moves whose rows must say everything."""
     return np.array(sorted({mark.index for mark in marks}), np.int64)
 
 
 def stop_notes(
-    marks: list[Mark], marked: Marking, rows: Rows, *, relative: bool
+    marks: list[ObjectMark], marked: Marking, rows: MoveText, *, relative: bool
 ) -> Iterator[tuple[int, list[str]]]:
     """Where things end; where E counts from the beginning, what it stands at behind a thing given up."""
     labels, words = marked
@@ -175,7 +175,7 @@ def stop_notes(
         yield mark.index, lines
 
 
-def start_notes(marks: list[Mark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
+def start_notes(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
     """Where things begin."""
     labels, words = marked
     seen: set[int] = set()
@@ -185,7 +185,9 @@ def start_notes(marks: list[Mark], marked: Marking) -> Iterator[tuple[int, list[
             seen.add(mark.start)
 
 
-def for_all(notes: Iterator[tuple[int, list[str]]], marks: list[Mark]) -> Iterator[tuple[int, list[str]]]:
+def for_all(
+    notes: Iterator[tuple[int, list[str]]], marks: list[ObjectMark]
+) -> Iterator[tuple[int, list[str]]]:
     """Notes that concern everything, put between the marks of two things: they hold if either is given up."""
     ends = [mark.after for mark in marks]
     for index, lines in notes:

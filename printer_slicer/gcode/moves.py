@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.motion.rules import Axes, Limits
-from printer_slicer.motion.stopwatch import Stopwatch, Wanted
+from printer_slicer.motion.rules import Axes, MotionLimits
+from printer_slicer.motion.stopwatch import RequestedMoves, Stopwatch
 
 __all__ = ["Moves", "Timer", "changed_limits"]
 
@@ -42,7 +42,7 @@ class Moves:
     changes: tuple[tuple[int, str, Mapping[str, float]], ...] = ()
     rested: bool = False
 
-    def seconds(self, limits: Limits) -> float:
+    def seconds(self, limits: MotionLimits) -> float:
         """Time for all moves and dwells; homing and heating are not counted."""
         timer = Timer(limits)
         timer.add(self)
@@ -61,7 +61,7 @@ class Timer:
         limits: of the machine before the first piece.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: MotionLimits) -> None:
         self._limits = limits
         self._watch = Stopwatch(limits)
         self._dwells = 0.0
@@ -93,10 +93,10 @@ class Timer:
         laying = np.where(travels, limits.acceleration, limits.retract_acceleration)
         usual = np.where(delta[:, 3] != 0, laying, limits.travel_acceleration)
         acceleration = np.where(np.isnan(wanted), usual, wanted)
-        self._watch.add(Wanted(delta, moves.speed[some], acceleration, moves.stop[some]))
+        self._watch.add(RequestedMoves(delta, moves.speed[some], acceleration, moves.stop[some]))
 
 
-def changed_limits(limits: Limits, kind: str, values: Mapping[str, float]) -> Limits:
+def changed_limits(limits: MotionLimits, kind: str, values: Mapping[str, float]) -> MotionLimits:
     """The limits after M201, M203 or M205, a change of `Moves.changes`."""
 
     def merged(axes: Axes) -> Axes:

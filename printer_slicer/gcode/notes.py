@@ -16,9 +16,9 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
-from printer_slicer.gcode.labels import Mark, Marking, for_all, start_notes, stop_notes
+from printer_slicer.gcode.labels import Marking, ObjectMark, for_all, start_notes, stop_notes
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, Rows
+from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, MoveText
 from printer_slicer.gcode.state import uses_inches
 from printer_slicer.macros import Template, Value, number, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
@@ -80,7 +80,7 @@ def macro_of(profile: Profile, name: str) -> Template:
     return read_template(getattr(printer, name), f"printer {printer.name!r}: {name}")
 
 
-def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dict[int, list[str]]:
+def notes_of(writing: Writing, rows: MoveText, turns: Int, marks: list[ObjectMark]) -> dict[int, list[str]]:
     """The lines that stand before each move, and after the last one, but for what `bead_notes` tells.
 
     Args:
@@ -111,7 +111,7 @@ def notes_of(writing: Writing, rows: Rows, turns: Int, marks: list[Mark]) -> dic
     return notes
 
 
-def _macros(writing: Writing, rows: Rows) -> tuple[list[_Note], list[_Note]]:
+def _macros(writing: Writing, rows: MoveText) -> tuple[list[_Note], list[_Note]]:
     """Changes of layer and arrivals; their macros run in the order of the print, which global variables hang on."""
     shared = dict(writing.shared)
     found: tuple[list[_Note], list[_Note]] = [], []
@@ -122,7 +122,7 @@ def _macros(writing: Writing, rows: Rows) -> tuple[list[_Note], list[_Note]]:
     return found
 
 
-def _layers(writing: Writing, rows: Rows, shared: dict[str, Value]) -> Iterator[_Note]:
+def _layers(writing: Writing, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Note]:
     """Every change of layer, and the macro before it."""
     program, template = writing.program, macro_of(writing.profile, "before_layer_gcode")
     height = _layer_heights(program)
@@ -141,7 +141,7 @@ def _layers(writing: Writing, rows: Rows, shared: dict[str, Value]) -> Iterator[
         )
 
 
-def _arrivals(writing: Writing, rows: Rows, shared: dict[str, Value]) -> Iterator[_Note]:
+def _arrivals(writing: Writing, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Note]:
     """Pauses and the macro of each layer, once the nozzle is at its height."""
     program = writing.program
     template = macro_of(writing.profile, "layer_gcode")
@@ -159,7 +159,7 @@ def _arrivals(writing: Writing, rows: Rows, shared: dict[str, Value]) -> Iterato
         yield place + 1, lines + _in_layer(template, writing, rows, place + 1, layer, shared)
 
 
-def macros_between(writing: Writing, rows: Rows) -> Iterator[_Note]:
+def macros_between(writing: Writing, rows: MoveText) -> Iterator[_Note]:
     """What layer and pause macros say before which move, where that moves the machine or lets it stand."""
     names = "before_layer_gcode", "layer_gcode"
     if all(macro_of(writing.profile, name).empty for name in names) and not writing.profile.quality.pause_at:
@@ -195,7 +195,7 @@ def _pauses(writing: Writing) -> set[int]:
 
 
 def _in_layer(  # noqa: PLR0917 - where and with what
-    template: Template, writing: Writing, rows: Rows, move: int, layer: int, shared: dict[str, Value]
+    template: Template, writing: Writing, rows: MoveText, move: int, layer: int, shared: dict[str, Value]
 ) -> list[str]:
     """A macro that runs before a move; the printer is then as it was before."""
     if template.empty:
@@ -206,7 +206,7 @@ def _in_layer(  # noqa: PLR0917 - where and with what
     return lines + _restored(lines, writing, rows, move)
 
 
-def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list[str]:
+def _restored(lines: list[str], writing: Writing, rows: MoveText, move: int) -> list[str]:
     """What puts modes, position and speed back to where the moves go on, if a macro may have changed them.
 
     Rows say only what differs from the row before: a macro that moves would lead the next one astray.
@@ -227,7 +227,7 @@ def _restored(lines: list[str], writing: Writing, rows: Rows, move: int) -> list
     return back
 
 
-def _said_again(writing: Writing, marks: list[Mark]) -> Iterator[_Note]:
+def _said_again(writing: Writing, marks: list[ObjectMark]) -> Iterator[_Note]:
     """Behind a thing, what was changed within it and goes on to hold: it holds too if the thing is given up."""
     changes = [event for event in writing.program.events if isinstance(event, Fan | Acceleration)]
     begun = 0

@@ -18,11 +18,11 @@ from printer_slicer.gcode.lexer import extended, letters, parse
 from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.moves import Moves
 from printer_slicer.gcode.plain import plain_moves
-from printer_slicer.gcode.reading import MARLIN_ACTIONS, Action, State
+from printer_slicer.gcode.reading import MARLIN_ACTIONS, Action, ReadingState
 from printer_slicer.gcode.runs import follow_plain
 from printer_slicer.motion.counting import Counting
 
-__all__ = ["Reader", "pieces_of", "read_moves"]
+__all__ = ["MoveReader", "pieces_of", "read_moves"]
 
 _STOPS: Final = names_that(Effect.WAITS)
 _HOMES: Final = names_that(Effect.HOMES)
@@ -40,7 +40,7 @@ def read_moves(
         home: x and y of the endstops, mm; the machine begins there, and G28 brings it back.
         dialect: what commands mean that differ from firmware to firmware.
     """
-    reader = Reader(home, dialect)
+    reader = MoveReader(home, dialect)
     reader.feed(commands)
     return reader.moves()
 
@@ -49,13 +49,13 @@ def pieces_of(
     commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN
 ) -> Iterator[Moves]:
     """The same piece by piece, so that a long job needs no more memory than a short one."""
-    reader = Reader(home, dialect)
+    reader = MoveReader(home, dialect)
     for begin in range(0, len(commands), _PIECE):
         reader.feed(commands[begin : begin + _PIECE])
         yield reader.moves()
 
 
-class Reader:
+class MoveReader:
     """Follows commands and gives their moves, as often as it is asked.
 
     Args:
@@ -65,7 +65,7 @@ class Reader:
 
     def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN) -> None:
         self._actions = {**MARLIN_ACTIONS, **dialect.reads}
-        self._state = State(home=(*home, 0.0), counting=Counting(dialect.counting))
+        self._state = ReadingState(home=(*home, 0.0), counting=Counting(dialect.counting))
         self._state.position[:3] = self._state.home
         self._count = 0
 

@@ -15,8 +15,8 @@ from printer_slicer.motion.counting import Counting
 __all__ = [
     "MARLIN_ACTIONS",
     "Action",
-    "Rows",
-    "State",
+    "GrowingTable",
+    "ReadingState",
     "follow_line",
     "limit",
     "move_in_machine_coordinates",
@@ -28,7 +28,7 @@ __all__ = [
 _COLUMNS: Final = 11
 
 
-class Rows:
+class GrowingTable:
     """A table that grows, row by row and by many rows at once."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class Rows:
 
 
 @dataclass(slots=True)
-class State:
+class ReadingState:
     """Where the machine is and how it reads numbers.
 
     Attributes:
@@ -95,7 +95,7 @@ class State:
     retraction: tuple[float, float, float, float] = (0.0, 25.0, 25.0, 0.0)
     retracted: bool = False
     changes: list[tuple[int, str, dict[str, float]]] = field(default_factory=list)
-    rows: Rows = field(default_factory=Rows)
+    rows: GrowingTable = field(default_factory=GrowingTable)
     stops: list[int] = field(default_factory=list)
     rested: bool = False
 
@@ -115,11 +115,11 @@ class State:
         return self.unit**3 / (np.pi * self.diameter**2 / 4) if self.volumetric else self.unit
 
 
-Action = Callable[[State, Mapping[str, float], int], None]
+Action = Callable[[ReadingState, Mapping[str, float], int], None]
 """What a command does, given its numbers and its place among the commands."""
 
 
-def _goal(state: State, words: Mapping[str, float]) -> list[float]:
+def _goal(state: ReadingState, words: Mapping[str, float]) -> list[float]:
     """Where the words lead, in machine coordinates."""
     goal = list(state.position)
     for axis, letter in enumerate("XYZE"):
@@ -132,7 +132,7 @@ def _goal(state: State, words: Mapping[str, float]) -> list[float]:
     return goal
 
 
-def _move(state: State, goal: list[float], index: int) -> None:
+def _move(state: ReadingState, goal: list[float], index: int) -> None:
     """One straight move."""
     delta = [after - before for after, before in zip(goal, state.position, strict=True)]
     if any(delta):
@@ -144,7 +144,7 @@ def _move(state: State, goal: list[float], index: int) -> None:
     state.position = goal
 
 
-def follow_line(state: State, words: Mapping[str, float], index: int) -> None:
+def follow_line(state: ReadingState, words: Mapping[str, float], index: int) -> None:
     """G0 and G1: straight to where the words lead."""
     _move(state, _goal(state, words), index)
 
@@ -152,7 +152,7 @@ def follow_line(state: State, words: Mapping[str, float], index: int) -> None:
 def _arc(clockwise: bool) -> Action:
     """G2 or G3."""
 
-    def run(state: State, words: Mapping[str, float], index: int) -> None:
+    def run(state: ReadingState, words: Mapping[str, float], index: int) -> None:
         """An arc as straight moves, around a centre (I and J) or with a radius (R)."""
         x, y, z, e = state.position
         goal = _goal(state, words)
@@ -169,7 +169,7 @@ def _arc(clockwise: bool) -> Action:
     return run
 
 
-def _set_position(state: State, words: Mapping[str, float], _index: int) -> None:
+def _set_position(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """G92: the same place under other numbers."""
     for axis, letter in enumerate("XYZE"):
         if letter in words:
@@ -179,14 +179,14 @@ def _set_position(state: State, words: Mapping[str, float], _index: int) -> None
                 state.offset[axis] = words[letter] * state.unit - state.position[axis]
 
 
-def _home(state: State, words: Mapping[str, float], _index: int) -> None:
+def _home(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """G28: the named axes, or all but the extruder, are at their endstops, without the offset of G92."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
         state.position[axis], state.offset[axis] = state.home[axis], state.home_offset[axis]
 
 
-def _offset_home(state: State, words: Mapping[str, float], _index: int) -> None:
+def _offset_home(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M206: move the origin by the change of the home offset."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
@@ -195,14 +195,14 @@ def _offset_home(state: State, words: Mapping[str, float], _index: int) -> None:
             state.home_offset[axis] = offset
 
 
-def offset_next_homing(state: State, words: Mapping[str, float], _index: int) -> None:
+def offset_next_homing(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M206 of Smoothieware, which applies it at the next homing and takes it in mm even after G20 (Endstops.cpp)."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
             state.home_offset[axis] = words[letter]
 
 
-def move_in_machine_coordinates(state: State, words: Mapping[str, float], index: int) -> None:
+def move_in_machine_coordinates(state: ReadingState, words: Mapping[str, float], index: int) -> None:
     """G53 before a move: use machine coordinates."""
     if (move := _MOVES.get(words.get("G", -1.0))) is not None:
         offset, state.offset = state.offset, [0.0, 0.0, 0.0, 0.0]
@@ -210,12 +210,12 @@ def move_in_machine_coordinates(state: State, words: Mapping[str, float], index:
         state.offset = offset
 
 
-def _dwell(state: State, words: Mapping[str, float], _index: int) -> None:
+def _dwell(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """G4: S in seconds, or else P in milliseconds."""
     state.dwell += words["S"] if "S" in words else words.get("P", 0.0) / 1000
 
 
-def _acceleration(state: State, words: Mapping[str, float], _index: int) -> None:
+def _acceleration(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M204: S sets printing and travel, P, T and R one each."""
     state.printing = words.get("P", words.get("S", state.printing))
     state.travel = words.get("T", words.get("S", state.travel))
@@ -231,7 +231,7 @@ def limit(kind: str, renamed: Mapping[str, str] | None = None, scale: float = 1.
         scale: its unit in mm and s.
     """
 
-    def run(state: State, words: Mapping[str, float], _index: int) -> None:
+    def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
         """The limits that are named hold from the next move on; those of 0 are passed over."""
         names = renamed if renamed is not None else {letter: letter for letter in words}
         values = {names[one]: value * scale for one, value in words.items() if value > 0 and one in names}
@@ -243,7 +243,7 @@ def limit(kind: str, renamed: Mapping[str, str] | None = None, scale: float = 1.
 def set_accelerations(*which: str, letters: str) -> Action:
     """An action that sets some of `printing`, `travel`, `retract` to the least of its numbers with these letters."""
 
-    def run(state: State, words: Mapping[str, float], _index: int) -> None:
+    def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
         """They hold from the next move on."""
         values = [words[letter] for letter in letters if words.get(letter, 0) > 0]
         for name in which if values else ():
@@ -252,18 +252,18 @@ def set_accelerations(*which: str, letters: str) -> Action:
     return run
 
 
-def passed_over(_state: State, _words: Mapping[str, float], _index: int) -> None:
+def passed_over(_state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
     """Nothing that has to do with moves."""
 
 
-def _retraction(state: State, words: Mapping[str, float], _index: int) -> None:
+def _retraction(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M207: S mm, F mm/min, and in RepRapFirmware forward T mm/min and R mm more."""
     length, back, forward, extra = state.retraction
     back, forward = words.get("F", 60 * back) / 60, words.get("T", 60 * forward) / 60
     state.retraction = words.get("S", length), back, forward, words.get("R", extra)
 
 
-def _deretraction(state: State, words: Mapping[str, float], _index: int) -> None:
+def _deretraction(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M208: forward F mm/min, and S mm more."""
     length, back, forward, extra = state.retraction
     state.retraction = length, back, words.get("F", 60 * forward) / 60, words.get("S", extra)
@@ -272,7 +272,7 @@ def _deretraction(state: State, words: Mapping[str, float], _index: int) -> None
 def _firmware_retraction(back: bool) -> Action:
     """G10 or G11."""
 
-    def run(state: State, words: Mapping[str, float], index: int) -> None:
+    def run(state: ReadingState, words: Mapping[str, float], index: int) -> None:
         """Turn the extruder, unless it is turned so already; E stays what it was. Letters make it another command."""
         if words or state.retracted == back:
             return
@@ -286,20 +286,20 @@ def _firmware_retraction(back: bool) -> Action:
     return run
 
 
-def _speed_ratio(state: State, words: Mapping[str, float], _index: int) -> None:
+def _speed_ratio(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M220: the share of all speeds from now on, in percent."""
     if "S" in words:
         state.speed_ratio = min(max(words["S"], 1.0), 999.0) / 100
 
 
-def _volumetric(state: State, words: Mapping[str, float], _index: int) -> None:
+def _volumetric(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """M200: from now on E counts mm³ of a filament of diameter D; D0 or S0 ends it, S1 goes back to it."""
     diameter = words.get("D", 0.0) * state.unit
     state.volumetric = bool(words.get("S", diameter))
     state.diameter = diameter or state.diameter
 
 
-def _tool(state: State, words: Mapping[str, float], _index: int) -> None:
+def _tool(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
     """T0, T1 and so on: another tool from now on."""
     state.tool = int(words["T"])
 
@@ -307,7 +307,7 @@ def _tool(state: State, words: Mapping[str, float], _index: int) -> None:
 def _units(mm: float) -> Action:
     """Numbers are in units of so many mm from now on."""
 
-    def run(state: State, _words: Mapping[str, float], _index: int) -> None:
+    def run(state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
         """Set this unit."""
         state.unit = mm
 
@@ -317,7 +317,7 @@ def _units(mm: float) -> Action:
 def _counts(word: str) -> Action:
     """Numbers count from the origin, or from where the machine is."""
 
-    def run(state: State, _words: Mapping[str, float], _index: int) -> None:
+    def run(state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
         """As the firmware reads that."""
         state.counting = state.counting.after(word)
 

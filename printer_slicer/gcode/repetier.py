@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect
-from printer_slicer.gcode.reading import State, limit, passed_over, set_accelerations
+from printer_slicer.gcode.reading import ReadingState, limit, passed_over, set_accelerations
 from printer_slicer.macros import number
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.profile import Printer
@@ -28,7 +28,7 @@ def _limits(printer: Printer) -> list[str]:
     return [*lines, f"M207 {jerks} ; mm/s"]
 
 
-def _jerks(state: State, words: Mapping[str, float], index: int) -> None:
+def _jerks(state: ReadingState, words: Mapping[str, float], index: int) -> None:
     """M207: X counts for Y too."""
     both = {"Y": words["X"]} if "X" in words else {}
     limit("M205")(state, {**words, **both}, index)

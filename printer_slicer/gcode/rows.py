@@ -16,7 +16,7 @@ from printer_slicer.arrays import Bool, Int, run_begins
 from printer_slicer.model import Program
 from printer_slicer.roles import Role
 
-__all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "Rows", "rows_of"]
+__all__ = ["E_DECIMALS", "XY_DECIMALS", "Z_DECIMALS", "MoveText", "rows_of"]
 
 XY_DECIMALS, Z_DECIMALS, E_DECIMALS = 3, 4, 5
 _AT_ONCE = 8192  # rows whose matrices fit the processor's cache
@@ -25,7 +25,7 @@ _Letters = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class MoveText:
     """The text of all moves.
 
     Attributes:
@@ -41,7 +41,7 @@ class Rows:
     feed: Int
 
 
-def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Rows:
+def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> MoveText:
     """G0 and G1 rows of a program's moves.
 
     Args:
@@ -53,7 +53,7 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Ro
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
     all_feed = np.maximum(np.rint(program.speed * 60).astype(np.int64), 1)
     if not program.n_moves:
-        return Rows(b"", np.zeros(1, np.int64), fed, all_feed)
+        return MoveText(b"", np.zeros(1, np.int64), fed, all_feed)
     head, last = _runs(program, all_feed)
     kept = _visible(xyz[last], fed[last], program.role[last] == Role.TRAVEL)
     head, last = head[kept], last[kept]
@@ -85,7 +85,7 @@ def rows_of(program: Program, *, relative: bool, fresh: Int | None = None) -> Ro
     length_of = np.zeros(program.n_moves, np.int64)
     length_of[head] = np.concatenate([np.zeros(0, np.int64), *lengths])
     written = np.append(0, fed)[rows_before]
-    return Rows(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]), written, all_feed)
+    return MoveText(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]), written, all_feed)
 
 
 def _runs(program: Program, feed: Int) -> tuple[Int, Int]:

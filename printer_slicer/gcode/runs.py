@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.gcode.reading import State, follow_line
+from printer_slicer.gcode.reading import ReadingState, follow_line
 
 __all__ = ["follow_plain"]
 
@@ -17,7 +17,7 @@ _FEW: Final = 6  # moves that are sooner done one by one
 _XYZEF: Final = "XYZEF"
 
 
-def follow_plain(state: State, words: Float, index: Int) -> None:
+def follow_plain(state: ReadingState, words: Float, index: Int) -> None:
     """Make plain moves that follow each other.
 
     Args:
@@ -52,7 +52,7 @@ def follow_plain(state: State, words: Float, index: Int) -> None:
     state.feed = float(feed[-1])
 
 
-def _readings(state: State) -> Sequence[tuple[float, float, bool]]:
+def _readings(state: ReadingState) -> Sequence[tuple[float, float, bool]]:
     """Of x, y, z and e: mm in a unit of the text, what is taken off, whether numbers count from where it is."""
     head = [(state.unit, offset, state.relative) for offset in state.offset[:3]]
     return [*head, (state.unit_e, state.offset[3], state.relative_e)]

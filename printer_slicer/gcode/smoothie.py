@@ -10,7 +10,7 @@ from typing import Final
 
 from printer_slicer.gcode.dialect import Dialect, retraction_lines
 from printer_slicer.gcode.reading import (
-    State,
+    ReadingState,
     limit,
     move_in_machine_coordinates,
     offset_next_homing,
@@ -34,7 +34,7 @@ def _limits(printer: Printer) -> list[str]:
     ]
 
 
-def _accelerations(state: State, words: Mapping[str, float], index: int) -> None:
+def _accelerations(state: ReadingState, words: Mapping[str, float], index: int) -> None:
     """M204: S for all moves, E for those of the extruder alone."""
     set_accelerations("printing", "travel", letters="S")(state, words, index)
     set_accelerations("retract", letters="E")(state, words, index)

@@ -13,7 +13,7 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.gcode.dialect import Dialect, fan_line
 from printer_slicer.gcode.facts import end_facts, print_facts
 from printer_slicer.gcode.flavours import FLAVOURS
-from printer_slicer.gcode.labels import Mark, definitions, fresh_rows, marking, marks_of
+from printer_slicer.gcode.labels import ObjectMark, definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import (
     Writing,
     bead_notes,
@@ -24,18 +24,18 @@ from printer_slicer.gcode.notes import (
     retracted_by_firmware,
 )
 from printer_slicer.gcode.reader import read_moves
-from printer_slicer.gcode.rows import Rows, rows_of
+from printer_slicer.gcode.rows import MoveText, rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
 from printer_slicer.macros import Value
 from printer_slicer.model import Labels, Program
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
 
-__all__ = ["Told", "write_gcode", "write_program"]
+__all__ = ["ProgramFacts", "write_gcode", "write_program"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class ProgramFacts:
     """What is known of a program besides its moves.
 
     Attributes:
@@ -59,7 +59,7 @@ def write_program(
     program: Program,
     profile: Profile,
     dialect: Dialect,
-    told: Told,
+    told: ProgramFacts,
 ) -> bytes:
     """The whole file; nothing in it depends on when or where it was made, but for the time that `told` may hold.
 
@@ -78,7 +78,7 @@ def write_program(
 
 
 def _file(
-    program: Program, profile: Profile, dialect: Dialect, told: Told, *, macros: float = 1.0
+    program: Program, profile: Profile, dialect: Dialect, told: ProgramFacts, *, macros: float = 1.0
 ) -> tuple[bytes, float, float]:
     """The text, its modelled time, and how much of that macros between moves take: `macros` times what they seem to."""
     seconds, labels = told.seconds, told.labels
@@ -118,7 +118,7 @@ def _tool(profile: Profile, known: Mapping[str, Value], shared: dict[str, Value]
     return template.filled(known, shared)
 
 
-def _of_macros(writing: Writing, rows: Rows) -> Float:
+def _of_macros(writing: Writing, rows: MoveText) -> Float:
     """(K + 1,) what macros between the moves take until each of these begins, s."""
     program, taken = writing.program, np.zeros(writing.program.n_moves + 1)
     for move, lines in macros_between(writing, rows):
@@ -166,9 +166,9 @@ def _lines(lines: list[str]) -> bytes:
 class _Spelt:
     """The moves as text, which of them the firmware makes (K,), and where things begin and end."""
 
-    rows: Rows
+    rows: MoveText
     turns: Int
-    marks: list[Mark]
+    marks: list[ObjectMark]
 
 
 def _spelt(writing: Writing) -> _Spelt:
@@ -224,4 +224,6 @@ def write_gcode(  # noqa: PLR0913 - what else is known of a program
         ProfileError: a macro cannot be evaluated.
     """
     dialect = flavour or FLAVOURS[profile.printer.flavour]
-    return write_program(program, profile, dialect, Told(seconds, facts, comments, labels, made, name))
+    return write_program(
+        program, profile, dialect, ProgramFacts(seconds, facts, comments, labels, made, name)
+    )

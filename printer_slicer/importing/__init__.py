@@ -11,20 +11,20 @@ from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from printer_slicer.importing.embedded import NoSettingsError
-    from printer_slicer.importing.importing import Wanted, import_profiles
-    from printer_slicer.importing.report import Imported, Left, Note, Refused, Taken
+    from printer_slicer.importing.importing import ImportRequest, import_profiles
+    from printer_slicer.importing.report import Imported, ImportNote, Left, Refused, Taken
     from printer_slicer.importing.safety import Ceilings
     from printer_slicer.importing.writing import names_of_files, profile_text
 
 __all__ = [
     "Ceilings",
+    "ImportNote",
+    "ImportRequest",
     "Imported",
     "Left",
     "NoSettingsError",
-    "Note",
     "Refused",
     "Taken",
-    "Wanted",
     "import_profiles",
     "names_of_files",
     "profile_text",
@@ -35,10 +35,10 @@ _HOMES: Final = {
     "Imported": "report",
     "Left": "report",
     "NoSettingsError": "embedded",
-    "Note": "report",
+    "ImportNote": "report",
     "Refused": "report",
     "Taken": "report",
-    "Wanted": "importing",
+    "ImportRequest": "importing",
     "import_profiles": "importing",
     "names_of_files": "writing",
     "profile_text": "writing",

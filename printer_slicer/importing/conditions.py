@@ -10,7 +10,7 @@ from typing import Final
 from printer_slicer.importing.ini import split_texts, unescaped
 from printer_slicer.importing.presets import number_in
 from printer_slicer.importing.vocabulary import ABOUT_FILES
-from printer_slicer.macros import Fault, Items, Value, evaluate, is_true, parse_expression
+from printer_slicer.macros import Items, MacroFault, Value, evaluate, is_true, parse_expression
 
 __all__ = ["SettingValues", "holds", "setting_value"]
 
@@ -25,7 +25,7 @@ def holds(condition: str, known: Mapping[str, str]) -> bool | None:
         condition: as `compatible_printers_condition` has it.
         known: settings as written.
     """
-    with suppress(Fault):
+    with suppress(MacroFault):
         return is_true(parse_expression(condition), SettingValues(known))
     return None
 

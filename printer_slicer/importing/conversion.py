@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.presets import Preset, Quantity, number_in
-from printer_slicer.importing.report import Imported, Left, Note, Taken
+from printer_slicer.importing.report import Imported, ImportNote, Left, Taken
 from printer_slicer.importing.vocabulary import ABOUT_FILES, kind_of_setting
 
 __all__ = ["Conversion"]
@@ -25,7 +25,7 @@ class Conversion:
     values: dict[str, Any] = field(default_factory=dict)
     taken: list[Taken] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
-    notes: list[Note] = field(default_factory=list)
+    notes: list[ImportNote] = field(default_factory=list)
 
     def put(self, ours: str, value: Any, theirs: str | Sequence[str] = (), how: str = "") -> None:
         """One of our settings.
@@ -102,7 +102,7 @@ class Conversion:
 
     def warn(self, theirs: str, text: str) -> None:
         """Something a person should look at."""
-        self.notes.append(Note(self.preset.where(theirs), text))
+        self.notes.append(ImportNote(self.preset.where(theirs), text))
 
     def skip(self, names: Iterable[str]) -> None:
         """Settings that are accounted for elsewhere."""

@@ -21,13 +21,13 @@ from printer_slicer.importing.safety import CEILINGS, Ceilings, check_safe
 from printer_slicer.importing.sources import Found, presets_in
 from printer_slicer.importing.usual import with_usual
 
-__all__ = ["Wanted", "import_found", "import_profiles"]
+__all__ = ["ImportRequest", "import_found", "import_profiles"]
 
 _WITH_PRINTER: Final = ("material", "quality")
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ImportRequest:
     """What shall be imported, and how.
 
     Attributes:
@@ -54,7 +54,7 @@ class Wanted:
         )
 
 
-def import_profiles(path: Path, wanted: Wanted = Wanted()) -> list[Imported | Refused]:
+def import_profiles(path: Path, wanted: ImportRequest = ImportRequest()) -> list[Imported | Refused]:
     """The profiles in a file of another slicer.
 
     Args:
@@ -70,7 +70,7 @@ def import_profiles(path: Path, wanted: Wanted = Wanted()) -> list[Imported | Re
     return import_found(presets_in(path, wanted.folders, wanted.cura), wanted, str(path))
 
 
-def import_found(found: Found, wanted: Wanted, place: str) -> list[Imported | Refused]:
+def import_found(found: Found, wanted: ImportRequest, place: str) -> list[Imported | Refused]:
     """The same for what was read already."""
     if isinstance(found, Bundle):
         made = list(_of_bundle(found, wanted))
@@ -86,7 +86,7 @@ def import_found(found: Found, wanted: Wanted, place: str) -> list[Imported | Re
     return made
 
 
-def _of_few(presets: Sequence[Preset], wanted: Wanted) -> Iterator[Imported | Refused]:
+def _of_few(presets: Sequence[Preset], wanted: ImportRequest) -> Iterator[Imported | Refused]:
     """Presets that belong together: they know of each other."""
     printer = next((preset for preset in presets if preset.kind == "printer"), None)
     quality = next((preset for preset in presets if preset.kind == "quality"), None)
@@ -112,7 +112,7 @@ def _heights(quality: Preset) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def _of_bundle(bundle: Bundle, wanted: Wanted) -> Iterator[Imported | Refused]:
+def _of_bundle(bundle: Bundle, wanted: ImportRequest) -> Iterator[Imported | Refused]:
     if wanted.printer:
         yield from _of_few(_triple(bundle, wanted), replace(wanted, names=()))
         return
@@ -134,7 +134,7 @@ def _of_bundle(bundle: Bundle, wanted: Wanted) -> Iterator[Imported | Refused]:
         yield made
 
 
-def _triple(bundle: Bundle, wanted: Wanted) -> list[Preset]:
+def _triple(bundle: Bundle, wanted: ImportRequest) -> list[Preset]:
     """A printer of a bundle with the material and the quality that it has by default, or those that are named.
 
     Raises:
@@ -166,7 +166,7 @@ def _beside(preset: Preset, other: Preset | None) -> Preset:
     return replace(preset, together=known)
 
 
-def _one(preset: Preset, company: Sequence[Preset], wanted: Wanted) -> Imported | Refused:
+def _one(preset: Preset, company: Sequence[Preset], wanted: ImportRequest) -> Imported | Refused:
     """A preset converted and found safe, or why it is not."""
     makers: Mapping[str, Callable[[Preset], Imported]] = {
         "printer": lambda one: printer_from(one, _company(company, wanted.ceilings)),
@@ -181,11 +181,11 @@ def _one(preset: Preset, company: Sequence[Preset], wanted: Wanted) -> Imported 
     return made
 
 
-def _takes(one: Imported, wanted: Wanted) -> bool:
+def _takes(one: Imported, wanted: ImportRequest) -> bool:
     return wanted.takes(one.kind, one.name)
 
 
-def _safe(made: Imported, wanted: Wanted) -> Imported | Refused:
+def _safe(made: Imported, wanted: ImportRequest) -> Imported | Refused:
     """A profile of this program, or why it is refused."""
     try:
         check_safe(made, Preset(made.kind, made.name, "printer_slicer", made.source, {}), wanted.ceilings)

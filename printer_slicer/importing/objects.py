@@ -13,7 +13,7 @@ from printer_slicer.importing.embedded import OBJECTS_IN_3MF
 from printer_slicer.importing.ini import Entry
 from printer_slicer.importing.orca import orca_entries
 from printer_slicer.importing.presets import Own
-from printer_slicer.importing.report import Note
+from printer_slicer.importing.report import ImportNote
 from printer_slicer.importing.unpacking import unpacked
 
 __all__ = ["own_in_3mf"]
@@ -50,7 +50,7 @@ class _Object:
     volumes: list[tuple[str, dict[str, str]]] = field(default_factory=list)
 
 
-def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
+def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[ImportNote, ...]]:
     """What objects and heights have of their own in a project, and what a person should look at.
 
     Args:
@@ -66,7 +66,9 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
         if one in texts:
             _Ranges(f"{path}: {one}", objects).read(texts[one])
     notes = [
-        Note(f"{path}: {one}", "heights drawn by hand are left out; `planner.kind = optimal` finds them")
+        ImportNote(
+            f"{path}: {one}", "heights drawn by hand are left out; `planner.kind = optimal` finds them"
+        )
         for one in _HEIGHTS
         if texts.get(one, "").strip()
     ]
@@ -77,14 +79,16 @@ def own_in_3mf(path: Path) -> tuple[tuple[Own, ...], tuple[Note, ...]]:
         volumes = [volume for one in group for volume, settings in one.volumes if settings]
         if volumes:
             which = ", ".join(map(repr, volumes[:5])) + (", ..." if len(volumes) > 5 else "")
-            notes.append(Note(place, f"settings of volumes and modifiers in it are left out: {which}"))
+            notes.append(ImportNote(place, f"settings of volumes and modifiers in it are left out: {which}"))
         alone = len(objects) == 1
         first, *others = (_own(one, place, orca=name == OBJECTS_IN_3MF[1], alone=alone) for one in group)
         if called and all(other == first for other in others):
             found += first
         elif first or any(others):
             why = "objects of one name have different ones" if called else "nobody could tell whose they are"
-            notes.append(Note(place, f"its own settings are left out: {why}; give it a name of its own"))
+            notes.append(
+                ImportNote(place, f"its own settings are left out: {why}; give it a name of its own")
+            )
     return tuple(found), tuple(notes)
 
 
@@ -242,14 +246,16 @@ class _Stops(_Xml):
         super().__init__(place)
         self._found: list[str] = []
 
-    def read(self, text: str) -> list[Note]:
+    def read(self, text: str) -> list[ImportNote]:
         """What a person should know of a document."""
         self.parse(text)
         if not self._found:
             return []
         which = ", ".join(self._found[:_SHOWN]) + (", ..." if len(self._found) > _SHOWN else "")
         return [
-            Note(self._place, f"what is put at heights is left out: {which}; quality.pause_at has pauses")
+            ImportNote(
+                self._place, f"what is put at heights is left out: {which}; quality.pause_at has pauses"
+            )
         ]
 
     def begin(self, tag: str, given: dict[str, str]) -> None:

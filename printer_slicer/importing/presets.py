@@ -10,7 +10,7 @@ from typing import Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.ini import Entry, split_texts, unescaped
-from printer_slicer.importing.report import Note
+from printer_slicer.importing.report import ImportNote
 
 __all__ = ["Own", "Preset", "Quantity", "number_in"]
 
@@ -81,7 +81,7 @@ class Preset:
     together: Mapping[str, str] = field(default_factory=dict)
     heights: tuple[float, float] = (0.0, 0.0)
     own: tuple[Own, ...] = ()
-    notes: tuple[Note, ...] = ()
+    notes: tuple[ImportNote, ...] = ()
 
     def has(self, key: str) -> bool:
         """Whether the source says anything about a setting."""

@@ -12,7 +12,7 @@ from printer_slicer.importing.own import with_own
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.report import Imported
 from printer_slicer.importing.speeds import speeds_of
-from printer_slicer.macros import Fault
+from printer_slicer.macros import MacroFault
 
 __all__ = ["quality_from"]
 
@@ -93,7 +93,7 @@ def _nozzle(made: Conversion) -> tuple[float, str]:
     known = dict(preset.together) | {name: entry.text for name, entry in preset.entries.items()}
     try:
         return float(str(setting_value("nozzle_diameter", known))), "of the nozzle"
-    except (Fault, ValueError):
+    except (MacroFault, ValueError):
         found = _NOZZLE.search(preset.raw("compatible_printers_condition"))
         value = float(found[1]) if found else 0.4
         return (

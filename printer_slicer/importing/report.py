@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-__all__ = ["KINDS", "Imported", "Left", "Note", "Refused", "Taken"]
+__all__ = ["KINDS", "ImportNote", "Imported", "Left", "Refused", "Taken"]
 
 KINDS: Final = ("printer", "material", "quality")
 
@@ -41,7 +41,7 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class ImportNote:
     """Something a person should look at, and where."""
 
     place: str
@@ -69,7 +69,7 @@ class Imported:
     values: Mapping[str, Any]
     taken: tuple[Taken, ...] = ()
     left: tuple[Left, ...] = ()
-    notes: tuple[Note, ...] = ()
+    notes: tuple[ImportNote, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property

@@ -18,7 +18,7 @@ from printer_slicer.infill.own import Infill, InfillTask, pattern_of
 from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.resting import carried_layers, rested
 from printer_slicer.infill.solid import solid_paths
-from printer_slicer.infill.sparse import Layout, bare_lines, laid_out, sparse_paths
+from printer_slicer.infill.sparse import PatternLayout, bare_lines, laid_out, sparse_paths
 from printer_slicer.infill.task import Pattern
 from printer_slicer.infill.thick import groups_of
 from printer_slicer.infill.triangles import triangle_lines
@@ -70,7 +70,7 @@ def infill_paths(
     return Toolpaths.joined(regions.plan, parts)
 
 
-def _laid_out(regions: Regions, groups: Int, profile: Profile, own: Infill | None) -> Layout | None:
+def _laid_out(regions: Regions, groups: Int, profile: Profile, own: Infill | None) -> PatternLayout | None:
     """Where the lines lie, of the profile's pattern or of one's own; None where there are none."""
     quality = profile.quality
     if quality.infill_density == 0:

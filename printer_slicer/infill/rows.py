@@ -25,7 +25,7 @@ from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
 
-__all__ = ["Beads", "rows_in"]
+__all__ = ["RowBeads", "rows_in"]
 
 _NARROWEST, _WIDEST = 0.7, 1.5  # spacing of beads as a share of the usual one
 _HAIR = 2e-4  # mm; more than the geometry's rounding
@@ -37,7 +37,7 @@ _MORE, _LESS = 1.15, 0.85  # by how much beads are wider or narrower so that a p
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Beads:
+class RowBeads:
     """Beads for each of P pieces.
 
     Attributes:
@@ -56,7 +56,7 @@ class Beads:
 
 
 def rows_in(
-    plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile, inside: Areas | None = None
+    plan: LayerPlan, pieces: Pieces, beads: RowBeads, profile: Profile, inside: Areas | None = None
 ) -> list[Toolpaths]:
     """Fill pieces with parallel lines, at a spacing that fits a whole number of them.
 
@@ -98,7 +98,7 @@ def _of_turns(gap: Float, height: Float, profile: Profile) -> Float:
     return np.minimum(np.maximum(_THIN * gap, bead.spacing(height, height)), gap)
 
 
-def _overlap(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) -> Float:
+def _overlap(plan: LayerPlan, pieces: Pieces, beads: RowBeads, profile: Profile) -> Float:
     """(P,) overlap of row ends with the perimeter, mm: a share of the mean of both spacings."""
     if not profile.quality.perimeters:
         return np.zeros(pieces.count)
@@ -108,7 +108,7 @@ def _overlap(plan: LayerPlan, pieces: Pieces, beads: Beads, profile: Profile) ->
     return np.asarray(share * (perimeter + beads.gap) / 2)
 
 
-def _hatched(pieces: Pieces, beads: Beads) -> tuple[Lines, Areas, Float, HatchGrids]:
+def _hatched(pieces: Pieces, beads: RowBeads) -> tuple[Lines, Areas, Float, HatchGrids]:
     """Hatch pieces: return rows, areas of their centre lines (P entries), (P,) row spacing in mm, and the grid."""
     low, high = _across(pieces.areas, beads.angle)
     count = np.maximum(np.rint((high - low) / beads.gap), 1)
@@ -127,7 +127,7 @@ def _without_dots(lines: Zigzags, shortest: Float) -> Zigzags:
     return lines.take(np.flatnonzero(lines.length().sum(axis=1) >= shortest[lines.entry]))
 
 
-def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: Beads, lines: Zigzags, width: Float) -> Toolpaths:
+def _toolpaths(plan: LayerPlan, pieces: Pieces, beads: RowBeads, lines: Zigzags, width: Float) -> Toolpaths:
     """The zigzags as beads, of a width for each path or point."""
     piece = lines.entry
     return Toolpaths.gathered(

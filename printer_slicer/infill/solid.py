@@ -8,7 +8,7 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Pieces, pieces_of
 from printer_slicer.infill.narrow import along_narrow
-from printer_slicer.infill.rows import Beads, rows_in
+from printer_slicer.infill.rows import RowBeads, rows_in
 from printer_slicer.infill.strips import strip_paths
 from printer_slicer.model import LayerPlan, Regions, Toolpaths
 from printer_slicer.profile import Profile
@@ -43,16 +43,16 @@ def _ironed(plan: LayerPlan, skins: Pieces, turned: Float, profile: Profile) -> 
     gap = np.full(skins.count, quality.ironing_spacing)
     across = turned[skins.layer] + np.pi / 2
     width = np.round(bead.width_for_spacing(gap, height), 4)
-    beads = Beads(_all(skins, Role.IRONING), across, gap, width, height)
+    beads = RowBeads(_all(skins, Role.IRONING), across, gap, width, height)
     return rows_in(plan, skins, beads, profile)
 
 
-def _usual(plan: LayerPlan, pieces: Pieces, role: Int, angle: Float, profile: Profile) -> Beads:
+def _usual(plan: LayerPlan, pieces: Pieces, role: Int, angle: Float, profile: Profile) -> RowBeads:
     """Beads as far apart as their width says, and as wide as fits."""
     height = plan.height[pieces.layer]
     wide = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
     gap = bead.spacing(wide[pieces.layer], height)
-    return Beads(role, angle, gap, np.zeros(pieces.count), height)
+    return RowBeads(role, angle, gap, np.zeros(pieces.count), height)
 
 
 def _all(pieces: Pieces, role: Role) -> Int:
@@ -68,7 +68,7 @@ def _bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     beads = _usual(plan, pieces, _all(pieces, Role.BRIDGE), angle, profile)
     if quality.thick_bridges:
         thread = np.full(pieces.count, profile.printer.nozzle_diameter * np.sqrt(quality.bridge_flow_ratio))
-        beads = Beads(beads.role, angle, thread + _APART, thread, thread)
+        beads = RowBeads(beads.role, angle, thread + _APART, thread, thread)
     else:
         beads = _with_flow(beads, quality.bridge_flow_ratio, profile)
     walled = regions.inside if quality.perimeters and regions.inside.n_rings else None
@@ -87,8 +87,8 @@ def _internal_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     return rows_in(plan, pieces, beads, profile)
 
 
-def _with_flow(beads: Beads, ratio: float, profile: Profile) -> Beads:
+def _with_flow(beads: RowBeads, ratio: float, profile: Profile) -> RowBeads:
     """The same beads with more or less plastic, where they are; never narrower than high."""
     usual = bead.spacing(profile.extrusion_width, beads.height)
     width = np.maximum(np.round(bead.width_for_spacing(usual * ratio, beads.height), 4), beads.height)
-    return Beads(beads.role, beads.angle, beads.gap, width, beads.height)
+    return RowBeads(beads.role, beads.angle, beads.gap, width, beads.height)

@@ -21,7 +21,7 @@ from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
-__all__ = ["Layout", "bare_lines", "laid_out", "sparse_paths"]
+__all__ = ["PatternLayout", "bare_lines", "laid_out", "sparse_paths"]
 
 _TRIED = 24  # entries from which the spacing is found
 _WIDEST_STEP = 1.25  # times the spacing of lines without anchors
@@ -31,7 +31,7 @@ _BEAD_CHANGE = 0.2  # share by which the bead may make up for the rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class PatternLayout:
     """Where the lines of a pattern lie, whatever of them is laid.
 
     Attributes:
@@ -51,7 +51,9 @@ class Layout:
     insisting_on: str = ""
 
 
-def laid_out(regions: Regions, groups: Int, pattern: Pattern, profile: Profile, *, measured: bool) -> Layout:
+def laid_out(
+    regions: Regions, groups: Int, pattern: Pattern, profile: Profile, *, measured: bool
+) -> PatternLayout:
     """The spacing with which lines and anchors in the sparse regions together have the density asked for.
 
     Args:
@@ -64,10 +66,10 @@ def laid_out(regions: Regions, groups: Int, pattern: Pattern, profile: Profile, 
     task, reach = _task(regions, regions.sparse, groups, profile), 1.0
     if measured:
         task, reach = _spaced(task, pattern, _volume(task, regions.sparse, profile), profile)
-    return Layout(task, pattern, reach, measured, groups)
+    return PatternLayout(task, pattern, reach, measured, groups)
 
 
-def bare_lines(layout: Layout, layers: Int) -> Polylines:
+def bare_lines(layout: PatternLayout, layers: Int) -> Polylines:
     """The lines that are printed on some of the layers, without the joints between them; on the layers of the part."""
     task = layout.task
     some = replace(task, area=task.area.of_layers(np.isin(task.layer, layers)))
@@ -81,7 +83,7 @@ def bare_lines(layout: Layout, layers: Int) -> Polylines:
     return Polylines.of(lines.xy[points], lines.size + lines.closed, layer).take(order)
 
 
-def sparse_paths(layout: Layout, regions: Regions, profile: Profile) -> Toolpaths:
+def sparse_paths(layout: PatternLayout, regions: Regions, profile: Profile) -> Toolpaths:
     """The lines of the pattern, joined, in sparse areas within those they were laid out for.
 
     Args:

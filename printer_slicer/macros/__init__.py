@@ -4,11 +4,11 @@ from printer_slicer.macros.evaluation import evaluate, is_true
 from printer_slicer.macros.names import known_names, with_other_names
 from printer_slicer.macros.syntax import parse_expression
 from printer_slicer.macros.templates import Template, escaped, read_template
-from printer_slicer.macros.values import Fault, Items, UnknownName, Value, literal, number, text_of
+from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, literal, number, text_of
 
 __all__ = [
-    "Fault",
     "Items",
+    "MacroFault",
     "Template",
     "UnknownName",
     "Value",

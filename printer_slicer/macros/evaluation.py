@@ -24,8 +24,8 @@ from printer_slicer.macros.syntax import (
 from printer_slicer.macros.values import (
     MOST_TEXT,
     NEARLY,
-    Fault,
     Items,
+    MacroFault,
     Pattern,
     UnknownName,
     Value,
@@ -141,13 +141,13 @@ def is_true(node: Node, known: Mapping[str, Value]) -> bool:
     value = evaluate(node, known)
     if isinstance(value, bool) or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
-    raise Fault(node.at, f"{kind_of(value)} is no condition", "compare it with something")
+    raise MacroFault(node.at, f"{kind_of(value)} is no condition", "compare it with something")
 
 
 def _number(node: Node, known: Mapping[str, Value]) -> float:
     value = evaluate(node, known)
     if isinstance(value, (bool, str, tuple)):
-        raise Fault(node.at, f"a number was expected, this is {kind_of(value)}")
+        raise MacroFault(node.at, f"a number was expected, this is {kind_of(value)}")
     return value
 
 
@@ -172,13 +172,13 @@ def _matched(node: Binary, text: Value) -> bool:
     """Whether a pattern matches a whole text."""
     pattern = evaluate(node.right, {}) if isinstance(node.right, Literal) else ""
     if not isinstance(pattern, Pattern):
-        raise Fault(node.right.at, "a pattern was expected", "write it between slashes: =~ /.*PETG.*/")
+        raise MacroFault(node.right.at, "a pattern was expected", "write it between slashes: =~ /.*PETG.*/")
     if not isinstance(text, str):
-        raise Fault(node.at, f"{kind_of(text)} {node.sign} a pattern makes no sense")
+        raise MacroFault(node.at, f"{kind_of(text)} {node.sign} a pattern makes no sense")
     try:
         return matches(text, pattern) == (node.sign == "=~")
     except Misused as error:
-        raise Fault(node.right.at, str(error)) from None
+        raise MacroFault(node.right.at, str(error)) from None
 
 
 def _binary(node: Binary, left: Value, right: Value) -> Value:
@@ -191,13 +191,13 @@ def _binary(node: Binary, left: Value, right: Value) -> Value:
     if isinstance(left, bool) and isinstance(right, bool) and sign in ("==", "!="):
         return (left == right) == (sign == "==")
     if isinstance(left, (bool, str, tuple)) or isinstance(right, (bool, str, tuple)):
-        raise Fault(node.at, f"{kind_of(left)} {sign} {kind_of(right)} makes no sense")
+        raise MacroFault(node.at, f"{kind_of(left)} {sign} {kind_of(right)} makes no sense")
     if sign in _ORDERS:
         return _ORDERS[sign](left, right)
     if sign in _SUMS:
         return kept(_SUMS[sign](left, right), node.at)
     if right == 0:
-        raise Fault(node.at, "division by zero", f"guard it: {{b == 0 ? 0 : a {sign} b}}")
+        raise MacroFault(node.at, "division by zero", f"guard it: {{b == 0 ? 0 : a {sign} b}}")
     return kept(_divided(left, right) if sign == "/" else _remainder(left, right), node.at)
 
 
@@ -218,7 +218,7 @@ def _remainder(left: float, right: float) -> float:
 
 def _limited(text: str, at: int) -> str:
     if len(text) > MOST_TEXT:
-        raise Fault(at, f"a text of more than {MOST_TEXT} characters")
+        raise MacroFault(at, f"a text of more than {MOST_TEXT} characters")
     return text
 
 
@@ -226,16 +226,16 @@ def _vector(items: Sequence[Value], at: int) -> Items:
     """A vector of values."""
     items = [one[0] if isinstance(one, tuple) and len(one) == 1 else one for one in items]
     if len(items) > MOST_TEXT or any(isinstance(one, tuple) for one in items):
-        raise Fault(at, f"a list holds up to {MOST_TEXT} numbers or texts, and no lists")
+        raise MacroFault(at, f"a list holds up to {MOST_TEXT} numbers or texts, and no lists")
     return Items(items)  # type: ignore[arg-type]
 
 
 def _item(node: Index, known: Mapping[str, Value]) -> Value:
     values, index = value_or_list(node.of, known), _number(node.index, known)
     if not isinstance(values, tuple):
-        raise Fault(node.at, f"{kind_of(values)} has no items")
+        raise MacroFault(node.at, f"{kind_of(values)} has no items")
     if not equal(index, whole(index)):
-        raise Fault(node.index.at, f"{index:g} is no place in a list", "take a whole number")
+        raise MacroFault(node.index.at, f"{index:g} is no place in a list", "take a whole number")
     return _at(values, whole(index), node.index.at)
 
 
@@ -245,7 +245,7 @@ def _at(values: Value, index: int, at: int) -> Value:
     if isinstance(values, Items) and values and index >= 0:
         return values[index if index < len(values) else 0]
     if not 0 <= index < len(values):
-        raise Fault(at, f"there is no item {index} in a list of {len(values)}, counted from 0")
+        raise MacroFault(at, f"there is no item {index} in a list of {len(values)}, counted from 0")
     return values[index]
 
 
@@ -257,7 +257,7 @@ def _called(node: Call, known: Mapping[str, Value]) -> Value:
     try:
         value = function(values)
     except Misused as error:
-        raise Fault(node.at, f"{node.name}(): {error}") from None
+        raise MacroFault(node.at, f"{node.name}(): {error}") from None
     if isinstance(value, str):
         return _limited(value, node.at)
     return value if isinstance(value, (bool, tuple)) else kept(value, node.at)
@@ -269,5 +269,5 @@ def _function(node: Call) -> Callable[[Sequence[Value]], Value]:
     if function is None:
         near = get_close_matches(node.name, FUNCTIONS, n=1)
         hint = f"did you mean {near[0]}()?" if near else f"known: {', '.join(sorted(FUNCTIONS))}"
-        raise Fault(node.at, f"unknown function {node.name}()", hint)
+        raise MacroFault(node.at, f"unknown function {node.name}()", hint)
     return function

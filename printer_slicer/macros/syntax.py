@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from printer_slicer.macros.values import Fault, Pattern, Scalar, kept
+from printer_slicer.macros.values import MacroFault, Pattern, Scalar, kept
 
 __all__ = [
     "Binary",
@@ -220,13 +220,15 @@ class ExpressionReader:
             kind, text = "sign", self._same.get(text, text)
         return Token(kind, text, begin, match.end())
 
-    def _misread(self, at: int) -> Fault:
+    def _misread(self, at: int) -> MacroFault:
         """Why no token begins here."""
         while self._text[at].isspace():
             at += 1
         if self._text[at] in "\"'":
-            return Fault(at, "a text that does not end", f"close it with {self._text[at]}")
-        return Fault(at, f"{self._text[at]!r} means nothing here", "write {{ and }} for braces themselves")
+            return MacroFault(at, "a text that does not end", f"close it with {self._text[at]}")
+        return MacroFault(
+            at, f"{self._text[at]!r} means nothing here", "write {{ and }} for braces themselves"
+        )
 
     def taken(self, *texts: str) -> Token | None:
         """The next token, read, if it is one of these signs or words."""
@@ -240,7 +242,7 @@ class ExpressionReader:
         token = self.next
         self._count += 1
         if self._count > _MOST_TOKENS:
-            raise Fault(self._begin, f"an expression of more than {_MOST_TOKENS} words", "use several")
+            raise MacroFault(self._begin, f"an expression of more than {_MOST_TOKENS} words", "use several")
         ends_value = token.kind != "sign" or token.text in (")", "]")
         self.next = self._token(token.behind, value_wanted=not ends_value)
         return token
@@ -254,13 +256,15 @@ class ExpressionReader:
         if self.taken(text) is None:
             raise self.unexpected(text)
 
-    def unexpected(self, wanted: str) -> Fault:
+    def unexpected(self, wanted: str) -> MacroFault:
         """What is wrong where something else had to stand."""
         token = self.next
         if token.kind == "sign" and token.text == "=":
-            return Fault(token.at, "= is no comparison", "write ==, or {local name = value} for a variable")
+            return MacroFault(
+                token.at, "= is no comparison", "write ==, or {local name = value} for a variable"
+            )
         here = "the end of the expression" if token.kind == "end" else repr(token.text)
-        return Fault(token.at, f"{here} where {wanted} was expected")
+        return MacroFault(token.at, f"{here} where {wanted} was expected")
 
     def expression(self) -> Node:
         """A whole expression.
@@ -275,7 +279,7 @@ class ExpressionReader:
         """`condition ? yes : no`, or anything that binds tighter."""
         self._depth += 1
         if self._depth > _DEEPEST:
-            raise Fault(self.next.at, f"nested deeper than {_DEEPEST} times", "use a simpler expression")
+            raise MacroFault(self.next.at, f"nested deeper than {_DEEPEST} times", "use a simpler expression")
         tree = self._level(0)
         mark = self.taken("?")
         if mark is not None:
@@ -295,7 +299,7 @@ class ExpressionReader:
         while (sign := self.taken(*_LEVELS[height])) is not None:
             left = Binary(sign.text, left, self._level(height + 1), sign.at)
             if height == _COMPARING and self.next.text in _COMPARISONS and self.next.kind == "sign":
-                raise Fault(self.next.at, "comparisons do not make chains", "write a < b and b < c")
+                raise MacroFault(self.next.at, "comparisons do not make chains", "write a < b and b < c")
         return left
 
     def _signed(self, what: Callable[[], Node], *texts: str) -> Node:
@@ -304,7 +308,7 @@ class ExpressionReader:
         while (sign := self.taken(*texts)) is not None:
             signs.append(sign)
             if len(signs) > _MOST_SIGNS:
-                raise Fault(sign.at, f"more than {_MOST_SIGNS} signs in front of one thing")
+                raise MacroFault(sign.at, f"more than {_MOST_SIGNS} signs in front of one thing")
         tree = what()
         for sign in reversed(signs):
             tree = tree if sign.text == "+" else Unary(sign.text, tree, sign.at)

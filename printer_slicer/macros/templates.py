@@ -27,7 +27,7 @@ from typing import Final, Never
 from printer_slicer.errors import ProfileError
 from printer_slicer.macros.evaluation import check_known, evaluate, is_true, value_or_list
 from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, names_in
-from printer_slicer.macros.values import Fault, Items, UnknownName, Value, text_of
+from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, text_of
 
 __all__ = ["Template", "escaped", "read_template"]
 
@@ -120,7 +120,7 @@ class Template:
                         remedy="look for lists and texts that it says over and over",
                     )
                 text.append(part)
-        except Fault as fault:
+        except MacroFault as fault:
             _refuse(fault, self.place, self.source)
         return "".join(text).strip("\n").splitlines()
 
@@ -143,7 +143,7 @@ class Template:
         for fault in self.faults(known):
             _refuse(fault, self.place, self.source)
 
-    def faults(self, known: Collection[str]) -> Iterator[Fault]:
+    def faults(self, known: Collection[str]) -> Iterator[MacroFault]:
         """Every name and function that does not exist, but for names in remarks."""
         variables = {piece.name.text for piece in _all(self.pieces) if isinstance(piece, _Assign)}
         there = {*known, *variables}
@@ -161,10 +161,10 @@ class Template:
                 except UnknownName as fault:
                     if not (isinstance(piece, _Show) and piece.remark):
                         yield fault
-                except Fault as fault:
+                except MacroFault as fault:
                     yield fault
 
-    def line_of(self, fault: Fault) -> int:
+    def line_of(self, fault: MacroFault) -> int:
         """The line of a fault, from 1."""
         return self.source.count("\n", 0, fault.at) + 1
 
@@ -214,7 +214,7 @@ class _Filling:
                 return piece.source
             raise
         if isinstance(value, tuple) and sum(len(str(one)) for one in value) > _MOST_CHARACTERS:
-            raise Fault(piece.tree.at, f"a list of more than {_MOST_CHARACTERS} characters")
+            raise MacroFault(piece.tree.at, f"a list of more than {_MOST_CHARACTERS} characters")
         return text_of(value)
 
     def block(self, block: _Block) -> Iterator[str]:
@@ -231,7 +231,9 @@ class _Filling:
         if where is None:
             where = self.own if name in self.own else self.shared
             if name not in where:
-                raise Fault(piece.name.at, f"there is no variable {name}", f"write {{local {name} = ...}}")
+                raise MacroFault(
+                    piece.name.at, f"there is no variable {name}", f"write {{local {name} = ...}}"
+                )
         if piece.index is not None:
             value = self._replaced(where[name], piece.index, value)
         where[name] = value
@@ -240,9 +242,9 @@ class _Filling:
         """A list with another item in one place."""
         index = evaluate(at, self.names)
         if not isinstance(values, tuple) or isinstance(value, tuple) or not isinstance(index, int):
-            raise Fault(at.at, "only an item of a list can be given a value, by a whole number")
+            raise MacroFault(at.at, "only an item of a list can be given a value, by a whole number")
         if not 0 <= index < len(values):
-            raise Fault(at.at, f"there is no item {index} in a list of {len(values)}, counted from 0")
+            raise MacroFault(at.at, f"there is no item {index} in a list of {len(values)}, counted from 0")
         return Items([*values[:index], value, *values[index + 1 :]])
 
 
@@ -272,15 +274,15 @@ class _Survey(_Filling):
         """The value of an expression as text."""
         try:
             return _Filling.shown(self, piece)
-        except Fault:
+        except MacroFault:
             return self.unknown
 
     def assign(self, piece: _Assign) -> None:
         """Give a variable its value, which is sure where it hangs on nothing unsure."""
-        with suppress(Fault):
+        with suppress(MacroFault):
             _Filling.assign(self, piece)
         self.sure.pop(piece.name.text, None)
-        with suppress(Fault):
+        with suppress(MacroFault):
             if not (self.open or piece.index):
                 self.sure[piece.name.text] = value_or_list(piece.tree, self.sure)
 
@@ -303,7 +305,7 @@ class _Survey(_Filling):
         """Whether a branch is taken if none before it is; None: that hangs on the print."""
         try:
             return mark.condition is None or is_true(mark.condition, self.sure)
-        except Fault:
+        except MacroFault:
             return None
 
 
@@ -321,7 +323,7 @@ def read_template(text: str, place: str) -> Template:
     try:
         flat = _without_marks_alone(_flat(source))
         pieces, _ = _nested(flat, 0, [])
-    except Fault as fault:
+    except MacroFault as fault:
         _refuse(fault, place, source)
     return Template(place, source, pieces)
 
@@ -334,7 +336,7 @@ def escaped(text: str) -> str:
 def _flat(source: str) -> Iterator[_Flat]:
     """Text, values, assignments and marks one after the other; every line of text is a piece of its own."""
     if len(source) > _LONGEST:
-        raise Fault(0, f"a macro of more than {_LONGEST} characters", "put less into it")
+        raise MacroFault(0, f"a macro of more than {_LONGEST} characters", "put less into it")
     place, doubled, remark = 0, False, False
     while place < len(source):
         found = _BRACE.search(source, place)
@@ -370,12 +372,14 @@ def _braced(source: str, begin: int, *, remark: bool) -> tuple[list[_Flat], int]
     reader = ExpressionReader(source, begin + 1)
     found: list[Node | _Mark | _Assign] = []
     if reader.next.kind == "end" and reader.next.text:
-        raise Fault(begin + 1, "nothing between the braces", "write {name}, or {{}} for braces themselves")
+        raise MacroFault(
+            begin + 1, "nothing between the braces", "write {name}, or {{}} for braces themselves"
+        )
     while reader.next.kind != "end":
         if not reader.taken(";"):
             found.append(_statement(reader))
     if not reader.next.text:
-        raise Fault(begin, "a brace without its partner", "write {name}, or {{ for a brace itself")
+        raise MacroFault(begin, "a brace without its partner", "write {name}, or {{ for a brace itself")
     end = reader.next.behind
     if found and isinstance(found[0], _Mark):
         found[0] = _Mark(found[0].word, found[0].condition, begin)
@@ -391,7 +395,9 @@ def _statement(reader: ExpressionReader) -> Node | _Mark | _Assign:
         return _Mark(mark.text, None, mark.at)
     if mark := reader.taken("if", "elsif"):
         if reader.next.kind == "end":
-            raise Fault(reader.next.at, f"{mark.text} without a condition", f"write {{{mark.text} a > b}}")
+            raise MacroFault(
+                reader.next.at, f"{mark.text} without a condition", f"write {{{mark.text} a > b}}"
+            )
         found: Node | _Mark | _Assign = _Mark(mark.text, reader.expression(), mark.at)
         if reader.taken("then"):
             return found
@@ -444,11 +450,11 @@ def _nested(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[tup
             place += 1
         elif piece.word == "if":
             if len(open_marks) == _DEEPEST:
-                raise Fault(piece.at, f"blocks nested deeper than {_DEEPEST} times")
+                raise MacroFault(piece.at, f"blocks nested deeper than {_DEEPEST} times")
             block, place = _block(flat, place, [*open_marks, piece])
             pieces.append(block)
         elif not open_marks:
-            raise Fault(piece.at, f"{{{piece.word}}} without {{if ...}}")
+            raise MacroFault(piece.at, f"{{{piece.word}}} without {{if ...}}")
         else:
             break
     return tuple(pieces), place
@@ -462,16 +468,16 @@ def _block(flat: list[_Flat], place: int, open_marks: list[_Mark]) -> tuple[_Blo
         pieces, place = _nested(flat, place + 1, open_marks)
         branches.append((mark, pieces))
         if place == len(flat):
-            raise Fault(first.at, "{if ...} without {endif}", "end the block with {endif}")
+            raise MacroFault(first.at, "{if ...} without {endif}", "end the block with {endif}")
         following = flat[place]
         assert isinstance(following, _Mark)
         if mark.word == "else" and following.word != "endif":
-            raise Fault(following.at, f"{{{following.word}}} behind {{else}}")
+            raise MacroFault(following.at, f"{{{following.word}}} behind {{else}}")
         mark = following
     return _Block(tuple(branches)), place + 1
 
 
-def _refuse(fault: Fault, place: str, source: str) -> Never:
+def _refuse(fault: MacroFault, place: str, source: str) -> Never:
     """Raise with the line and a mark under the place that is wrong."""
     at = min(fault.at, len(source))
     start = source.rfind("\n", 0, at) + 1

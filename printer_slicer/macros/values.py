@@ -8,8 +8,8 @@ __all__ = [
     "MOST",
     "MOST_TEXT",
     "NEARLY",
-    "Fault",
     "Items",
+    "MacroFault",
     "Pattern",
     "Scalar",
     "UnknownName",
@@ -52,7 +52,7 @@ class Pattern(str):
     __slots__ = ()
 
 
-class Fault(Exception):  # noqa: N818 - becomes a ProfileError once line and setting are known
+class MacroFault(Exception):  # noqa: N818 - becomes a ProfileError once line and setting are known
     """Something wrong at a place (characters from the begin) of a macro."""
 
     def __init__(self, at: int, problem: str, remedy: str = "") -> None:
@@ -60,7 +60,7 @@ class Fault(Exception):  # noqa: N818 - becomes a ProfileError once line and set
         self.at, self.problem, self.remedy = at, problem, remedy
 
 
-class UnknownName(Fault):
+class UnknownName(MacroFault):
     """A name that stands for nothing."""
 
     def __init__(self, name: str, at: int, remedy: str) -> None:
@@ -129,5 +129,5 @@ def kept(value: float, at: int) -> float:
         Fault: it is too large.
     """
     if not (isfinite(value) and abs(value) <= MOST):
-        raise Fault(at, f"the result is beyond {MOST:g}")
+        raise MacroFault(at, f"the result is beyond {MOST:g}")
     return value

@@ -13,7 +13,7 @@ from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 
 if TYPE_CHECKING:
-    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
 
 __all__ = ["Archive", "unpacking"]
@@ -31,7 +31,7 @@ ENTRY_LEFT: Final = 22
 class Archive:
     """The members of a ZIP archive, by names without regard to case or a slash at the start."""
 
-    def __init__(self, source: Source, limits: Limits) -> None:
+    def __init__(self, source: ModelFile, limits: Limits) -> None:
         self.path = source.path
         self._limits = limits
         self._source = source
@@ -98,7 +98,7 @@ def _plain(name: str) -> str:
     return name.replace("\\", "/").lstrip("/").lower()
 
 
-def _check_directory(source: Source, limits: Limits) -> None:
+def _check_directory(source: ModelFile, limits: Limits) -> None:
     """Refuse a directory that is too long to be read; its length stands at the end of the file."""
     source.file.seek(max(0, source.size - (1 << 16) - ENTRY_LEFT))
     end = source.file.read()
@@ -118,7 +118,7 @@ def _check_directory(source: Source, limits: Limits) -> None:
 
 
 @contextmanager
-def unpacking(source: Source, limits: Limits) -> Iterator[Archive]:
+def unpacking(source: ModelFile, limits: Limits) -> Iterator[Archive]:
     """The archive in a file, open.
 
     Raises:

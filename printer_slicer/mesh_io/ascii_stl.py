@@ -14,7 +14,7 @@ from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Float
-    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
 
 __all__ = ["looks_like_ascii_stl", "read_ascii_stl"]
@@ -38,7 +38,7 @@ class _OddError(Exception):
     """Something is not as it should be; where is looked for then."""
 
 
-def looks_like_ascii_stl(source: Source) -> bool:
+def looks_like_ascii_stl(source: ModelFile) -> bool:
     """Whether it begins like an ASCII STL and has next to no zero bytes, of which every binary one has many."""
     head = source.head
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -49,7 +49,7 @@ def looks_like_ascii_stl(source: Source) -> bool:
     return start.startswith((b"solid", b"facet")) and head.count(0) * 100 < len(head)
 
 
-def read_ascii_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
+def read_ascii_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
     """(F, 3, 3) corners of an ASCII STL of any number of solids, and what deserves a look.
 
     Normals may be anything, as programs write what is no number there; where one is, the file is read a second time
@@ -73,7 +73,7 @@ def read_ascii_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
     return corners, [] if last == b"end" else [cut]
 
 
-def _facets(texts: Iterator[bytes], source: Source, limits: Limits) -> tuple[list[Float], bytes]:
+def _facets(texts: Iterator[bytes], source: ModelFile, limits: Limits) -> tuple[list[Float], bytes]:
     """Corners of the facets in pieces of a text, (F, 3, 3) each, and what the last line with `solid` began with."""
     pieces: list[Float] = []
     count, left, last = 0, list[bytes](), b""
@@ -90,12 +90,12 @@ def _facets(texts: Iterator[bytes], source: Source, limits: Limits) -> tuple[lis
     return pieces, last
 
 
-def _without_normals(source: Source) -> Iterator[bytes]:
+def _without_normals(source: ModelFile) -> Iterator[bytes]:
     """The file as from `_whole_lines`, with zeros as normals."""
     return (NORMAL.sub(b"facet normal 0 0 0 ", text) for text in _whole_lines(source))
 
 
-def _whole_lines(source: Source) -> Iterator[bytes]:
+def _whole_lines(source: ModelFile) -> Iterator[bytes]:
     """The file in lower case, in pieces that end with a line."""
     rest = b""
     for chunk in _without_padding(source.text_chunks()):
@@ -163,7 +163,7 @@ def _corners(words: list[bytes]) -> Float:
     return corners.reshape(-1, 3, 3)
 
 
-def _fault(source: Source) -> MeshError:
+def _fault(source: ModelFile) -> MeshError:
     """Describe the first line that is not as it should be."""
     place, inside, number, last_used = 0, False, 0, 1
 

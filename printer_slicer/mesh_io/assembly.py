@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from printer_slicer.arrays import Float, Int
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["Body", "Shelf", "Use", "assembled", "shares", "turned_over"]
+__all__ = ["OpenObject", "Shelf", "Use", "assembled", "shares", "turned_over"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,13 +39,13 @@ class Shelf:
     """Objects by number while a file is read, and how much they hold."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
-        self.bodies: dict[Hashable, Body] = {}
+        self.bodies: dict[Hashable, OpenObject] = {}
         self._path, self._limits = path, limits
-        self._last = Body("no object")
+        self._last = OpenObject("no object")
         self._n_numbers = [0, 0]
         self._n_uses = 0
 
-    def begin(self, key: Hashable, name: str) -> Body:
+    def begin(self, key: Hashable, name: str) -> OpenObject:
         """A new object.
 
         Raises:
@@ -54,7 +54,7 @@ class Shelf:
         if key in self.bodies:
             raise ValueError(f"{name} is there twice")
         self._n_numbers = self._held()
-        self._last = self.bodies[key] = Body(name)
+        self._last = self.bodies[key] = OpenObject(name)
         self.count_use()
         return self._last
 
@@ -82,7 +82,7 @@ class Shelf:
 
 
 @dataclass(slots=True, eq=False)
-class Body:
+class OpenObject:
     """An object while it is read.
 
     Attributes:
@@ -117,7 +117,7 @@ class Body:
 
 
 def assembled(
-    roots: Sequence[Use], bodies: Mapping[Hashable, Body], path: Path, limits: Limits, scale: float
+    roots: Sequence[Use], bodies: Mapping[Hashable, OpenObject], path: Path, limits: Limits, scale: float
 ) -> Float:
     """(F, 3, 3) corners of everything on the plate.
 
@@ -151,7 +151,7 @@ def assembled(
 
 
 def shares(
-    roots: Sequence[Use], bodies: Mapping[Hashable, Body], path: Path, limits: Limits
+    roots: Sequence[Use], bodies: Mapping[Hashable, OpenObject], path: Path, limits: Limits
 ) -> list[tuple[str, int]]:
     """What each thing on the plate is called, and how many of the facets of `assembled` it has; they come in turn."""
     found = []
@@ -167,10 +167,10 @@ def turned_over(matrix: Float) -> bool:
 
 
 def _placements(
-    roots: Sequence[Use], bodies: Mapping[Hashable, Body], path: Path, limits: Limits
-) -> list[tuple[Body, Float | None]]:
+    roots: Sequence[Use], bodies: Mapping[Hashable, OpenObject], path: Path, limits: Limits
+) -> list[tuple[OpenObject, Float | None]]:
     """Every object with facets, as often as it is placed, with the matrix that brings it to the plate."""
-    placed: list[tuple[Body, Float | None]] = []
+    placed: list[tuple[OpenObject, Float | None]] = []
     n_facets = n_vertices = n_seen = 0
     waiting: list[tuple[Use, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
     while waiting:

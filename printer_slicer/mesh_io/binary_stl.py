@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import os
 
     from printer_slicer.arrays import Float
-    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
     from printer_slicer.model import Mesh
 
@@ -33,7 +33,7 @@ UNCOUNTED: Final = (0, 0xFFFFFFFF)
 """What programs that write while they compute leave in place of the number of facets."""
 
 
-def announces_its_size(source: Source) -> bool:
+def announces_its_size(source: ModelFile) -> bool:
     """Whether this is a binary STL of exactly the announced length.
 
     The word `solid` at the start says nothing: binary files begin with it too.
@@ -41,12 +41,12 @@ def announces_its_size(source: Source) -> bool:
     return source.size >= HEADER_SIZE and source.size == HEADER_SIZE + FACET.itemsize * _n_announced(source)
 
 
-def _n_announced(source: Source) -> int:
+def _n_announced(source: ModelFile) -> int:
     """Read the number of facets from the header."""
     return int.from_bytes(source.head[HEADER_SIZE - 4 : HEADER_SIZE], "little")
 
 
-def read_binary_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
+def read_binary_stl(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
     """(F, 3, 3) corners of a binary STL, and what deserves a look.
 
     A tail after the last facet is allowed where it holds no facets: where it is zeros, printable text, or mostly
@@ -78,7 +78,7 @@ def read_binary_stl(source: Source, limits: Limits) -> tuple[Float, list[str]]:
     return _corners(source, n_announced), notes
 
 
-def _corners(source: Source, count: int) -> Float:
+def _corners(source: ModelFile, count: int) -> Float:
     """Read `count` facets; all that is held beside the result is one block."""
     corners = np.zeros((count, 3, 3))
     block = np.zeros(min(count, BLOCK), dtype=FACET)
@@ -93,12 +93,12 @@ def _corners(source: Source, count: int) -> Float:
     return corners
 
 
-def _ends_in_zeros(source: Source) -> bool:
+def _ends_in_zeros(source: ModelFile) -> bool:
     """Whether the last facet's length of the file is padding."""
     return _only_zeros(source, FACET.itemsize)
 
 
-def _only_zeros(source: Source, length: int) -> bool:
+def _only_zeros(source: ModelFile, length: int) -> bool:
     """Whether so many bytes at the end of the file are zero."""
     source.file.seek(source.size - length)
     while chunk := source.file.read(1 << 20):
@@ -107,7 +107,7 @@ def _only_zeros(source: Source, length: int) -> bool:
     return True
 
 
-def _may_be_facets(source: Source, length: int) -> bool:
+def _may_be_facets(source: ModelFile, length: int) -> bool:
     """Whether so many bytes at the end of the file may be facets, or another binary STL."""
     source.file.seek(source.size - length)
     header = HEADER_SIZE

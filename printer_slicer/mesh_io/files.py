@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["CHUNK", "Progress", "Source", "opened", "without_byte_order_mark"]
+__all__ = ["CHUNK", "ModelFile", "Progress", "opened", "without_byte_order_mark"]
 
 Progress = Callable[[float], None]
 """Is told the share that is read, 0 to 1."""
@@ -32,7 +32,7 @@ WORTH_TELLING: Final = 1 << 23
 UTF_16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 
-class Source:
+class ModelFile:
     """An open file of known length.
 
     Attributes:
@@ -119,7 +119,7 @@ def _open(path: Path, limits: Limits) -> BufferedReader:
 
 
 @contextmanager
-def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
+def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[ModelFile]:
     """The file, open.
 
     Raises:
@@ -131,9 +131,9 @@ def opened(path: Path, limits: Limits, progress: Progress) -> Iterator[Source]:
         try:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 spool = stack.enter_context(TemporaryFile())
-                source = Source(path, _spooled(file, spool, path, limits), progress)
+                source = ModelFile(path, _spooled(file, spool, path, limits), progress)
             else:
-                source = Source(path, file, progress)
+                source = ModelFile(path, file, progress)
             if not source.head:
                 raise MeshError(
                     f"{path}: the file is empty",

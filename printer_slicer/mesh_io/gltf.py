@@ -18,7 +18,7 @@ import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.input_files import read_input
-from printer_slicer.mesh_io.assembly import Body, Use, assembled
+from printer_slicer.mesh_io.assembly import OpenObject, Use, assembled
 from printer_slicer.mesh_io.files import without_byte_order_mark
 from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
@@ -394,7 +394,7 @@ def _chunks(data: bytes, limits: Limits) -> tuple[dict[str, Any], memoryview]:
     return tree, chunks.get(BINARY_CHUNK, memoryview(b""))
 
 
-def _scene(tree: dict[str, Any]) -> Body:
+def _scene(tree: dict[str, Any]) -> OpenObject:
     """What stands in the scene."""
     nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
     if scenes:
@@ -402,15 +402,15 @@ def _scene(tree: dict[str, Any]) -> Body:
     else:
         children = {_index(child) for node in nodes for child in node.get("children", [])}
         begin = [index for index in range(len(nodes)) if index not in children]
-    return Body("the scene", parts=[Use(("node", index), _matrix(nodes[index])) for index in begin])
+    return OpenObject("the scene", parts=[Use(("node", index), _matrix(nodes[index])) for index in begin])
 
 
-def _bodies(document: _Document) -> dict[Hashable, Body]:
+def _bodies(document: _Document) -> dict[Hashable, OpenObject]:
     """Nodes and the meshes they hold."""
-    bodies: dict[Hashable, Body] = {}
+    bodies: dict[Hashable, OpenObject] = {}
     nodes = document.tree.get("nodes", [])
     for index, node in enumerate(nodes):
-        body = bodies["node", index] = Body(f"node {index}")
+        body = bodies["node", index] = OpenObject(f"node {index}")
         if "mesh" in node:
             key = ("mesh", _index(node["mesh"]))
             if key not in bodies:
@@ -454,9 +454,9 @@ def _instances(document: _Document, node: dict[str, Any]) -> Sequence[Float | No
     )
 
 
-def _mesh(document: _Document, index: int) -> Body:
+def _mesh(document: _Document, index: int) -> OpenObject:
     """The facets of all primitives of a mesh."""
-    body = Body(f"mesh {index}")
+    body = OpenObject(f"mesh {index}")
     for primitive in document.tree["meshes"][index]["primitives"]:
         mode = primitive.get("mode", TRIANGLES)
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in primitive["attributes"]:

@@ -17,13 +17,13 @@ from printer_slicer.mesh_io.soundness import COPY_AGAIN, EXPORT_AGAIN
 if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["Handler", "Reader", "number_in", "whole_in"]
+__all__ = ["Handler", "XmlReader", "number_in", "whole_in"]
 
 Handler = Callable[[list[str]], None]
 """Takes the attributes of an element: name, value, name, value, ..."""
 
 
-class Reader:
+class XmlReader:
     """Calls one function per element by its name; subclasses say which.
 
     Names are those of the document where it has no namespace, and `namespace name` where it has one.

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from printer_slicer.mesh_io.assembly import Body
-from printer_slicer.mesh_io.markup import Reader
+from printer_slicer.mesh_io.assembly import OpenObject
+from printer_slicer.mesh_io.markup import XmlReader
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,7 +44,7 @@ class _Volume:
         return f"'{self.name[:LONGEST_NAME]}' ({self.kind[:LONGEST_NAME]})"
 
 
-class Modifiers(Reader):
+class Modifiers(XmlReader):
     """What the configuration file of a slicer says about volumes."""
 
     def __init__(self, path: Path, limits: Limits, what: str) -> None:
@@ -107,14 +107,14 @@ class Modifiers(Reader):
             raise self.fault(f"over {self.limits.instances} volumes")
         return _Volume(self._name, self._kind)
 
-    def name(self, bodies: dict[Hashable, Body], part: str) -> None:
+    def name(self, bodies: dict[Hashable, OpenObject], part: str) -> None:
         """Call the objects of a model file what the slicer calls them, where the model has no names."""
         for number, name in self.names.items():
             body = bodies.get((part, number))
             if body is not None:
                 body.label = body.label or name
 
-    def taken_from(self, bodies: dict[Hashable, Body], part: str) -> list[str]:
+    def taken_from(self, bodies: dict[Hashable, OpenObject], part: str) -> list[str]:
         """Take these volumes out of the objects of a model file.
 
         Returns:
@@ -130,7 +130,7 @@ class Modifiers(Reader):
                 keep[max(first, 0) : max(last + 1, 0)] = False
                 taken.append(volume)
             corners = np.frombuffer(body.corners, dtype=np.int64).reshape(-1, 3)[keep]
-            bodies[part, number] = Body(
+            bodies[part, number] = OpenObject(
                 body.name, body.xyz, array("q", corners.tobytes()), body.parts, body.label
             )
         for (number, child), volume in self.components.items():
@@ -139,7 +139,7 @@ class Modifiers(Reader):
                 continue
             kept = [use for use in body.parts if not (isinstance(use.key, tuple) and use.key[1] == child)]
             taken += [volume] * (len(body.parts) - len(kept))
-            bodies[part, number] = Body(body.name, body.xyz, body.corners, kept, body.label)
+            bodies[part, number] = OpenObject(body.name, body.xyz, body.corners, kept, body.label)
         return _notes(taken)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from printer_slicer.arrays import Float, Int
-    from printer_slicer.mesh_io.files import Source
+    from printer_slicer.mesh_io.files import ModelFile
     from printer_slicer.mesh_io.limits import Limits
 
 __all__ = ["read_obj"]
@@ -51,7 +51,7 @@ class _OddError(Exception):
     """Something is not as it should be; where is looked for then."""
 
 
-def read_obj(source: Source, limits: Limits) -> tuple[Float, list[str]]:
+def read_obj(source: ModelFile, limits: Limits) -> tuple[Float, list[str]]:
     """(F, 3, 3) corners of the facets, and what deserves a look; polygons are cut into fans.
 
     Only when something is wrong the file is read line by line, to say where.
@@ -86,7 +86,7 @@ def read_obj(source: Source, limits: Limits) -> tuple[Float, list[str]]:
     return triangulated(np.concatenate(vertices), np.concatenate(counts), corner, source.path, limits), notes
 
 
-def _pieces(source: Source) -> Iterator[bytes]:
+def _pieces(source: ModelFile) -> Iterator[bytes]:
     """The file in pieces of whole statements, each ending its lines with LF and the last one too."""
     rest = b""
     for chunk in source.text_chunks():
@@ -200,7 +200,7 @@ def _numbers(text: NDArray[np.uint8], kind: str, counts: Int) -> NDArray[Any]:
     return numbers
 
 
-def _statements(source: Source) -> Iterator[tuple[int, list[bytes]]]:
+def _statements(source: ModelFile) -> Iterator[tuple[int, list[bytes]]]:
     """The number of the line it begins in, and the words of every statement, the slow way."""
     number, begun, words, is_continued = 0, 1, list[bytes](), False
     for text in _pieces(source):
@@ -215,7 +215,7 @@ def _statements(source: Source) -> Iterator[tuple[int, list[bytes]]]:
                 words = []
 
 
-def _fault(source: Source, n_vertices: int | None) -> MeshError:
+def _fault(source: ModelFile, n_vertices: int | None) -> MeshError:
     """Describe the first statement that is not as it should be.
 
     Args:
@@ -263,7 +263,7 @@ def _spoken(word: bytes) -> str:
     return word[:60].decode("ascii", "replace")
 
 
-def _nothing(source: Source) -> MeshError:
+def _nothing(source: ModelFile) -> MeshError:
     """What to say of a file without facets."""
     found = {UNREAD[words[0]] for _, words in _statements(source) if words and words[0] in UNREAD}
     only = f", only {' and '.join(sorted(found))}" if found else ""

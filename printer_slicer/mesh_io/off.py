@@ -16,7 +16,7 @@ import numpy as np
 
 from printer_slicer.mesh_io.limits import check_facets
 from printer_slicer.mesh_io.polygons import triangulated, whole
-from printer_slicer.mesh_io.tables import Body, Bytes, Column, Element, Property, Words, read_table
+from printer_slicer.mesh_io.tables import Bytes, Column, Element, Property, TableBody, Words, read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -113,7 +113,7 @@ def _behind(head: re.Match[bytes] | re.Match[str]) -> int:
 
 
 def _tables(
-    body: Body, announced: tuple[int, int], begin: int, n_behind: int, face: tuple[Property, ...]
+    body: TableBody, announced: tuple[int, int], begin: int, n_behind: int, face: tuple[Property, ...]
 ) -> tuple[Float, Column, int]:
     """Vertices (V, 3), the corners of the faces, and where these end in the body.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.mesh_io.limits import check_facets
 from printer_slicer.mesh_io.polygons import triangulated, whole
-from printer_slicer.mesh_io.tables import Body, Bytes, Column, Element, Property, Words, read_table
+from printer_slicer.mesh_io.tables import Bytes, Column, Element, Property, TableBody, Words, read_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,7 +43,7 @@ def read_ply(data: bytes, path: Path, limits: Limits) -> Float:
         ValueError: it is no sound file; says why.
     """
     elements, order, begin = _header(data)
-    body: Body = Bytes(data[begin:], order) if order else Words(data[begin:])
+    body: TableBody = Bytes(data[begin:], order) if order else Words(data[begin:])
     vertices, nothing = np.zeros((0, 3)), np.zeros(0, np.int64)
     counts, corners = [nothing], [nothing]
     at = 0

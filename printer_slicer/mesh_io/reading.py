@@ -12,7 +12,7 @@ import numpy as np
 from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.mesh_io.ascii_stl import looks_like_ascii_stl, read_ascii_stl
 from printer_slicer.mesh_io.binary_stl import announces_its_size, read_binary_stl
-from printer_slicer.mesh_io.files import Progress, Source, opened, without_byte_order_mark
+from printer_slicer.mesh_io.files import ModelFile, Progress, opened, without_byte_order_mark
 from printer_slicer.mesh_io.limits import LIMITS, Limits
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, blocks, sound
 from printer_slicer.mesh_io.units import UNITS, checked_unit, unit_advice
@@ -154,7 +154,7 @@ def _items(shares: list[tuple[str, int]], triangles: Float, name: str) -> tuple[
     return tuple(items)
 
 
-def _kind(source: Source) -> str:
+def _kind(source: ModelFile) -> str:
     """The format: by what the file begins with where that is certain, else by its extension, else by its content."""
     if announces_its_size(source):
         return "stl"
@@ -192,7 +192,7 @@ def _kind(source: Source) -> str:
 Result = tuple["Float", str, list[str]] | tuple["Float", str, list[str], list[tuple[str, int]]]
 
 
-def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_stl(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     if not announces_its_size(source) and looks_like_ascii_stl(source):
         triangles, notes = read_ascii_stl(source, limits)
     else:
@@ -200,7 +200,7 @@ def _read_stl(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
     return _scaled(triangles, unit or "mm"), unit or "mm", notes
 
 
-def _read_zip(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_zip(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.archive import unpacking  # noqa: PLC0415
     from printer_slicer.mesh_io.three_mf import read_three_mf  # noqa: PLC0415
 
@@ -208,19 +208,19 @@ def _read_zip(source: Source, _kind: str, unit: str | None, limits: Limits) -> R
         return read_three_mf(archive, limits, unit)
 
 
-def _read_glb(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_glb(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.gltf import read_glb  # noqa: PLC0415
 
     return read_glb(source.whole(limits.text_bytes), source.path, limits, unit)
 
 
-def _read_gltf(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_gltf(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.gltf import read_gltf  # noqa: PLC0415
 
     return read_gltf(source.whole(limits.text_bytes), source.path, limits, unit)
 
 
-def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_step(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.step import read_step  # noqa: PLC0415
 
     if unit is not None:
@@ -230,14 +230,14 @@ def _read_step(source: Source, _kind: str, unit: str | None, limits: Limits) -> 
     return read_step(source.whole(limits.text_bytes), source.path, limits)
 
 
-def _read_obj(source: Source, _kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_obj(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.obj import read_obj  # noqa: PLC0415
 
     triangles, notes = read_obj(source, limits)
     return _scaled(triangles, unit or "mm"), unit or "mm", notes
 
 
-def _read_table(source: Source, kind: str, unit: str | None, limits: Limits) -> Result:
+def _read_table(source: ModelFile, kind: str, unit: str | None, limits: Limits) -> Result:
     from printer_slicer.mesh_io.off import read_off  # noqa: PLC0415
     from printer_slicer.mesh_io.ply import read_ply  # noqa: PLC0415
 

@@ -20,7 +20,17 @@ if TYPE_CHECKING:
 
     from printer_slicer.arrays import Int
 
-__all__ = ["NUMBER", "Body", "Bytes", "Column", "Element", "Property", "Words", "numbers_in", "read_table"]
+__all__ = [
+    "NUMBER",
+    "Bytes",
+    "Column",
+    "Element",
+    "Property",
+    "TableBody",
+    "Words",
+    "numbers_in",
+    "read_table",
+]
 
 NUMBER: Final = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 """A number in a text."""
@@ -62,7 +72,7 @@ class Column:
     values: NDArray[Any]
 
 
-class Body(Protocol):
+class TableBody(Protocol):
     """What follows the header."""
 
     end: int
@@ -216,7 +226,7 @@ def _no_number(word: bytes) -> ValueError:
 
 
 def read_table(
-    body: Body, element: Element, start: int, names: Collection[str]
+    body: TableBody, element: Element, start: int, names: Collection[str]
 ) -> tuple[dict[str, Column], int]:
     """The columns of these names, and where the element ends.
 
@@ -246,7 +256,7 @@ def read_table(
     return _walked(body, element, start, names)
 
 
-def _row(body: Body, element: Element, at: int) -> tuple[list[int], list[int], int]:
+def _row(body: TableBody, element: Element, at: int) -> tuple[list[int], list[int], int]:
     """Where the numbers of each property of a row begin, how many there are, and the length of the row."""
     begin, places, counts = at, [], []
     for one in element.properties:
@@ -263,7 +273,7 @@ def _row(body: Body, element: Element, at: int) -> tuple[list[int], list[int], i
     return places, counts, at - begin
 
 
-def _even(body: Body, element: Element, first: list[int], counts: list[int], stride: int) -> bool:
+def _even(body: TableBody, element: Element, first: list[int], counts: list[int], stride: int) -> bool:
     """Whether all rows have lists as long as those of the first row."""
     try:
         return all(
@@ -276,7 +286,7 @@ def _even(body: Body, element: Element, first: list[int], counts: list[int], str
 
 
 def _walked(
-    body: Body, element: Element, start: int, names: Collection[str]
+    body: TableBody, element: Element, start: int, names: Collection[str]
 ) -> tuple[dict[str, Column], int]:
     """The columns of these names where rows differ in length, and where the element ends: window by window."""
     wanted = [(number, one) for number, one in enumerate(element.properties) if one.name in names]
@@ -301,7 +311,7 @@ def _walked(
     }, start
 
 
-def _begins(body: Body, element: Element, start: int, window: int) -> Int:
+def _begins(body: TableBody, element: Element, start: int, window: int) -> Int:
     """(R,) where the rows begin that follow each other from `start` on, within so many places.
 
     Each place is asked where a row would end that began there; of the rows found, so many more are found at each turn.
@@ -315,7 +325,7 @@ def _begins(body: Body, element: Element, start: int, window: int) -> Int:
     return start + rows[: np.searchsorted(rows, window)]
 
 
-def _rows(body: Body, element: Element, begins: Int) -> tuple[list[Int], list[Int], Int]:
+def _rows(body: TableBody, element: Element, begins: Int) -> tuple[list[Int], list[Int], Int]:
     """For rows that begin there, by properties: where numbers begin, and how many; and where the rows end.
 
     Counts that make no sense are -1.

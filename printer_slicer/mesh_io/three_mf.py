@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError
-from printer_slicer.mesh_io.assembly import Body, Shelf, Use, assembled, shares
-from printer_slicer.mesh_io.markup import Reader, number_in, whole_in
+from printer_slicer.mesh_io.assembly import OpenObject, Shelf, Use, assembled, shares
+from printer_slicer.mesh_io.markup import XmlReader, number_in, whole_in
 from printer_slicer.mesh_io.modifiers import MOST_NAMED, read_modifiers
 from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
 from printer_slicer.mesh_io.units import UNITS, named_unit
@@ -70,7 +70,7 @@ class _Model:
     """Object and a value of PAINT -> facets."""
 
 
-class _ModelReader(Reader):
+class _ModelReader(XmlReader):
     """Reads one model file."""
 
     def __init__(self, path: Path, limits: Limits, part: str) -> None:
@@ -79,7 +79,7 @@ class _ModelReader(Reader):
         self.check = self.model.shelf.check  # type: ignore[method-assign]
         self._part = part
         self._key: Hashable = None
-        self._body = Body("no object")
+        self._body = OpenObject("no object")
         for name, handler in {
             "model": self._begin_model,
             "object": self._begin_object,
@@ -152,7 +152,7 @@ class _ModelReader(Reader):
         return matrix
 
 
-class _RelationReader(Reader):
+class _RelationReader(XmlReader):
     """Finds the model file that a program shall begin with."""
 
     def __init__(self, path: Path, limits: Limits) -> None:
@@ -210,7 +210,7 @@ def _read(archive: Archive, limits: Limits, part: str) -> _Model:
 
 def _with_more(
     archive: Archive, limits: Limits, start: str, first: _Model
-) -> tuple[dict[Hashable, Body], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
+) -> tuple[dict[Hashable, OpenObject], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
     """Objects, their kinds and what is painted on them.
 
     Those of the model files that the first one takes objects from, as items or components, are among them.
@@ -248,15 +248,17 @@ def _start(archive: Archive, limits: Limits) -> str:
     raise MeshError(f"{archive.path}: the archive holds no 3D model", remedy=EXPORT_AGAIN)
 
 
-def _without_other_kinds(bodies: dict[Hashable, Body], kinds: dict[Hashable, str], notes: list[str]) -> None:
+def _without_other_kinds(
+    bodies: dict[Hashable, OpenObject], kinds: dict[Hashable, str], notes: list[str]
+) -> None:
     """Empty the objects that are no part: supports, surfaces and others."""
     for key, kind in kinds.items():
         if kind != "model":
             notes.append(f"{bodies[key].name} is of type '{kind[:40]}' and left out")
-            bodies[key] = Body(bodies[key].name)
+            bodies[key] = OpenObject(bodies[key].name)
 
 
-def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, Body]) -> list[str]:
+def _paint_notes(painted: Counter[tuple[Hashable, str]], bodies: dict[Hashable, OpenObject]) -> list[str]:
     """What is painted on facets and not followed, a line for each kind of it."""
     owners = {use.key: body.label for body in bodies.values() if body.label for use in body.parts}
     notes = []

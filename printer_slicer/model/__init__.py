@@ -7,7 +7,7 @@ Lengths are mm, times s, speeds mm/s, temperatures °C.
 from printer_slicer.geometry import Areas
 from printer_slicer.model.items import Item, Labels
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
-from printer_slicer.model.part import Faults, Mesh, Repair, Repairs
+from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
     Acceleration,
     Event,
@@ -28,13 +28,13 @@ __all__ = [
     "Contours",
     "Event",
     "Fan",
-    "Faults",
     "Gap",
     "Heat",
     "Item",
     "Labels",
     "LayerPlan",
     "Mesh",
+    "MeshFaults",
     "PressureAdvance",
     "Program",
     "Regions",

@@ -16,7 +16,7 @@ from printer_slicer.showing import Drawn
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Faults", "Mesh", "Repair", "Repairs"]
+__all__ = ["Mesh", "MeshFaults", "Repair", "Repairs"]
 
 _BLOCK = 1 << 12  # facets: what fits the cache
 _ROW = 768  # coordinates compared at a time
@@ -131,7 +131,7 @@ class Mesh(Drawn):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Faults:
+class MeshFaults:
     """What keeps a mesh from bounding a solid, each as middle points (n, 3) of edges, mm.
 
     Attributes:

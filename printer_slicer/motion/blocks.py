@@ -1,6 +1,6 @@
 """One move by itself: the limits of the machine, the speed of a corner, the time of a ramp.
 
-The door to this file is `motion.rules`. Corner speeds are a property of the firmware, see `Limits.corner`.
+The door to this file is `motion.rules`. Corner speeds are a property of the firmware, see `MotionLimits.corner`.
 They are found as squares, because under constant acceleration v² changes by 2·a·d over a distance d.
 """
 
@@ -19,7 +19,7 @@ __all__ = [
     "STRAIGHT",
     "Axes",
     "Block",
-    "Limits",
+    "MotionLimits",
     "corner_speed",
     "corner_square",
     "make_block",
@@ -47,7 +47,7 @@ SQUARE: Final = sqrt(2) - 1
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class MotionLimits:
     """What the machine may do.
 
     Attributes:
@@ -100,7 +100,7 @@ class Block(NamedTuple):
     share: float = 1.0
 
 
-def make_block(limits: Limits, delta: Axes, speed: float) -> Block | None:
+def make_block(limits: MotionLimits, delta: Axes, speed: float) -> Block | None:
     """Block that moves by `delta`, or None when nothing moves.
 
     Args:
@@ -137,7 +137,7 @@ def make_block(limits: Limits, delta: Axes, speed: float) -> Block | None:
     return Block(length, unit, speed, acceleration, acceleration / wanted)
 
 
-def corner_speed(limits: Limits, before: Block, after: Block) -> float:
+def corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
     """Highest speed at which one block may turn into the next, mm/s; never above either cruise speed.
 
     Moves of the extruder alone: with "junction_deviation" and "jerk" the formula simply counts e as one more
@@ -146,7 +146,7 @@ def corner_speed(limits: Limits, before: Block, after: Block) -> float:
     return sqrt(corner_square(limits, before, after))
 
 
-def corner_square(limits: Limits, before: Block, after: Block) -> float:
+def corner_square(limits: MotionLimits, before: Block, after: Block) -> float:
     """Square of `corner_speed`, (mm/s)²."""
     slower = before.speed if before.speed < after.speed else after.speed
     if limits.corner == "junction_deviation":
@@ -157,7 +157,7 @@ def corner_square(limits: Limits, before: Block, after: Block) -> float:
     return slower * slower
 
 
-def _deviation_square(limits: Limits, before: Block, after: Block) -> float:
+def _deviation_square(limits: MotionLimits, before: Block, after: Block) -> float:
     """Squared corner speed by junction deviation.
 
     The corner is replaced by an arc that leaves it by the deviation δ and is run through at the acceleration
@@ -205,7 +205,7 @@ def _jerk_speed(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
     return speed
 
 
-def _square_corner_square(limits: Limits, before: Block, after: Block, slower: float) -> float:
+def _square_corner_square(limits: MotionLimits, before: Block, after: Block, slower: float) -> float:
     """Squared corner speed by square corner velocity, at most that of the slower block.
 
     Junction deviation in x, y, z, with δ = v₉₀²·(√2 - 1) / a, so that a corner of 90° is taken at v₉₀

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.profile import Printer
 
 __all__ = ["limits_of"]
 
 
-def limits_of(printer: Printer) -> Limits:
+def limits_of(printer: Printer) -> MotionLimits:
     """What the firmware of this printer obeys: speeds mm/s, accelerations mm/s²."""
     one = printer.firmware.one_acceleration
-    return Limits(
+    return MotionLimits(
         max_speed=(printer.max_speed_x, printer.max_speed_y, printer.max_speed_z, printer.max_speed_e),
         max_acceleration=(
             printer.max_acceleration_x,

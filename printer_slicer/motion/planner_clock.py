@@ -15,7 +15,7 @@ from printer_slicer.motion.rules import Lookahead
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from printer_slicer.motion.rules import Block, Limits
+    from printer_slicer.motion.rules import Block, MotionLimits
 
 __all__ = ["PlannerClock"]
 
@@ -44,7 +44,7 @@ class PlannerClock:
     """
 
     def __init__(
-        self, limits: Limits, on_begin: Callable[[int, float], None] = lambda _label, _at: None
+        self, limits: MotionLimits, on_begin: Callable[[int, float], None] = lambda _label, _at: None
     ) -> None:
         self.stalls = 0
         self.stalled_seconds = self.moving_seconds = 0.0
@@ -62,7 +62,7 @@ class PlannerClock:
         self._advance(now)
         return len(self._labels) >= self._places
 
-    def set_limits(self, limits: Limits) -> None:
+    def set_limits(self, limits: MotionLimits) -> None:
         """Use other corner rules for the moves pushed from now on."""
         self._lookahead.limits = limits
 

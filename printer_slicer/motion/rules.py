@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from printer_slicer.motion.blocks import (
     Axes,
     Block,
-    Limits,
+    MotionLimits,
     corner_speed,
     corner_square,
     make_block,
@@ -31,7 +31,17 @@ from printer_slicer.motion.blocks import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["SAME", "Axes", "Block", "Limits", "Lookahead", "corner_speed", "make_block", "plan", "ramp_time"]
+__all__ = [
+    "SAME",
+    "Axes",
+    "Block",
+    "Lookahead",
+    "MotionLimits",
+    "corner_speed",
+    "make_block",
+    "plan",
+    "ramp_time",
+]
 
 SAME: Final = 1 - 1e-9
 """Squared speeds closer than this are equal; rounding shall not decide whether a block can also brake."""
@@ -65,7 +75,7 @@ class Lookahead:
 
     __slots__ = ("_last", "_queue", "_smooth", "_square", "_top", "exit_speed", "limits")
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: MotionLimits) -> None:
         self.limits = limits
         self.exit_speed = 0.0
         self._queue: deque[_Queued] = deque()
@@ -169,7 +179,7 @@ class Lookahead:
         return entry
 
 
-def plan(blocks: Iterable[Block], limits: Limits) -> list[float]:
+def plan(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
     """Seconds of each block, for a machine that starts and ends at rest and looks ahead without end."""
     queue = list(blocks)
     if not queue:

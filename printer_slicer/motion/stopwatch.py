@@ -15,13 +15,13 @@ from printer_slicer.motion.whole import Course, course_of
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Bool, Float
-    from printer_slicer.motion.blocks import Limits
+    from printer_slicer.motion.blocks import MotionLimits
 
-__all__ = ["Stopwatch", "Wanted"]
+__all__ = ["RequestedMoves", "Stopwatch"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wanted:
+class RequestedMoves:
     """Moves as they were asked for: delta (K, 4) in mm, speed (K,), acceleration (K,), whether it stops after (K,)."""
 
     delta: Float
@@ -29,13 +29,15 @@ class Wanted:
     acceleration: Float
     stop: Bool
 
-    def part(self, which: slice) -> Wanted:
+    def part(self, which: slice) -> RequestedMoves:
         """Some of them."""
-        return Wanted(self.delta[which], self.speed[which], self.acceleration[which], self.stop[which])
+        return RequestedMoves(
+            self.delta[which], self.speed[which], self.acceleration[which], self.stop[which]
+        )
 
-    def then(self, others: Wanted) -> Wanted:
+    def then(self, others: RequestedMoves) -> RequestedMoves:
         """These and others behind them."""
-        return Wanted(
+        return RequestedMoves(
             np.concatenate([self.delta, others.delta]),
             np.concatenate([self.speed, others.speed]),
             np.concatenate([self.acceleration, others.acceleration]),
@@ -50,10 +52,10 @@ class Stopwatch:
         limits: of the machine; may be replaced while it rests.
     """
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: MotionLimits) -> None:
         self.limits = limits
         self._seconds = 0.0
-        self._waiting: Wanted | None = None
+        self._waiting: RequestedMoves | None = None
         self._entry = (0.0, 0.0)
 
     @property
@@ -61,7 +63,7 @@ class Stopwatch:
         """How many moves take a time that is not certain yet."""
         return len(self._waiting.speed) if self._waiting else 0
 
-    def add(self, moves: Wanted) -> None:
+    def add(self, moves: RequestedMoves) -> None:
         """Some more moves."""
         moves = self._waiting.then(moves) if self._waiting else moves
         course = self._course(moves)
@@ -80,7 +82,7 @@ class Stopwatch:
         self._waiting, self._entry = None, (0.0, 0.0)
         return self._seconds
 
-    def _course(self, moves: Wanted) -> Course:
+    def _course(self, moves: RequestedMoves) -> Course:
         """What moves behind those whose time is known come to, if none came behind them."""
         return course_of(
             moves.delta,

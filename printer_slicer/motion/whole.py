@@ -16,7 +16,7 @@ from printer_slicer.motion.rules import SAME
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Bool, Float, Int
-    from printer_slicer.motion.blocks import Limits
+    from printer_slicer.motion.blocks import MotionLimits
 
 __all__ = [
     "Blocks",
@@ -56,7 +56,7 @@ class Blocks:
 def durations(
     delta: Float,
     speed: Float,
-    limits: Limits,
+    limits: MotionLimits,
     *,
     stop_after: Bool | None = None,
     acceleration: Float | None = None,
@@ -146,7 +146,7 @@ class Smoothed:
 def course_of(
     delta: Float,
     speed: Float,
-    limits: Limits,
+    limits: MotionLimits,
     *,
     stop_after: Bool | None = None,
     acceleration: Float | None = None,
@@ -194,7 +194,9 @@ def moving_of(delta: Float) -> tuple[Int, Float]:
     return moving, length[moving]
 
 
-def make_blocks(delta: Float, length: Float, speed: Float, wanted: Float | None, limits: Limits) -> Blocks:
+def make_blocks(
+    delta: Float, length: Float, speed: Float, wanted: Float | None, limits: MotionLimits
+) -> Blocks:
     """Blocks within the limits of every axis; delta (4, B), the rest (B,)."""
     x, y, z, e = delta
     head_moves = np.sqrt(x * x + y * y + z * z) >= SHORTEST
@@ -225,7 +227,7 @@ def _held(value: Float, part: Float, top: float) -> Float:
     return held
 
 
-def corner_squares(limits: Limits, before: Blocks, after: Blocks) -> Float:
+def corner_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
     """Squared corner speeds, (B - 1,) from blocks of that many."""
     slower: Float = np.minimum(before.speed, after.speed)
     squares: Float
@@ -238,7 +240,7 @@ def corner_squares(limits: Limits, before: Blocks, after: Blocks) -> Float:
     return squares
 
 
-def _deviation_squares(limits: Limits, before: Blocks, after: Blocks) -> Float:
+def _deviation_squares(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
     """See `blocks._deviation_square`."""
     bx, by, bz, be = before.unit / _sizes(before.unit)
     ax, ay, az, ae = after.unit / _sizes(after.unit)
@@ -265,7 +267,7 @@ def _sizes(unit: Float) -> Float:
     return sizes
 
 
-def _jerk_speeds(limits: Limits, before: Blocks, after: Blocks, speed: Float) -> Float:
+def _jerk_speeds(limits: MotionLimits, before: Blocks, after: Blocks, speed: Float) -> Float:
     """See `blocks._jerk_speed`."""
     for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
         jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
@@ -273,7 +275,7 @@ def _jerk_speeds(limits: Limits, before: Blocks, after: Blocks, speed: Float) ->
     return speed
 
 
-def _square_corner_squares(limits: Limits, before: Blocks, after: Blocks, slower: Float) -> Float:
+def _square_corner_squares(limits: MotionLimits, before: Blocks, after: Blocks, slower: Float) -> Float:
     """See `blocks._square_corner_square`."""
     bx, by, bz, be = before.unit
     ax, ay, az, ae = after.unit

@@ -13,7 +13,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, numbered
 from printer_slicer.geometry.joints import linked
 from printer_slicer.perimeters.beading import Beading
-from printer_slicer.perimeters.graph import Graph, crossings, low_and_high
+from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
 
 __all__ = ["Counted", "counted"]
 
@@ -43,7 +43,7 @@ class Counted:
         count: (E,) of central pieces; 0 elsewhere.
     """
 
-    graph: Graph
+    graph: AxisGraph
     used: Bool
     central: Bool
     corner: Bool
@@ -51,7 +51,7 @@ class Counted:
     count: Int
 
 
-def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counted:
+def counted(graph: AxisGraph, real: Bool, beading: Beading, widest: Float) -> Counted:
     """The count of each piece.
 
     Args:
@@ -83,7 +83,7 @@ def counted(graph: Graph, real: Bool, beading: Beading, widest: Float) -> Counte
     return Counted(graph, used, central, corner, wide, count)
 
 
-def _cuts(graph: Graph, beading: Beading, widest: Float) -> tuple[Int, Float]:
+def _cuts(graph: AxisGraph, beading: Beading, widest: Float) -> tuple[Int, Float]:
     """Pieces (n,), and the shares (n,) of the way along each, where the count may change."""
     radius, layer, limits = graph.radius.take(graph.ends), graph.piece_layer, beading.thresholds()
     least, most = np.minimum(*radius.T), np.maximum(*radius.T)
@@ -97,7 +97,7 @@ def _cuts(graph: Graph, beading: Beading, widest: Float) -> tuple[Int, Float]:
     return np.concatenate([piece for piece, _ in cuts]), np.concatenate([share for _, share in cuts])
 
 
-def _highest(graph: Graph, central: Bool, count: Int) -> Int:
+def _highest(graph: AxisGraph, central: Bool, count: Int) -> Int:
     """(V,) the highest count of the central pieces that meet in each point, 0 where none does."""
     top = np.zeros(len(graph.xy), np.int64)
     np.maximum.at(top, graph.ends[central].ravel(), np.repeat(count[central], 2))
@@ -109,7 +109,7 @@ def _spur_floor(beading: Beading) -> Float:
     return np.asarray(np.maximum(beading.thresholds()[0], _SPUR_FLOOR * beading.narrowest))
 
 
-def _spurs(graph: Graph, corner: Bool, central: Bool, count: Int, floor: Float) -> Int:
+def _spurs(graph: AxisGraph, corner: Bool, central: Bool, count: Int, floor: Float) -> Int:
     """Pieces into corners that a bead on its own leaves open by more than a trifle, as it ends or goes by."""
     ends, radius, length = graph.ends, graph.radius, graph.length
     top = _highest(graph, central, count)
@@ -133,7 +133,7 @@ def _spurs(graph: Graph, corner: Bool, central: Bool, count: Int, floor: Float) 
     return np.asarray(piece[items[worth[chains]]])
 
 
-def _on_top(graph: Graph, rising: Int, below: Int, decided: Bool, beading: Beading) -> Int:
+def _on_top(graph: AxisGraph, rising: Int, below: Int, decided: Bool, beading: Beading) -> Int:
     """(n,) counts for pieces that lead up from stretches to no more than a bulge where they meet; -1 for others."""
     ends, radius = graph.ends, graph.radius
     group = linked(ends[rising].T, len(radius))
@@ -152,7 +152,7 @@ def _on_top(graph: Graph, rising: Int, below: Int, decided: Bool, beading: Beadi
     return np.where(fits & ~lost[own], most, -1)
 
 
-def _central(graph: Graph, used: Bool, wide: Bool, beading: Beading) -> tuple[Bool, Int]:
+def _central(graph: AxisGraph, used: Bool, wide: Bool, beading: Beading) -> tuple[Bool, Int]:
     """(E,) pieces along which the thickness hardly changes; for those that lead up, from which point of such (-1)."""
     ends, radius = graph.ends, graph.radius
     central = used & (graph.steepness <= _SHARPEST)
@@ -180,7 +180,7 @@ def _central(graph: Graph, used: Bool, wide: Bool, beading: Beading) -> tuple[Bo
     return central, result
 
 
-def _without_short_runs(graph: Graph, central: Bool, count: Int, wide: Bool, beading: Beading) -> Int:
+def _without_short_runs(graph: AxisGraph, central: Bool, count: Int, wide: Bool, beading: Beading) -> Int:
     """Counts with short runs given to a neighbour where its beads can take that; those in front of wide places stay."""
     piece = np.flatnonzero(central)
     if not len(piece):

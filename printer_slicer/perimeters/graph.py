@@ -10,11 +10,11 @@ from printer_slicer.arrays import Float, Int, consecutive, renumbered
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.geometry.voronoi import MedialAxis, ways_of_parts
 
-__all__ = ["Graph", "crossings", "low_and_high"]
+__all__ = ["AxisGraph", "crossings", "low_and_high"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Graph:
+class AxisGraph:
     """Points and pieces of a medial axis; names are those of `MedialAxis`.
 
     Attributes:
@@ -38,7 +38,7 @@ class Graph:
     origin: Int
 
     @classmethod
-    def of(cls, axis: MedialAxis) -> Graph:
+    def of(cls, axis: MedialAxis) -> AxisGraph:
         """All of a medial axis."""
         ends = axis.start.reshape(-1, 2)
         length = norm(axis.xy.take(ends[:, 1], axis=0) - axis.xy.take(ends[:, 0], axis=0))
@@ -77,7 +77,7 @@ class Graph:
         low, high = self.radius.take(self.ends.T)
         return np.asarray((low + high) / 2)
 
-    def only(self, kept: Int) -> Graph:
+    def only(self, kept: Int) -> AxisGraph:
         """Some pieces (n,), ascending, and their points; ways past pieces that are left out lead around their ends."""
         number = np.full(len(self.start), -1)
         half = np.stack([2 * kept, 2 * kept + 1], axis=1).ravel()
@@ -91,7 +91,7 @@ class Graph:
             gone = number[ahead] < 0
             left, ahead = left[gone], self.following[ahead[gone] ^ 1]
         points, start = renumbered(self.start[half], len(self.xy))
-        return Graph(
+        return AxisGraph(
             self.xy.take(points, axis=0),
             self.radius[points],
             self.layer[points],
@@ -102,7 +102,7 @@ class Graph:
             self.origin[kept],
         )
 
-    def divided(self, piece: Int, share: Float) -> Graph:
+    def divided(self, piece: Int, share: Float) -> AxisGraph:
         """With new points on some pieces: at a share of the way (0 to 1) along each; in any order."""
         order = np.lexsort((share, piece))
         piece, share = piece[order], share[order]
@@ -121,7 +121,7 @@ class Graph:
         low, high = np.zeros(len(owner)), np.ones(len(owner))
         low[~is_first], high[~is_last] = share, share
         along = _between(self.xy.take(ends[piece], axis=0), share[:, None])
-        return Graph(
+        return AxisGraph(
             np.concatenate([self.xy, along]),
             np.concatenate([self.radius, _between(self.radius[ends[piece]], share)]),
             np.concatenate([self.layer, self.layer[ends[piece, 0]]]),

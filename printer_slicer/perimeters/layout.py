@@ -13,15 +13,15 @@ from printer_slicer.arrays import Bool, Float, Int, numbered
 from printer_slicer.geometry.joints import chain_ends
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted
-from printer_slicer.perimeters.graph import Graph, crossings, low_and_high
+from printer_slicer.perimeters.graph import AxisGraph, crossings, low_and_high
 
-__all__ = ["Layout", "laid_out"]
+__all__ = ["BeadLayout", "laid_out"]
 
 _TRANSITION = 0.2  # mm on either side of a change of the count within which beads move to their new places
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class BeadLayout:
     """Beads of a graph; level i is the loop of depth i, the last level the border of what is left inside.
 
     Attributes:
@@ -38,7 +38,7 @@ class Layout:
         wide: (E,).
     """
 
-    graph: Graph
+    graph: AxisGraph
     port: Int
     point: Int
     leader: Int
@@ -51,7 +51,7 @@ class Layout:
     wide: Bool
 
 
-def laid_out(given: Counted, beading: Beading) -> Layout:
+def laid_out(given: Counted, beading: Beading) -> BeadLayout:
     """The beads of a graph whose pieces know their counts."""
     # Where beads have come to their new places, and where loops of levels that end turn around.
     ports, half = _Ports.of(given, beading), beading.spacing[given.graph.piece_layer] / 2
@@ -83,7 +83,7 @@ def _divided(given: Counted, cuts: list[tuple[Int, Float]]) -> Counted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ports:
-    """Ports of a graph; see `Layout`.
+    """Ports of a graph; see `BeadLayout`.
 
     Attributes:
         given: the graph and its counts.
@@ -168,7 +168,7 @@ class _Ports:
         width[-1] = np.where(pairs > 0, left, spacing[-1]) + rounding
         return inset, width
 
-    def layout(self, beading: Beading) -> Layout:
+    def layout(self, beading: Beading) -> BeadLayout:
         """All together, with what is active where."""
         given, graph = self.given, self.given.graph
         inset, width = self.beads(beading)
@@ -188,7 +188,7 @@ class _Ports:
         ending = (change >= 0) & close & (self.fewest[change] <= level) & (level < beading.loops)
         active = there & (rest > 0) & ~ending & given.used
         middle = given.central & (count % 2 == 1) & (count < beading.full)
-        return Layout(
+        return BeadLayout(
             graph,
             self.port,
             self.point,

@@ -13,9 +13,9 @@ from printer_slicer.geometry.planes import spread
 from printer_slicer.geometry.vectors import dot, norm
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import low_and_high
-from printer_slicer.perimeters.layout import Layout
+from printer_slicer.perimeters.layout import BeadLayout
 
-__all__ = ["Lines", "middle_lines"]
+__all__ = ["MiddleLines", "middle_lines"]
 
 _SAME = 1e-6  # mm
 _LEAST = 0.4  # bead widths; a shorter bead between others is not worth a start and a stop
@@ -23,7 +23,7 @@ _CORNERS = 6  # of the ring that a dot is
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lines:
+class MiddleLines:
     """Polylines with widths.
 
     Attributes:
@@ -46,10 +46,10 @@ class Lines:
         """(M,) mm, of closed ones without their last side."""
         return lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
 
-    def take(self, keep: Bool) -> Lines:
+    def take(self, keep: Bool) -> MiddleLines:
         """Those for which `keep` is true."""
         points = np.repeat(keep, self.size)
-        return Lines(
+        return MiddleLines(
             self.xy.compress(points, axis=0),
             self.width[points],
             self.size[keep],
@@ -58,9 +58,9 @@ class Lines:
             self.closed[keep],
         )
 
-    def merge(self, other: Lines) -> Lines:
+    def merge(self, other: MiddleLines) -> MiddleLines:
         """Both, one after the other."""
-        return Lines(
+        return MiddleLines(
             np.concatenate([self.xy, other.xy]),
             np.concatenate([self.width, other.width]),
             np.concatenate([self.size, other.size]),
@@ -70,14 +70,14 @@ class Lines:
         )
 
 
-def middle_lines(layout: Layout, beading: Beading) -> Lines:
+def middle_lines(layout: BeadLayout, beading: Beading) -> MiddleLines:
     """One polyline along every stretch of pieces with a bead in the middle; dots where there is room for no more."""
     lines, short = _along(layout, beading)
     dots = _as_dots(short).merge(_dots(layout, beading))
     return lines.merge(dots.take(~_beside(dots, lines)))
 
 
-def _beside(dots: Lines, lines: Lines) -> Bool:
+def _beside(dots: MiddleLines, lines: MiddleLines) -> Bool:
     """(m,) which dots, each a ring, overlap a line or an earlier dot."""
     low, high = (
         side.reduceat(dots.xy, np.cumsum(dots.size) - dots.size, axis=0) for side in (np.minimum, np.maximum)
@@ -89,7 +89,7 @@ def _beside(dots: Lines, lines: Lines) -> Bool:
     return result
 
 
-def _dots(layout: Layout, beading: Beading) -> Lines:
+def _dots(layout: BeadLayout, beading: Beading) -> MiddleLines:
     """A small ring in the middle of each place that is as wide as long and has room for one more bead.
 
     As long as the bead is wide at a quarter of pi: that is the plastic of a disc of the bead's width.
@@ -106,12 +106,12 @@ def _dots(layout: Layout, beading: Beading) -> Lines:
     return _rings(middle, width, np.pi / 4 * width, layout.graph.layer[layout.point[port]], count[port] // 2)
 
 
-def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -> Lines:
+def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -> MiddleLines:
     """Make small rings (m,) of given length around points (m, 2)."""
     turn = np.arange(_CORNERS) * (2 * np.pi / _CORNERS)
     ring = np.column_stack([np.cos(turn), np.sin(turn)]) / (2 * np.sin(np.pi / _CORNERS) * _CORNERS)
     n = len(middle)
-    return Lines(
+    return MiddleLines(
         (middle[:, None] + ring * length[:, None, None]).reshape(-1, 2),
         np.repeat(width, _CORNERS),
         np.full(n, _CORNERS),
@@ -121,7 +121,7 @@ def _rings(middle: Float, width: Float, length: Float, layer: Int, depth: Int) -
     )
 
 
-def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
+def _along(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLines]:
     """Return a polyline along every stretch of pieces with a middle bead, and those too short for a line.
 
     Where three stretches meet, the two that go on straightest are one line; the others end at its side.
@@ -130,7 +130,7 @@ def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
     half = np.flatnonzero(np.repeat(layout.middle, 2))
     if not len(half):
         none = np.zeros(0, np.int64)
-        no_lines = Lines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
+        no_lines = MiddleLines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
         return no_lines, no_lines
     number = np.full(len(graph.start), -1)
     number[half] = np.arange(len(half))
@@ -159,7 +159,7 @@ def _along(layout: Layout, beading: Beading) -> tuple[Lines, Lines]:
     return _lengthened(lines.take(~short), tips[:, ~short]), lines.take(short & needed)
 
 
-def _as_dots(lines: Lines) -> Lines:
+def _as_dots(lines: MiddleLines) -> MiddleLines:
     """Replace lines shorter than their width by rings, because such lines would lack the volume of their round ends."""
     first = np.cumsum(lines.size) - lines.size
     middle = np.add.reduceat(lines.xy, first, axis=0) / lines.size[:, None]
@@ -201,7 +201,7 @@ class _Chosen:
     met_after: Bool
 
 
-def _polylines(layout: Layout, chosen: _Chosen) -> tuple[Lines, Bool]:
+def _polylines(layout: BeadLayout, chosen: _Chosen) -> tuple[MiddleLines, Bool]:
     """Lines through half-pieces that stand in order, and (2, M) which begin and end where the axis does.
 
     Ends at the side of another line are cut back. What is shorter than a rounding error is one point.
@@ -232,7 +232,7 @@ def _polylines(layout: Layout, chosen: _Chosen) -> tuple[Lines, Bool]:
     new[1:] |= (step[:, 0] > _SAME) | (step[:, 1] > _SAME)
     ring = chosen.closed[begins]
     new[end[ring]] = False
-    lines = Lines(
+    lines = MiddleLines(
         xy[new],
         width[new],
         np.bincount(owner[new], minlength=len(size)),
@@ -243,7 +243,7 @@ def _polylines(layout: Layout, chosen: _Chosen) -> tuple[Lines, Bool]:
     return lines, _tips(layout)[np.stack([graph.start[half[begins]], graph.start[half[last] ^ 1]])]
 
 
-def _turned(layout: Layout) -> Bool:
+def _turned(layout: BeadLayout) -> Bool:
     """(loops + 1, N) at which points of the graph loops of each level may turn around, across the axis."""
     result = np.zeros((len(layout.active), len(layout.graph.xy)), np.bool_)
     for level, active in enumerate(layout.active):
@@ -251,7 +251,7 @@ def _turned(layout: Layout) -> Bool:
     return result
 
 
-def _tips(layout: Layout) -> Bool:
+def _tips(layout: BeadLayout) -> Bool:
     """(N,) which points of the graph are ends of the axis; pieces that run into corners do not count."""
     graph, other = layout.graph, layout.point[layout.port] != layout.leader[layout.port]
     led = layout.used & other.any(axis=1)  # by a wider place: up from their lower ends, or down into corners
@@ -261,7 +261,7 @@ def _tips(layout: Layout) -> Bool:
     return np.asarray(np.bincount(ends.ravel(), minlength=len(layout.graph.xy)) == 1)
 
 
-def _lengthened(lines: Lines, tips: Bool) -> Lines:
+def _lengthened(lines: MiddleLines, tips: Bool) -> MiddleLines:
     """Add the volume of half a disc to lines of two points or more where they begin or end at tips (2, M)."""
     last = np.cumsum(lines.size) - 1
     xy = lines.xy.copy()

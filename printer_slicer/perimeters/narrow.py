@@ -16,9 +16,9 @@ from printer_slicer.model import reordered
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.counts import Counted, counted
 from printer_slicer.perimeters.facing import facing
-from printer_slicer.perimeters.graph import Graph
-from printer_slicer.perimeters.layout import Layout, laid_out
-from printer_slicer.perimeters.lines import Lines, middle_lines
+from printer_slicer.perimeters.graph import AxisGraph
+from printer_slicer.perimeters.layout import BeadLayout, laid_out
+from printer_slicer.perimeters.lines import MiddleLines, middle_lines
 from printer_slicer.perimeters.tracing import Rings, closed_rings, walked
 
 __all__ = ["Narrow", "fill_narrow_places"]
@@ -46,7 +46,7 @@ class Narrow:
 
     layers: Bool
     rings: Rings
-    lines: Lines
+    lines: MiddleLines
     inside: Areas
     lost: Float
 
@@ -55,7 +55,7 @@ class Narrow:
         """Nothing on any layer."""
         none, of_none = np.zeros((0, 2)), np.zeros(0, np.int64)
         rings = Rings(none, np.zeros(0), of_none, of_none, of_none)
-        lines = Lines(none, np.zeros(0), of_none, of_none, of_none, np.zeros(0, np.bool_))
+        lines = MiddleLines(none, np.zeros(0), of_none, of_none, of_none, np.zeros(0, np.bool_))
         return cls(np.zeros(n_layers, np.bool_), rings, lines, Areas.empty(n_layers), np.zeros(n_layers))
 
     def merge(self, other: Narrow) -> Narrow:
@@ -110,7 +110,9 @@ def _filled(
         sides = Boxes.of_sides(solid).touched(near.grown(2 * float(widest.max()) + _ROOM))
     axis = medial_axis(solid, float(widest.max(initial=0.0)), sides, chord=chord)
     real = _real(solid, sides, axis.source, axis.corner)
-    given, layers, broken = _needed(counted(Graph.of(axis), real, beading, widest), beading, solid.n_layers)
+    given, layers, broken = _needed(
+        counted(AxisGraph.of(axis), real, beading, widest), beading, solid.n_layers
+    )
     broken[axis.left_out] = True
     if near is not None:
         broken |= _beyond(given, near, float(widest.max()) + _ROOM, solid.n_layers)
@@ -187,7 +189,7 @@ def _beyond(given: Counted, near: Boxes, reach: float, n_layers: int) -> Bool:
     return result
 
 
-def _lost(layout: Layout, n_layers: int) -> Float:
+def _lost(layout: BeadLayout, n_layers: int) -> Float:
     """(L,) mm² on both sides of the pieces that no bead follows: thinner than the thinnest feature."""
     graph = layout.graph
     piece = np.flatnonzero(layout.used & (layout.count[layout.port] == 0).all(axis=1))

@@ -16,7 +16,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.joints import cycles
 from printer_slicer.geometry.vectors import cross, feet, norm
-from printer_slicer.perimeters.layout import Layout
+from printer_slicer.perimeters.layout import BeadLayout
 
 __all__ = ["Rings", "Walk", "closed_rings", "walked"]
 
@@ -83,7 +83,7 @@ class Rings:
         )
 
 
-def walked(layout: Layout, active: Bool, inset: Float, width: Float) -> Walk:
+def walked(layout: BeadLayout, active: Bool, inset: Float, width: Float) -> Walk:
     """The steps of loops around the pieces that are active.
 
     Args:
@@ -110,7 +110,7 @@ def walked(layout: Layout, active: Bool, inset: Float, width: Float) -> Walk:
     return Walk(level, graph.layer[points[:, 0]], xy, width[level[:, None], ports], following)
 
 
-def _onward(layout: Layout, number: Int, level: Int, half: Int) -> Int:
+def _onward(layout: BeadLayout, number: Int, level: Int, half: Int) -> Int:
     """(A,) the next step of each: the first active half-piece around the point where it ends."""
     graph, n_halves = layout.graph, len(layout.graph.start)
     following = np.full(len(half), -2)
@@ -127,7 +127,7 @@ def _onward(layout: Layout, number: Int, level: Int, half: Int) -> Int:
     return following
 
 
-def closed_rings(walk: Walk, ordinary: list[Areas], layout: Layout, width: Float) -> tuple[Rings, Int]:
+def closed_rings(walk: Walk, ordinary: list[Areas], layout: BeadLayout, width: Float) -> tuple[Rings, Int]:
     """Loops that are closed: by themselves or, through mouths, along ordinary loops.
 
     Args:
@@ -207,7 +207,7 @@ class _Ordinary:
     lost: Int
 
     @classmethod
-    def of(cls, areas: Areas, level: int, walk: Walk, layout: Layout) -> _Ordinary:
+    def of(cls, areas: Areas, level: int, walk: Walk, layout: BeadLayout) -> _Ordinary:
         """Find the mouths of a level on its loops; loops within narrow places without a mouth are left out."""
         entered = np.zeros(len(walk.level), np.bool_)
         entered[walk.following[walk.following >= 0]] = True
@@ -271,7 +271,7 @@ class _Ordinary:
         return links, lost
 
 
-def _lie_beside(rings: Areas, layout: Layout) -> Bool:
+def _lie_beside(rings: Areas, layout: BeadLayout) -> Bool:
     """(R,) whether rings lie between the outline and pieces in use.
 
     Two points decide, a corner and the middle of the longest side, because a ring in a wide area may touch the entry
@@ -286,7 +286,7 @@ def _lie_beside(rings: Areas, layout: Layout) -> Bool:
     return beside
 
 
-def _beside(ring: Int, point: Float, rings: Areas, layout: Layout) -> Int:
+def _beside(ring: Int, point: Float, rings: Areas, layout: BeadLayout) -> Int:
     """Return the rings with their point (n, 2) between the outline and a piece in use; may repeat."""
     graph, layer = layout.graph, np.zeros(rings.n_layers, np.bool_)
     layer[rings.ring_layer[ring]] = True

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.geometry.slabs import BESIDE
 from printer_slicer.model import Mesh
-from printer_slicer.planning.lattice import Lattice, Row, event_planes, rows_of
-from printer_slicer.planning.path import Graph
+from printer_slicer.planning.lattice import HeightLayers, Lattice, event_planes, rows_of
+from printer_slicer.planning.path import ArcGraph
 from printer_slicer.planning.seconds import LayerTimes
 from printer_slicer.planning.steps import Steps, fill
 from printer_slicer.profile import Profile
@@ -41,7 +41,7 @@ class Arcs:
     """
 
     lattice: Lattice
-    graph: Graph
+    graph: ArcGraph
     listed: Bool
     free: Bool
     bound: Float
@@ -79,7 +79,7 @@ class Arcs:
         begin = np.append(0, np.cumsum(np.bincount(end, minlength=lattice.n + 1)))
         return cls(
             lattice,
-            Graph(begin, start.take(order)),
+            ArcGraph(begin, start.take(order)),
             _joined((row.listed for row in rows), np.bool_).take(order),
             _joined((row.free for row in rows), np.bool_).take(order),
             _joined(_bounds(surface, lattice, containment, rows), np.float64).take(order),
@@ -108,7 +108,9 @@ def _joined(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any]:
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 
 
-def _bounds(surface: Surface, lattice: Lattice, containment: str, rows: list[Row]) -> Iterable[Float]:
+def _bounds(
+    surface: Surface, lattice: Lattice, containment: str, rows: list[HeightLayers]
+) -> Iterable[Float]:
     """Certified errors, row by row."""
     n_cells, contained = lattice.cells * lattice.n, containment != "mid"
     # From the cut in the middle to either end, or through the whole layer.

@@ -21,7 +21,7 @@ from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import find_flats, read_surface
 
-__all__ = ["FINE", "Lattice", "Row", "borders_of", "event_planes", "reaches", "rows_of"]
+__all__ = ["FINE", "HeightLayers", "Lattice", "borders_of", "event_planes", "reaches", "rows_of"]
 
 FINE: Final = 0.0025
 """mm; heights need not be told apart more finely to end on an event plane."""
@@ -84,7 +84,7 @@ class Lattice:
         return round(height / self.unit)
 
 
-class Row(NamedTuple):
+class HeightLayers(NamedTuple):
     """All layers of one height that a plan may have.
 
     Attributes:
@@ -122,7 +122,7 @@ def event_planes(mesh: Mesh, profile: Profile) -> Float:
 
 def rows_of(
     planes: Float, lattice: Lattice, steps: Steps, profile: Profile, *, everywhere: bool
-) -> list[Row]:
+) -> list[HeightLayers]:
     """The layers that a plan may have, from the lowest height up.
 
     Args:
@@ -150,5 +150,5 @@ def rows_of(
         if first and height != first:
             chosen[0] = False
         chosen[-1] &= steps.lowest <= height * lattice.steps + lattice.rest <= steps.highest
-        rows.append(Row(height, end[chosen], listed[chosen], free[chosen]))
+        rows.append(HeightLayers(height, end[chosen], listed[chosen], free[chosen]))
     return rows

@@ -15,7 +15,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, following_around
 from printer_slicer.geometry import Areas
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.whole import durations
 
 __all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
@@ -62,7 +62,7 @@ class LineTimes:
         return self.at_fast + share * (self.at_slow - self.at_fast)
 
 
-def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Limits) -> LineTimes:
+def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: MotionLimits) -> LineTimes:
     """Time (L,) of a line along all contours of each layer, s.
 
     Args:
@@ -105,7 +105,7 @@ class RowTimes:
         return np.asarray(np.exp(share) * rate[0])
 
 
-def time_rows(link: float, line: LineMotion, slowest: float, limits: Limits) -> RowTimes:
+def time_rows(link: float, line: LineMotion, slowest: float, limits: MotionLimits) -> RowTimes:
     """Time zigzag lines joined by connections of `link` mm; other arguments as for `time_contours`."""
     length = np.geomspace(_SHORTEST, _LONGEST, _LENGTHS)
     to_and_fro = np.where(np.arange(_PERIODS) % 2 == 0, 1.0, -1.0)

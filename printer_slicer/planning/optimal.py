@@ -35,7 +35,7 @@ from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.levels import ODD, Level, levels_of, underrated
 from printer_slicer.planning.path import (
-    Graph,
+    ArcGraph,
     NeighbourLimits,
     cheapest,
     cheapest_few,
@@ -206,7 +206,7 @@ class _Search:
         found = self._cheapest(self._graph, self._cost(objective)[self._kept], _worth(objective))
         return None if found is None else self._kept[found]
 
-    def _cheapest(self, graph: Graph, cost: Float, worth: float) -> Int | None:
+    def _cheapest(self, graph: ArcGraph, cost: Float, worth: float) -> Int | None:
         """Find the cheapest plan with as few disallowed neighbours as possible."""
         even, height = self._even, graph.height
         if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):

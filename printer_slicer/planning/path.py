@@ -19,7 +19,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 
 __all__ = [
-    "Graph",
+    "ArcGraph",
     "NeighbourLimits",
     "Search",
     "cheapest",
@@ -38,7 +38,7 @@ _SAME: Final = 1e-12  # of a total: sums in another order differ by as much
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Graph:
+class ArcGraph:
     """Arcs by where they end.
 
     Attributes:
@@ -63,9 +63,9 @@ class Graph:
         """(A,) the node at which each arc ends."""
         return np.repeat(np.arange(self.n + 1), np.diff(self.begin))
 
-    def of(self, kept: Int) -> Graph:
+    def of(self, kept: Int) -> ArcGraph:
         """Only these arcs, ascending."""
-        return Graph(np.searchsorted(kept, self.begin), self.start[kept])
+        return ArcGraph(np.searchsorted(kept, self.begin), self.start[kept])
 
     @property
     def height(self) -> Int:
@@ -73,7 +73,7 @@ class Graph:
         return self.end - self.start
 
 
-def cheapest(graph: Graph, cost: Float) -> Int | None:
+def cheapest(graph: ArcGraph, cost: Float) -> Int | None:
     """The arcs of the cheapest plan, from the bed up; None where no plan reaches the top.
 
     Args:
@@ -90,19 +90,19 @@ def cheapest(graph: Graph, cost: Float) -> Int | None:
     return np.array(chain[::-1], np.int64)
 
 
-def _arc_to(graph: Graph, node: int, best: Float, cost: Float) -> int:
+def _arc_to(graph: ArcGraph, node: int, best: Float, cost: Float) -> int:
     """The arc by which a node is reached at least cost, where (n + 1,) the nodes below it are at `best`."""
     a, b = graph.begin[node : node + 2].tolist()
     return int(a + (best[graph.start[a:b]] + cost[a:b]).argmin())
 
 
-def _through(graph: Graph, cost: Float) -> tuple[Float, float]:
+def _through(graph: ArcGraph, cost: Float) -> tuple[Float, float]:
     """(A,) the cost of the cheapest plan through each arc, and of the cheapest plan of all."""
     up, down = _settled(graph, cost), _settled(*_upside_down(graph, cost))[::-1]
     return up[graph.start] + cost + down[graph.end], float(up[-1])
 
 
-def _settled(graph: Graph, cost: Float) -> Float:
+def _settled(graph: ArcGraph, cost: Float) -> Float:
     """(n + 1,) the cost of the cheapest way to each node, infinite where there is none."""
     best = np.full(graph.n + 1, np.inf)
     best[0] = 0.0
@@ -119,7 +119,7 @@ def _settled(graph: Graph, cost: Float) -> Float:
     return best
 
 
-def kept_by(graph: Graph, levels: Sequence[Float]) -> Int:
+def kept_by(graph: ArcGraph, levels: Sequence[Float]) -> Int:
     """The arcs of all plans that cost least by the first level, of these by the second, and so on.
 
     Args:
@@ -171,7 +171,7 @@ class NeighbourLimits:
 
 
 def cheapest_within_limits(
-    graph: Graph, cost: Float, even: NeighbourLimits, fine: float, lesser: float = 0.0
+    graph: ArcGraph, cost: Float, even: NeighbourLimits, fine: float, lesser: float = 0.0
 ) -> Int | None:
     """Find the cheapest path where neighbours that are not allowed cost a penalty.
 
@@ -213,7 +213,11 @@ def cheapest_within_limits(
 
 
 def _even_chain(
-    graph: Graph, cost: Float, even: NeighbourLimits, fines: tuple[float, float], settled: tuple[Float, Float]
+    graph: ArcGraph,
+    cost: Float,
+    even: NeighbourLimits,
+    fines: tuple[float, float],
+    settled: tuple[Float, Float],
 ) -> Int:
     """Return the arcs of the path found by `cheapest_within_limits`, from the bed up."""
     (fine, lesser), (reach, anyhow) = fines, settled
@@ -299,7 +303,7 @@ def cheapest_within(
     return thrifty, price
 
 
-def cheapest_few(graph: Graph, cost: Float, most: int) -> Int | None:
+def cheapest_few(graph: ArcGraph, cost: Float, most: int) -> Int | None:
     """The cheapest plan of at most `most` layers; None where that many do not reach the top.
 
     Args:
@@ -325,25 +329,25 @@ def cheapest_few(graph: Graph, cost: Float, most: int) -> Int | None:
     return few if found is None else kept[found]
 
 
-def _upside_down(graph: Graph, cost: Float) -> tuple[Graph, Float]:
+def _upside_down(graph: ArcGraph, cost: Float) -> tuple[ArcGraph, Float]:
     """The same arcs from the top of the part down."""
     end = graph.n - graph.start
     order = np.argsort(end, kind="stable")
     begin = np.append(0, np.cumsum(np.bincount(end, minlength=graph.n + 1)))
-    return Graph(begin, (graph.n - graph.end)[order]), cost[order]
+    return ArcGraph(begin, (graph.n - graph.end)[order]), cost[order]
 
 
-def _between(graph: Graph, kept: Int) -> Graph:
+def _between(graph: ArcGraph, kept: Int) -> ArcGraph:
     """Some arcs, and only the nodes that they touch."""
     start, end = graph.start[kept], graph.end[kept]
     touched: Bool = np.zeros(graph.n + 1, np.bool_)
     touched[[0, graph.n]] = touched[start] = touched[end] = True
     number = np.cumsum(touched) - 1
     count = np.bincount(number[end], minlength=int(number[-1]) + 1)
-    return Graph(np.append(0, np.cumsum(count)), number[start])
+    return ArcGraph(np.append(0, np.cumsum(count)), number[start])
 
 
-def _counted(graph: Graph, cost: Float, most: int) -> Int | None:
+def _counted(graph: ArcGraph, cost: Float, most: int) -> Int | None:
     """The cheapest plan of at most `most` layers, by one table for every number of them."""
     reached = np.flatnonzero(np.diff(graph.begin))
     tables = [np.full(graph.n + 1, np.inf)]

@@ -31,7 +31,7 @@ from printer_slicer.printing.parking import (
     parking_place,
     pushed_by,
 )
-from printer_slicer.printing.phases import Phase, Ticket
+from printer_slicer.printing.phases import PrintPhase, Ticket
 from printer_slicer.printing.questions import REPORT, Prompts, Thermometer
 from printer_slicer.printing.setup import Setup
 from printer_slicer.stream import events as told
@@ -82,7 +82,7 @@ class Conductor:
         listen: Callable[[told.Event], None] = lambda _: None,
         allow: Callable[[bytes], str] = lambda _: "",
     ) -> None:
-        self.phase = Phase.RUNNING
+        self.phase = PrintPhase.RUNNING
         self.parked: Parked | None = None
         self.prompts = Prompts()
         self.heat = Thermometer()
@@ -142,11 +142,11 @@ class Conductor:
                 ticket.done(self._handlers[type(ticket.wish)](ticket.wish))
             except UsageError as error:
                 ticket.done(error)
-        if self.phase is Phase.STOPPING:
+        if self.phase is PrintPhase.STOPPING:
             self._stop_moving()
-        elif self.phase is Phase.LEAVING and self._streamer.idle:
-            self._change(Phase.WAITING)
-        elif self.phase is Phase.RETURNING and not self._streamer.injected:
+        elif self.phase is PrintPhase.LEAVING and self._streamer.idle:
+            self._change(PrintPhase.WAITING)
+        elif self.phase is PrintPhase.RETURNING and not self._streamer.injected:
             self._go_on()
         if now >= self.heat.due:
             self._poll()
@@ -218,14 +218,14 @@ class Conductor:
         self.wished_end += 1
         if self._streamer.state is State.CANCELLING:
             return "already cancelling"
-        if self.phase is Phase.STOPPING or self._waits_for_person:
+        if self.phase is PrintPhase.STOPPING or self._waits_for_person:
             self._streamer.urge(b"M108")
         modes = self._job.follow(self._streamer.taken)
         if self._journal:
             self._journal.state({"phase": "cancelling", "parked": None})
         self._scripted.clear()
         self._streamer.cancel(end_script(modes, self._setup, parking_place(self._setup, modes)))
-        self.phase = Phase.RUNNING
+        self.phase = PrintPhase.RUNNING
         self._listen(told.Stopping())
         return "cancelled"
 
@@ -246,7 +246,7 @@ class Conductor:
         if wish.now and self._setup.stoppable and self._job.follow(self._streamer.taken).comparable:
             self._said_place = None
             self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
-            self._change(Phase.STOPPING)
+            self._change(PrintPhase.STOPPING)
             return "stopping"
         self._leave(self._parked(self._job.follow(self._streamer.taken).stand))
         return "pausing behind the planned moves"
@@ -286,20 +286,20 @@ class Conductor:
         self.parked = parked
         script = leave(parked, self._job.modes, self._setup)
         self._pushed = 0.0
-        self._note_phase(Phase.LEAVING)
+        self._note_phase(PrintPhase.LEAVING)
         self._pushed = pushed_by(script)
         self._perform(script)
-        self._change(Phase.LEAVING)
+        self._change(PrintPhase.LEAVING)
 
     def _on_resume(self, _: wishes.Resume) -> str:
-        if self._waits_for_person and self.phase is Phase.RUNNING:
+        if self._waits_for_person and self.phase is PrintPhase.RUNNING:
             self._streamer.urge(b"M108")
             return "told the printer to go on"
-        if self.phase is Phase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
+        if self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
             self._streamer.inject(self._setup.going_on)
             self._streamer.resume()
             return "told the printer to go on"
-        if self.phase in {Phase.RUNNING, Phase.RETURNING, Phase.STOPPING}:
+        if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
             raise UsageError(f"it cannot resume: it is {self._state}", remedy="see `status`")
         self.come_back(self._pushed)
         return "resuming"
@@ -313,10 +313,10 @@ class Conductor:
         parked = self.parked
         assert parked is not None
         self._pushed = pushed
-        self._note_phase(Phase.RETURNING)
+        self._note_phase(PrintPhase.RETURNING)
         back = come_back(parked, self._setup, pushed, inches=self._job.modes.machine.inches)
         self._perform(back + [text.encode("latin-1") for text in parked.replay])
-        self._change(Phase.RETURNING)
+        self._change(PrintPhase.RETURNING)
 
     def restore(self, parked: Parked | None, pushed: float, replay: Sequence[str], *, waits: bool) -> None:
         """Take over a print that another host left while it was paused, or on its way, once it is connected.
@@ -336,28 +336,28 @@ class Conductor:
         self.parked = parked and replace(parked, replay=replay)
         self._streamer.pause()
         if parked and waits:
-            self._note_phase(Phase.LEAVING)
-            self._change(Phase.WAITING)
+            self._note_phase(PrintPhase.LEAVING)
+            self._change(PrintPhase.WAITING)
         elif parked:
             self.come_back(self._pushed)
         else:
             self._perform([text.encode("latin-1") for text in replay])
-            self._change(Phase.RETURNING)
+            self._change(PrintPhase.RETURNING)
 
     def _go_on(self) -> None:
         self.parked = None
-        self._note_phase(Phase.RUNNING)
+        self._note_phase(PrintPhase.RUNNING)
         self._streamer.resume()
-        self._change(Phase.RUNNING)
+        self._change(PrintPhase.RUNNING)
 
-    def _change(self, phase: Phase) -> None:
+    def _change(self, phase: PrintPhase) -> None:
         self.phase = phase
-        if phase is Phase.WAITING:
+        if phase is PrintPhase.WAITING:
             self._listen(told.Paused("resume, or cancel"))
-        elif phase is Phase.RUNNING:
+        elif phase is PrintPhase.RUNNING:
             self._listen(told.Resumed())
 
-    def _note_phase(self, phase: Phase) -> None:
+    def _note_phase(self, phase: PrintPhase) -> None:
         if self._journal:
             parked = self.parked.as_json() if self.parked else None
             state = {"phase": phase.value, "pushed": self._pushed, "line": self._streamer.next_line}
@@ -383,7 +383,7 @@ class Conductor:
             self.speed = wish.percent
         elif isinstance(wish, wishes.Flow):
             self.flow = wish.percent
-        elif isinstance(wish, wishes.Heat) and self.parked and wish.heater == "nozzle":
+        elif isinstance(wish, wishes.SetTemperature) and self.parked and wish.heater == "nozzle":
             self.parked = replace(self.parked, hotend=wish.celsius)
         return answer
 
@@ -406,12 +406,12 @@ class Conductor:
 
     @property
     def _state(self) -> str:
-        return self.phase.value if self.phase is not Phase.RUNNING else self._streamer.state.value
+        return self.phase.value if self.phase is not PrintPhase.RUNNING else self._streamer.state.value
 
     @property
     def _prints(self) -> bool:
         """Lines of the job go out, and nobody has asked for anything else."""
-        return self.phase is Phase.RUNNING and self._streamer.state is State.STREAMING
+        return self.phase is PrintPhase.RUNNING and self._streamer.state is State.STREAMING
 
     # The printer's wishes.
 
@@ -425,11 +425,11 @@ class Conductor:
             # It has parked by itself, and comes back by itself.
             self._streamer.pause()
             self._listen(told.Paused(rest or "the printer waits for a person"))
-        elif word in {"resume", "resumed"} and self.phase is Phase.RUNNING:
+        elif word in {"resume", "resumed"} and self.phase is PrintPhase.RUNNING:
             self._streamer.resume()
             if word == "resumed":
                 self._listen(told.Resumed())
-        elif word == "resume" and self.phase in {Phase.LEAVING, Phase.WAITING}:
+        elif word == "resume" and self.phase in {PrintPhase.LEAVING, PrintPhase.WAITING}:
             self.come_back(self._pushed)
         elif word == "cancel":
             self.cancel()

@@ -122,7 +122,7 @@ class Controls:
 
     def heat(self, heater: str, celsius: float) -> None:
         """Another temperature for nozzle or bed."""
-        self.ask(wishes.Heat(heater, celsius))
+        self.ask(wishes.SetTemperature(heater, celsius))
 
     def baby_step(self, mm: float) -> None:
         """Nozzle up, or down."""

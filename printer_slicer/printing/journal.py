@@ -29,7 +29,7 @@ from zlib import crc32
 
 from printer_slicer.input_files import check_is_file, read_input
 
-__all__ = ["HEATERS_OFF", "HOST", "LOST", "Journal", "Numbered", "Story", "read_story"]
+__all__ = ["HEATERS_OFF", "HOST", "LOST", "Journal", "NumberedRecord", "Story", "read_story"]
 
 _NAME: Final = "journal"
 _LONGEST: Final = 1 << 32  # bytes
@@ -114,7 +114,7 @@ class Journal:
 
 
 @dataclass(frozen=True, slots=True)
-class Numbered:
+class NumberedRecord:
     """From line `number` on, entry by entry; `entries` are accepted with it. See the record `N`."""
 
     number: int
@@ -141,7 +141,7 @@ class Story:
 
     base: int = 0
     before: int = -1
-    lines: list[Numbered] = field(default_factory=list)
+    lines: list[NumberedRecord] = field(default_factory=list)
     line: int = 0
     entries: int = 0
     accepted: list[tuple[int, float]] = field(default_factory=list)
@@ -150,7 +150,7 @@ class Story:
     stopped: float | None = None
     reason: str = ""
     damage: str = ""
-    _pending: list[Numbered] = field(default_factory=list)
+    _pending: list[NumberedRecord] = field(default_factory=list)
 
     def entries_at(self, number: int) -> int:
         """Entries of the job that are accepted with line `number`; numbers are those since they began anew."""
@@ -175,7 +175,7 @@ class Story:
             self._begin_anew(_count(rest))
         elif kind == "N":
             number, entries, command = rest.split(" ", 2)
-            self._number(Numbered(_count(number), _count(entries), command.encode("latin-1")))
+            self._number(NumberedRecord(_count(number), _count(entries), command.encode("latin-1")))
         elif kind == "A":
             number, entries, now = rest.split(" ")
             self._accept(_count(number), _count(entries), _moment(now))
@@ -197,7 +197,7 @@ class Story:
         self.line, self.stopped, self.reason = 0, None, ""
         self.lines, self.accepted, self._pending = [], [], []
 
-    def _number(self, record: Numbered) -> None:
+    def _number(self, record: NumberedRecord) -> None:
         # The printer may have been greeted anew: then what had the number before never counted.
         for records in (self.lines, self._pending):
             while records and records[-1].number >= record.number:

@@ -26,8 +26,10 @@ def _baby_step(wish: wishes.BabyStep, flavour: str, who: Identified | None) -> b
 ORDERS: Final[Mapping[type, Callable[[Any, str, Identified | None], bytes]]] = {
     wishes.Speed: lambda wish, *_: b"M220 S%d" % round(wish.percent),
     wishes.Flow: lambda wish, *_: b"M221 S%d" % round(wish.percent),
-    wishes.Heat: lambda wish, *_: {"nozzle": b"M104 S%g", "bed": b"M140 S%g"}[wish.heater] % wish.celsius,
-    wishes.Fan: lambda wish, *_: b"M106 S%d" % round(wish.percent * 255 / 100),
+    wishes.SetTemperature: lambda wish, *_: (
+        {"nozzle": b"M104 S%g", "bed": b"M140 S%g"}[wish.heater] % wish.celsius
+    ),
+    wishes.SetFan: lambda wish, *_: b"M106 S%d" % round(wish.percent * 255 / 100),
     wishes.Say: lambda wish, *_: wish.command.encode("utf-8", "replace"),
     wishes.BabyStep: _baby_step,
 }

@@ -17,10 +17,10 @@ from enum import Enum
 from printer_slicer.errors import UsageError
 from printer_slicer.printing.wishes import Wish
 
-__all__ = ["Phase", "Ticket"]
+__all__ = ["PrintPhase", "Ticket"]
 
 
-class Phase(Enum):
+class PrintPhase(Enum):
     """Where a print is between running and waiting."""
 
     RUNNING = "printing"

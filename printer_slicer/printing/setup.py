@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from printer_slicer.motion.counting import COUNTING
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.profile import Profile, settings_of
 
@@ -39,7 +39,7 @@ class Setup:
     """
 
     flavour: str
-    limits: Limits
+    limits: MotionLimits
     window_bytes: int
     baud: int
     low: tuple[float, float]

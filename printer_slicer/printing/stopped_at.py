@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from typing import Final
 
-from printer_slicer.motion.rules import Block, Limits, Lookahead, make_block
+from printer_slicer.motion.rules import Block, Lookahead, MotionLimits, make_block
 from printer_slicer.printing.modes import Step
 
 __all__ = ["stopped_at"]
@@ -28,7 +28,7 @@ def stopped_at(
     steps: Sequence[Step],
     accepted: Sequence[tuple[int, float]],
     lost: float | None,
-    limits: Limits,
+    limits: MotionLimits,
     *,
     noticed: float | None = None,
 ) -> tuple[int, float]:
@@ -60,7 +60,7 @@ def stopped_at(
 
 
 def _running(
-    blocks: Sequence[Block], times: Sequence[float], lost: float, limits: Limits
+    blocks: Sequence[Block], times: Sequence[float], lost: float, limits: MotionLimits
 ) -> tuple[int, float]:
     """Which block was being made, and the share of its time that had passed; as many as there are when all were."""
     places = max(limits.planner_blocks - 1, 1)
@@ -81,7 +81,7 @@ def _running(
     return len(blocks), 1.0
 
 
-def _block(step: Step, limits: Limits) -> Block | None:
+def _block(step: Step, limits: MotionLimits) -> Block | None:
     """The move as the planner has it; an arc counts as the straight line between its ends."""
     x0, y0, z0 = step.before.place
     x1, y1, z1 = step.after.place

@@ -26,12 +26,12 @@ __all__ = [
     "BabyStep",
     "Cancel",
     "CancelObject",
-    "Fan",
     "Flow",
-    "Heat",
     "Pause",
     "Resume",
     "Say",
+    "SetFan",
+    "SetTemperature",
     "Speed",
     "Status",
     "Stop",
@@ -87,7 +87,7 @@ class Flow:
 
 
 @dataclass(frozen=True, slots=True)
-class Heat:
+class SetTemperature:
     """Another wanted temperature, °C: `heater` is nozzle or bed."""
 
     heater: str
@@ -95,7 +95,7 @@ class Heat:
 
 
 @dataclass(frozen=True, slots=True)
-class Fan:
+class SetFan:
     """Percent of the part fan, until the file changes it."""
 
     percent: float
@@ -139,8 +139,8 @@ Wish: TypeAlias = (
     | CancelObject
     | Speed
     | Flow
-    | Heat
-    | Fan
+    | SetTemperature
+    | SetFan
     | BabyStep
     | Say
     | Answer
@@ -201,9 +201,9 @@ WORDS: Final[Mapping[str, Callable[[str], Wish]]] = {
     "say": _text(Say, "a line of G-code"),
     "speed": _value(Speed, 10, 500, "%"),
     "flow": _value(Flow, 10, 300, "%"),
-    "fan": _value(Fan, 0, 100, "%"),
-    "nozzle": _value(lambda value: Heat("nozzle", value), 0, 500, "°C"),
-    "bed": _value(lambda value: Heat("bed", value), 0, 200, "°C"),
+    "fan": _value(SetFan, 0, 100, "%"),
+    "nozzle": _value(lambda value: SetTemperature("nozzle", value), 0, 500, "°C"),
+    "bed": _value(lambda value: SetTemperature("bed", value), 0, 200, "°C"),
     "babystep": _value(BabyStep, -2, 2, "mm"),
     "answer": _value(lambda value: Answer(int(value)), 0, 99, ""),
 }

@@ -13,17 +13,17 @@ import msgspec
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.keys import ENTRIES, keys_of, nearest
 from printer_slicer.profile.lists import LISTS
-from printer_slicer.profile.reading import KINDS, Source
+from printer_slicer.profile.reading import KINDS, SettingsSource
 from printer_slicer.profile.settings import PLANNER_SETTINGS
 from printer_slicer.profile.tables import choices_of
 
-__all__ = ["Fault", "converted", "fault_of"]
+__all__ = ["SettingFault", "converted", "fault_of"]
 
 _TELLS = "`printer-slicer profiles settings` tells type, unit and bounds"
 _LONG: Final = 60  # letters of a value in a message
 
 
-class Fault(NamedTuple):
+class SettingFault(NamedTuple):
     """What is wrong with one setting.
 
     Attributes:
@@ -43,7 +43,7 @@ class Fault(NamedTuple):
         return ProfileError(f"{self.place}: {self.problem}", remedy=self.remedy)
 
 
-def converted(kind: str, source: Source) -> Any:
+def converted(kind: str, source: SettingsSource) -> Any:
     """One section as a struct.
 
     Raises:
@@ -63,13 +63,13 @@ def _attempt(kind: str, values: Mapping[str, Any]) -> Any:
         return error
 
 
-def fault_of(kind: str, source: Source) -> Fault | None:
+def fault_of(kind: str, source: SettingsSource) -> SettingFault | None:
     """What is wrong with a section first; None where nothing is."""
     made = _attempt(kind, source.values)
     return _fault(kind, source, made) if isinstance(made, msgspec.ValidationError) else None
 
 
-def _fault(kind: str, source: Source, error: msgspec.ValidationError) -> Fault:
+def _fault(kind: str, source: SettingsSource, error: msgspec.ValidationError) -> SettingFault:
     problem, _, where = str(error).partition(" - at `$")
     path = where.rstrip("`").lstrip(".")
     if "unknown field" in problem:
@@ -77,18 +77,20 @@ def _fault(kind: str, source: Source, error: msgspec.ValidationError) -> Fault:
     if "missing required field" in problem:
         path = f"{path}.{problem.split('`')[1]}".lstrip(".")
         remedy = f'set it, such as {path} = "..."' if path == "name" else _TELLS
-        return Fault(source.place(path), path, f"{kind}.{path}: is missing", remedy)
+        return SettingFault(source.place(path), path, f"{kind}.{path}: is missing", remedy)
     path, value = _found(source.values, path)
     listed = path.partition("[")[0]
     if listed in LISTS and path == listed and isinstance(value, str):
         remedy = f'write it like this: {listed} = "{LISTS[listed].example}"'
-        return Fault(source.place(path), path, f"{kind}.{path}: {value!r} cannot be read as a list", remedy)
+        return SettingFault(
+            source.place(path), path, f"{kind}.{path}: {value!r} cannot be read as a list", remedy
+        )
     choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
     remedy = f"{_hint(value, choices)}choose one of: {', '.join(choices)}" if any(choices) else _TELLS
     if path == "planner":
         remedy = 'write it like this: planner = { kind = "optimal" }'
     what = f"{kind}.{path}" if path else kind
-    return Fault(source.place(path), path, f"{what}: {_in_words(problem, listed, value)}", remedy)
+    return SettingFault(source.place(path), path, f"{what}: {_in_words(problem, listed, value)}", remedy)
 
 
 def _hint(value: object, choices: Sequence[str]) -> str:
@@ -133,7 +135,7 @@ def _shown(value: object) -> str:
     return text if len(text) <= _LONG else f"{text[:_LONG]}..."
 
 
-def _unknown(kind: str, source: Source, path: str) -> Fault:
+def _unknown(kind: str, source: SettingsSource, path: str) -> SettingFault:
     """A key that there is not: what is like it, or what there is."""
     known: Sequence[str] = keys_of(kind, source.values)
     key, table = path, path.rpartition("[")[0]
@@ -144,7 +146,7 @@ def _unknown(kind: str, source: Source, path: str) -> Fault:
     remedy = f"did you mean {near!r}?" if near else f"known: {', '.join(known)}"
     if elsewhere:
         remedy = f"it belongs into a {elsewhere[0]} profile"
-    return Fault(source.place(path), path, f"{kind}.{path}: no such setting", remedy)
+    return SettingFault(source.place(path), path, f"{kind}.{path}: no such setting", remedy)
 
 
 def _found(values: Any, path: str) -> tuple[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from printer_slicer.profile.base import HEIGHT, OBJECT
-from printer_slicer.profile.tables import Row, settings_table
+from printer_slicer.profile.tables import SettingRow, settings_table
 
 __all__ = ["own_markdown", "settings_markdown"]
 
@@ -54,7 +54,7 @@ def _title(table: str) -> str:
     return "Planner, of a quality" if inner == "planner" else f"`[{inner}]`, of a {kind}"
 
 
-def _table(table: str, rows: list[Row]) -> Iterator[str]:
+def _table(table: str, rows: list[SettingRow]) -> Iterator[str]:
     yield "| key | default | unit | bounds | meaning |"
     yield "|---|---|---|---|---|"
     for row in rows:

@@ -17,7 +17,7 @@ import msgspec
 from printer_slicer.errors import ProfileError
 from printer_slicer.naming import kind_of
 from printer_slicer.profile.checks import conflicts
-from printer_slicer.profile.conversion import Fault, converted
+from printer_slicer.profile.conversion import SettingFault, converted
 from printer_slicer.profile.keys import resolved
 from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
 from printer_slicer.profile.own_settings import own_faults
@@ -25,7 +25,7 @@ from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import (
     DEFAULT_NAMES,
     KINDS,
-    Source,
+    SettingsSource,
     flatten,
     laid_over,
     merged,
@@ -105,7 +105,7 @@ def profile_over(
         ProfileError: naming file, line, key and bound.
     """
     sources = {
-        kind: Source(dict(own[kind]), {}, f"{kind} of the file")
+        kind: SettingsSource(dict(own[kind]), {}, f"{kind} of the file")
         if kind in own and not names.get(kind)
         else read_chain(kind, names.get(kind) or DEFAULT_NAMES[kind], folders)
         for kind in KINDS
@@ -115,7 +115,7 @@ def profile_over(
 
 def read_sources(
     names: Mapping[str, str | None], changes: Mapping[str, object] | None = None, folders: Sequence[Path] = ()
-) -> dict[str, Source]:
+) -> dict[str, SettingsSource]:
     """The three parts as they are read, with changes; None in `names` is the default.
 
     Raises:
@@ -125,7 +125,7 @@ def read_sources(
     return _changed(sources, changes or {})
 
 
-def _changed(sources: dict[str, Source], changes: Mapping[str, object]) -> dict[str, Source]:
+def _changed(sources: dict[str, SettingsSource], changes: Mapping[str, object]) -> dict[str, SettingsSource]:
     """The sources with all changes applied; the planner's kind first, since the other planner settings hang on it."""
     for key, value in sorted(changes.items(), key=_turn):
         _change(sources, key, value)
@@ -153,7 +153,7 @@ def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
 
 def _with(profile: Profile, changes: Mapping[str, object], *, slices: bool = True) -> Profile:
     sources = {
-        kind: Source(
+        kind: SettingsSource(
             msgspec.to_builtins(getattr(profile, kind)), {}, f"{kind} {getattr(profile, kind).name!r}"
         )
         for kind in KINDS
@@ -172,7 +172,7 @@ def profile_from(values: Mapping[str, Mapping[str, Any]]) -> Profile:
     Raises:
         ProfileError: they are of another version of this program.
     """
-    sources = {kind: Source(dict(values.get(kind, {})), {}, f"the kept {kind}") for kind in KINDS}
+    sources = {kind: SettingsSource(dict(values.get(kind, {})), {}, f"the kept {kind}") for kind in KINDS}
     return _built(sources, slices=False)
 
 
@@ -183,7 +183,7 @@ def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
             yield f"{kind}.{path}", value
 
 
-def _change(sources: dict[str, Source], key: str, value: object) -> None:
+def _change(sources: dict[str, SettingsSource], key: str, value: object) -> None:
     """Apply one change in place."""
     adds = key.endswith("+")
     kind, path = resolved(sources, key.removesuffix("+"))
@@ -197,11 +197,11 @@ def _change(sources: dict[str, Source], key: str, value: object) -> None:
     if tables and not isinstance(source.values.get(tables[0], {}), dict):
         return  # the file has a plain value where a table belongs, which the conversion will refuse by name
     if adds and isinstance(value, list):
-        sources[kind] = laid_over(source, Source(change, _places_of(path, value), source.file))
+        sources[kind] = laid_over(source, SettingsSource(change, _places_of(path, value), source.file))
         return
     places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
     places[path] = f"--set {key}={typed}"
-    sources[kind] = Source(merged(source.values, change), places, source.file)
+    sources[kind] = SettingsSource(merged(source.values, change), places, source.file)
 
 
 def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
@@ -228,7 +228,7 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _built(sources: Mapping[str, Source], *, slices: bool = True) -> Profile:
+def _built(sources: Mapping[str, SettingsSource], *, slices: bool = True) -> Profile:
     """The checked profile."""
     profile = Profile(**{kind: converted(kind, source) for kind, source in sources.items()})
     for fault in _faults(profile, sources, slices=slices):
@@ -236,7 +236,7 @@ def _built(sources: Mapping[str, Source], *, slices: bool = True) -> Profile:
     return profile
 
 
-def faults_together(sources: Mapping[str, Source]) -> list[Fault]:
+def faults_together(sources: Mapping[str, SettingsSource]) -> list[SettingFault]:
     """Everything in which three parts, each good by itself, do not suit each other.
 
     Raises:
@@ -246,19 +246,21 @@ def faults_together(sources: Mapping[str, Source]) -> list[Fault]:
     return list(_faults(profile, sources, slices=True))
 
 
-def _faults(profile: Profile, sources: Mapping[str, Source], *, slices: bool) -> Iterator[Fault]:
+def _faults(
+    profile: Profile, sources: Mapping[str, SettingsSource], *, slices: bool
+) -> Iterator[SettingFault]:
     """What does not suit each other, and what is wrong with settings of objects and heights."""
     for key, problem, remedy in conflicts(profile) if slices else ():
         kind, _, path = key.partition(".")
-        yield Fault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
+        yield SettingFault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
     yield from _faults_of_places(profile, sources["quality"], slices=slices)
 
 
-def _faults_of_places(profile: Profile, source: Source, *, slices: bool) -> Iterator[Fault]:
+def _faults_of_places(profile: Profile, source: SettingsSource, *, slices: bool) -> Iterator[SettingFault]:
     """Settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
     wrong = list(own_faults(profile.quality))
     for path, problem, remedy in wrong:
-        yield Fault(source.place(path), path, f"quality.overrides: {problem}", remedy)
+        yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
     for i, one in enumerate(() if wrong else profile.quality.overrides):
         path, changed = f"overrides[{i}]", {"quality.overrides": (), **one.set}
         try:
@@ -266,4 +268,4 @@ def _faults_of_places(profile: Profile, source: Source, *, slices: bool) -> Iter
         except ProfileError as error:
             problem = str(error.args[0]).partition(": ")[2] or error.args[0]
             told = f"quality.overrides: {one.where()}: {problem}"
-            yield Fault(source.place(path), path, told, error.remedy)
+            yield SettingFault(source.place(path), path, told, error.remedy)

@@ -11,39 +11,39 @@ import msgspec
 
 from printer_slicer.input_files import read_input
 from printer_slicer.profile.checks import Conflict, conflicts, planner_conflicts
-from printer_slicer.profile.conversion import Fault, converted, fault_of
+from printer_slicer.profile.conversion import SettingFault, converted, fault_of
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.own_settings import COLD, own_faults
 from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
-from printer_slicer.profile.reading import Source, flatten, read_chain
+from printer_slicer.profile.reading import SettingsSource, flatten, read_chain
 from printer_slicer.profile.settings import Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES
 
-__all__ = ["DEFAULT", "Told", "alone", "differences", "faults_of", "headline", "settings_told"]
+__all__ = ["DEFAULT", "SettingOrigin", "alone", "differences", "faults_of", "headline", "settings_told"]
 
 DEFAULT: Final = "default"
 """The place of what is set nowhere."""
 
 
-class Told(NamedTuple):
+class SettingOrigin(NamedTuple):
     """A setting as it is used, and where that value was set: a file with the line, what was typed, or `DEFAULT`."""
 
     value: object
     place: str
 
 
-def settings_told(kind: str, source: Source) -> dict[str, Told]:
+def settings_told(kind: str, source: SettingsSource) -> dict[str, SettingOrigin]:
     """All settings of one part of a profile as it is used: key -> value and place.
 
     Raises:
         ProfileError: it has a fault of its own.
     """
     values = flatten(msgspec.to_builtins(converted(kind, source)))
-    return {key: Told(value, source.known_place(key) or DEFAULT) for key, value in values}
+    return {key: SettingOrigin(value, source.known_place(key) or DEFAULT) for key, value in values}
 
 
-def differences(kind: str, one: Source, other: Source) -> dict[str, tuple[object, object]]:
+def differences(kind: str, one: SettingsSource, other: SettingsSource) -> dict[str, tuple[object, object]]:
     """The settings in which two parts of the same kind differ; None for what one of them does not have."""
     left, right = settings_told(kind, one), settings_told(kind, other)
     pairs = {
@@ -58,7 +58,7 @@ def faults_of(
     name: str,
     folders: Sequence[Path] = (),
     of_macros: Callable[[Printer], Iterable[Conflict]] = lambda _: (),
-) -> list[Fault]:
+) -> list[SettingFault]:
     """Everything that is wrong with one part of a profile by itself; empty where nothing is.
 
     Args:
@@ -81,16 +81,18 @@ def faults_of(
     for key, problem, remedy in own:
         section, _, path = key.partition(".")
         if section == kind:
-            found.append(Fault(source.place(path), path, f"{key}: {problem}", remedy))
+            found.append(SettingFault(source.place(path), path, f"{key}: {problem}", remedy))
     return [*found, *_of_places(part, source, found)] if kind == "quality" else found
 
 
-def _of_places(quality: Quality, source: Source, found: Sequence[Fault]) -> Iterator[Fault]:
+def _of_places(
+    quality: Quality, source: SettingsSource, found: Sequence[SettingFault]
+) -> Iterator[SettingFault]:
     """What is wrong with overrides beyond types and bounds, but for where those are for that is faulty already."""
     told = {fault.path.partition("].")[0] + "]" for fault in found if not _is_of_set(fault.path)}
     for path, problem, remedy in own_faults(quality):
         if _is_of_set(path) or path not in told:
-            yield Fault(source.place(path), path, f"quality.overrides: {problem}", remedy)
+            yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
 
 
 def _is_of_set(path: str) -> bool:
@@ -98,9 +100,9 @@ def _is_of_set(path: str) -> bool:
     return "].set" in path
 
 
-def _faults_and_rest(kind: str, source: Source) -> tuple[list[Fault], Source]:
+def _faults_and_rest(kind: str, source: SettingsSource) -> tuple[list[SettingFault], SettingsSource]:
     """One fault after the other, each mended before it is looked again; and what is left then."""
-    found: list[Fault] = []
+    found: list[SettingFault] = []
     replaced: set[str] = set()
     while fault := fault_of(kind, source):
         path = fault.path

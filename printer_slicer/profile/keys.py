@@ -11,7 +11,7 @@ from msgspec import Struct
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.planners import HeightRange
-from printer_slicer.profile.reading import KINDS, Source
+from printer_slicer.profile.reading import KINDS, SettingsSource
 from printer_slicer.profile.settings import (
     PLANNER_SETTINGS,
     Accelerations,
@@ -65,7 +65,7 @@ def nearest(key: str, known: Sequence[str]) -> str:
     return near[0] if near else ""
 
 
-def resolved(sources: Mapping[str, Source], key: str, flag: str = "--set") -> tuple[str, str]:
+def resolved(sources: Mapping[str, SettingsSource], key: str, flag: str = "--set") -> tuple[str, str]:
     """Which section and key a change means: `quality.perimeters`, or `perimeters` where only one section has it.
 
     Settings of the chosen planner may be named alone, too: `smooth` for `quality.planner.smooth`.

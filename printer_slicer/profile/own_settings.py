@@ -11,9 +11,9 @@ from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.conversion import fault_of
 from printer_slicer.profile.keys import nearest
 from printer_slicer.profile.overrides import Override
-from printer_slicer.profile.reading import Source, merged
+from printer_slicer.profile.reading import SettingsSource, merged
 from printer_slicer.profile.settings import Material, Quality
-from printer_slicer.profile.tables import Row, settings_table
+from printer_slicer.profile.tables import SettingRow, settings_table
 
 __all__ = ["COLD", "OwnFault", "own_faults"]
 
@@ -64,7 +64,7 @@ def own_faults(quality: Quality) -> Iterator[OwnFault]:
 
 
 def _of_key(
-    one: Override, key: str, value: object, rows: Mapping[str, Row], quality: Quality
+    one: Override, key: str, value: object, rows: Mapping[str, SettingRow], quality: Quality
 ) -> Iterator[tuple[str, str]]:
     """What is wrong with one setting of an override: problem and remedy."""
     what = {OBJECT} if one.object else set()
@@ -92,6 +92,6 @@ def _of_value(key: str, value: object, quality: Quality) -> Iterator[tuple[str, 
     for table in reversed(tables):
         change = {table: change}
     whole = msgspec.to_builtins(quality if kind == "quality" else COLD)
-    fault = fault_of(kind, Source(merged(whole, change), {}, ""))
+    fault = fault_of(kind, SettingsSource(merged(whole, change), {}, ""))
     if fault:
         yield fault.problem, fault.remedy

@@ -22,7 +22,7 @@ from printer_slicer.toml_text import MOST_BYTES, TomlError, key_lines, parse_tom
 __all__ = [
     "DEFAULT_NAMES",
     "KINDS",
-    "Source",
+    "SettingsSource",
     "flatten",
     "kind_of",
     "laid_over",
@@ -49,7 +49,7 @@ LONGEST_PATH: Final = 1000
 """Limits of a file name, bytes, and of a path, characters; systems allow 255 and a few thousand."""
 
 
-class Source(NamedTuple):
+class SettingsSource(NamedTuple):
     """Settings of one kind as read, the place each key came from, and the place of what is missing.
 
     A place is a file with a line, or what was typed.
@@ -76,7 +76,9 @@ class Source(NamedTuple):
         return ""
 
 
-def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()) -> Source:
+def read_chain(
+    kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()
+) -> SettingsSource:
     """The settings of a file over those of the file it inherits from.
 
     Args:
@@ -104,17 +106,17 @@ def read_chain(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[P
             f"{path}:{lines.get('inherits', 1)}: inherits: expected the name of a profile, got {parent!r}",
             remedy=f'such as inherits = "{DEFAULT_NAMES[kind]}"',
         )
-    base = read_chain(kind, parent, folders, (*seen, path)) if parent else Source({}, {}, str(path))
+    base = read_chain(kind, parent, folders, (*seen, path)) if parent else SettingsSource({}, {}, str(path))
     places = {
         key: f"{path}:{_line(lines, key)}"
         for key in [*_leaves(values), *(one for one in lines if "[" in one)]
     }
     if kind == "quality":
         _mean_uniform(base, values)
-    return laid_over(base, Source(_with_lists(values), places, str(path)))
+    return laid_over(base, SettingsSource(_with_lists(values), places, str(path)))
 
 
-def _mean_uniform(base: Source, values: dict[str, Any]) -> None:
+def _mean_uniform(base: SettingsSource, values: dict[str, Any]) -> None:
     """Choose uniform layers where a quality sets a layer height and leaves the planner to what it inherits.
 
     Other planners choose the heights themselves, so the height would be ignored.
@@ -124,7 +126,7 @@ def _mean_uniform(base: Source, values: dict[str, Any]) -> None:
         values["planner"] = {"kind": "uniform"}
 
 
-def laid_over(base: Source, over: Source) -> Source:
+def laid_over(base: SettingsSource, over: SettingsSource) -> SettingsSource:
     """Settings over others, with their places; rules of objects and heights add up."""
     values = merged(base.values, over.values, adds=True)
     places = dict(base.places)
@@ -132,7 +134,7 @@ def laid_over(base: Source, over: Source) -> Source:
         found = re.match(r"(.+?)\[(\d+)\](.*)", key)
         before = _length(values, found[1]) - _length(over.values, found[1]) if found else 0
         places[f"{found[1]}[{int(found[2]) + before}]{found[3]}" if found else key] = place
-    return Source(values, places, over.file)
+    return SettingsSource(values, places, over.file)
 
 
 def _length(values: Mapping[str, Any], path: str) -> int:

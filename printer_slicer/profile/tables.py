@@ -12,12 +12,12 @@ from msgspec import inspect
 from printer_slicer.profile.lists import list_as_text
 from printer_slicer.profile.reading import KINDS
 
-__all__ = ["Row", "choices_of", "rows_of", "settings_table"]
+__all__ = ["SettingRow", "choices_of", "rows_of", "settings_table"]
 
 _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
 
 
-class Row(NamedTuple):
+class SettingRow(NamedTuple):
     """One setting.
 
     `bounds` are those of a number, or the words of which it is one; `default` is as it is typed; `own` says whether
@@ -38,13 +38,13 @@ class Row(NamedTuple):
         return self.bounds.replace(" |", ",") if self.type == "literal" else ""
 
 
-def settings_table() -> Iterator[Row]:
+def settings_table() -> Iterator[SettingRow]:
     """One row per setting, in the order in which they are declared; keys as `quality.planner[optimal].ranges`."""
     for kind, struct in KINDS.items():
         yield from rows_of(struct, kind)
 
 
-def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[Row]:
+def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
     """The rows of one group of settings and of those in it."""
     info = inspect.type_info(struct)
     assert isinstance(info, inspect.StructType)
@@ -58,12 +58,12 @@ def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[Row]:
         if len(groups) > 1:
             kinds = " | ".join(str(one.tag) for one in groups)
             meaning = "which strategy; the others' settings are refused"
-            yield Row(f"{key}.kind", "literal", "", kinds, "optimal", meaning)
+            yield SettingRow(f"{key}.kind", "literal", "", kinds, "optimal", meaning)
         for one in groups:
             yield from rows_of(one.cls, f"{key}[{one.tag}]" if one.tag else key)
 
 
-def _row(key: str, entry: inspect.Field) -> Row:
+def _row(key: str, entry: inspect.Field) -> SettingRow:
     kind, unit, meaning, own = entry.type, "", "", ()
     if isinstance(kind, inspect.Metadata):
         unit, own = (kind.extra or {}).get("unit", ""), (kind.extra or {}).get("own", ())
@@ -77,7 +77,7 @@ def _row(key: str, entry: inspect.Field) -> Row:
     if isinstance(kind, inspect.LiteralType):
         bounds = [" | ".join(map(str, kind.values))]
     name = "list" if isinstance(kind, inspect.VarTupleType) else type(kind).__name__.removesuffix("Type")
-    return Row(key, name.lower(), unit, ", ".join(bounds), _default(entry), meaning, own)
+    return SettingRow(key, name.lower(), unit, ", ".join(bounds), _default(entry), meaning, own)
 
 
 def _default(entry: inspect.Field) -> str:

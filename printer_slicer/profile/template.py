@@ -9,15 +9,15 @@ from collections.abc import Iterator
 import msgspec
 
 from printer_slicer.profile.conversion import converted
-from printer_slicer.profile.reading import Source
-from printer_slicer.profile.tables import Row, rows_of
+from printer_slicer.profile.reading import SettingsSource
+from printer_slicer.profile.tables import SettingRow, rows_of
 
 __all__ = ["new_profile", "toml_value"]
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 
 
-def new_profile(kind: str, name: str, parent: str, source: Source, directive: str) -> str:
+def new_profile(kind: str, name: str, parent: str, source: SettingsSource, directive: str) -> str:
     """The text of a file that inherits from `parent` and changes nothing but the name.
 
     Args:
@@ -58,7 +58,7 @@ def _settings(told: msgspec.Struct) -> Iterator[str]:
             yield from _setting(row, getattr(value, row.key))
 
 
-def _setting(row: Row, value: object) -> Iterator[str]:
+def _setting(row: SettingRow, value: object) -> Iterator[str]:
     unit = f" [{row.unit}]" if row.unit else ""
     bounds = f" ({row.bounds})" if row.bounds else ""
     yield ""

@@ -13,7 +13,7 @@ import httpx
 
 from printer_slicer.errors import PortError, UsageError
 
-__all__ = ["Connection", "Told", "Upload", "refused"]
+__all__ = ["Connection", "CountedFile", "Upload", "refused"]
 
 _CHUNK: Final = 1 << 16
 _SHOWN: Final = 200  # characters of what a server says
@@ -50,21 +50,21 @@ class Upload:
         """Folder and name."""
         return "/".join(part for part in (self.folder.strip("/"), self.name) if part)
 
-    def open(self) -> Told:
+    def open(self) -> CountedFile:
         """The file, whose reading is told.
 
         Raises:
             UsageError: it cannot be read.
         """
         try:
-            return Told(self.path, self.on_progress)
+            return CountedFile(self.path, self.on_progress)
         except OSError as error:
             raise UsageError(
                 f"{self.path}: cannot be read: {error.strerror}", remedy="check name and permissions"
             ) from None
 
 
-class Told:
+class CountedFile:
     """A file that tells how much of it was read."""
 
     def __init__(self, path: Path, on_progress: Callable[[int, int], None]) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.sim.machine import AXES, replaced
 
 if TYPE_CHECKING:
-    from printer_slicer.motion.rules import Axes, Limits
+    from printer_slicer.motion.rules import Axes, MotionLimits
     from printer_slicer.sim.board import Board
     from printer_slicer.sim.words import Command
 
@@ -247,7 +247,7 @@ def _words(axes: Axes) -> str:
     return " ".join(f"{letter}{value:.2f}" for letter, value in zip(AXES, axes, strict=True))
 
 
-def _corner_words(limits: Limits) -> str:
+def _corner_words(limits: MotionLimits) -> str:
     """J or X, Y, Z and E, whichever the machine's corner rule goes by."""
     if limits.corner == "junction_deviation":
         return f"J{limits.junction_deviation:.2f}"

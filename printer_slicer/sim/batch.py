@@ -16,7 +16,7 @@ from printer_slicer.sim.moves import FARTHEST
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from printer_slicer.motion.rules import Axes, Limits
+    from printer_slicer.motion.rules import Axes, MotionLimits
     from printer_slicer.sim.board import Board
     from printer_slicer.sim.machine import Position
     from printer_slicer.sim.mover import Planned
@@ -59,7 +59,7 @@ class BatchStart:
     speed_ratio: float
     e_ratio: float
     filament: float
-    limits: Limits
+    limits: MotionLimits
     low: Position
     high: Position
     moves: bool
@@ -108,9 +108,9 @@ class BatchStart:
             board=board,
         )
 
-    def limits_after(self, texts: Sequence[str]) -> list[Limits]:
+    def limits_after(self, texts: Sequence[str]) -> list[MotionLimits]:
         """Return the limits behind each of some M204, executed one after the other; the board stays as it is."""
-        found: list[Limits] = []
+        found: list[MotionLimits] = []
         for text in texts:
             run(self.board, text)
             found.append(self.board.limits)
@@ -156,7 +156,7 @@ class Batch:
     extruded_at: float
     position: Axes
     feed: float
-    limits: Limits
+    limits: MotionLimits
     planned: Planned
     seconds: float
     fed: float

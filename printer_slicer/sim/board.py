@@ -7,13 +7,13 @@ from math import inf, pi
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.motion.counting import COUNTING, Counting
-from printer_slicer.sim.card import Card
+from printer_slicer.sim.card import SdCard
 from printer_slicer.sim.heaters import Heaters
 from printer_slicer.sim.machine import AXES, Machine, Position
 from printer_slicer.sim.mover import Mover
 
 if TYPE_CHECKING:
-    from printer_slicer.motion.rules import Axes, Limits
+    from printer_slicer.motion.rules import Axes, MotionLimits
     from printer_slicer.sim.heater import Heater
     from printer_slicer.sim.switches import FrontEnd
     from printer_slicer.sim.tally import Tally
@@ -68,7 +68,7 @@ class Board:
         reset: restarts the firmware.
     """
 
-    def __init__(self, machine: Machine, front_end: FrontEnd, tally: Tally, card: Card, now: float) -> None:
+    def __init__(self, machine: Machine, front_end: FrontEnd, tally: Tally, card: SdCard, now: float) -> None:
         self.machine, self.front_end, self.tally = machine, front_end, tally
         self.now = now
         self.out: list[str] = []
@@ -79,7 +79,7 @@ class Board:
         self.killed = self.shut_down = self.ok_tail = ""
         self.due = inf
         self._alarms: dict[str, tuple[float, Callable[[], None]]] = {}
-        self.limits: Limits = machine.limits
+        self.limits: MotionLimits = machine.limits
         self.steps: Axes = machine.steps
         self.mover = Mover(machine.limits, machine.first_move_delay, tally, front_end.ahead_seconds)
         self.heaters = Heaters(machine, now)
@@ -250,7 +250,7 @@ class Board:
         area = pi * self.diameter**2 / 4.0
         self.e_ratio = self.flow_ratio * (self.unit**2 / area if self.volumetric else 1.0)
 
-    def set_limits(self, limits: Limits) -> None:
+    def set_limits(self, limits: MotionLimits) -> None:
         """Move by other limits from the next command on."""
         self.limits = limits
         self.mover.set_limits(limits)

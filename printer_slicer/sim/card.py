@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["CAPACITY", "Card", "shortened"]
+__all__ = ["CAPACITY", "SdCard", "shortened"]
 
 CAPACITY: Final = 256 * 1024 * 1024
 """Bytes that a card holds: what is written beyond is lost, and told."""
 
 
-class Card:
+class SdCard:
     """A card, and what the firmware does with it.
 
     Attributes:

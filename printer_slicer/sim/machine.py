@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING
 
-from printer_slicer.motion.rules import Axes, Limits
+from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.sim.guard import GuardSpec
 from printer_slicer.sim.heater import HeaterSpec
 
@@ -22,8 +22,8 @@ AXES = "XYZE"
 """Letters of the axes in the order of every `Axes` tuple."""
 
 
-def _limits() -> Limits:
-    return Limits(
+def _limits() -> MotionLimits:
+    return MotionLimits(
         max_speed=(300.0, 300.0, 5.0, 25.0),
         max_acceleration=(3000.0, 3000.0, 100.0, 10000.0),
         acceleration=3000.0,
@@ -79,7 +79,7 @@ class Machine:
         first_move_delay: s that a standing machine waits for a third move before it starts.
     """
 
-    limits: Limits = field(default_factory=_limits)
+    limits: MotionLimits = field(default_factory=_limits)
     box_min: Position = (0.0, 0.0, 0.0)
     box_max: Position = (200.0, 200.0, 200.0)
     home: Position = (0.0, 0.0, 0.0)

@@ -11,7 +11,7 @@ from collections import deque
 from math import inf
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from printer_slicer.motion.rules import Axes, Block, Limits, Lookahead
+from printer_slicer.motion.rules import Axes, Block, Lookahead, MotionLimits
 
 if TYPE_CHECKING:
     from printer_slicer.sim.tally import Tally
@@ -88,7 +88,9 @@ class Mover:
         "targets",
     )
 
-    def __init__(self, limits: Limits, first_move_delay: float, tally: Tally, horizon: float = inf) -> None:
+    def __init__(
+        self, limits: MotionLimits, first_move_delay: float, tally: Tally, horizon: float = inf
+    ) -> None:
         self.ends = inf
         self.targets: deque[Axes] = deque()
         self.expects_stop = True
@@ -117,7 +119,7 @@ class Mover:
             return 0
         return self._places - len(self.targets)
 
-    def set_limits(self, limits: Limits) -> None:
+    def set_limits(self, limits: MotionLimits) -> None:
         """Use other corner rules for the moves pushed from now on."""
         self._lookahead.limits = limits
 

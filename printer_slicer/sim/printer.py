@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.sim.batch import Batch, BatchStart
 from printer_slicer.sim.board import Board
-from printer_slicer.sim.card import Card
+from printer_slicer.sim.card import SdCard
 from printer_slicer.sim.card_commands import abort, finished, write_line
 from printer_slicer.sim.commands import run, straight_of
 from printer_slicer.sim.front_end import MARLIN_2_1, FrontEnd
@@ -77,7 +77,7 @@ class SimulatedPrinter:
         self._any_number = front_end.takes == "any"
         self._patient = front_end.partial_seconds == inf
         self._tally = Tally(track)
-        self._card = Card(card)
+        self._card = SdCard(card)
         self._faults = faults
         self._line: int | None = None
         self._ready = 0.0

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from printer_slicer.stream.ledger import Ledger
 
-__all__ = ["Burst", "Verdict"]
+__all__ = ["Burst", "BurstAnswer"]
 
 _SETTLE: Final = 0.2
 """s without another request after which none is expected: longer than the latency of any usual port."""
@@ -31,7 +31,7 @@ _LONGEST: Final = 2 * _SETTLE
 _MOST_IDENTICAL: Final = 10
 
 
-class Verdict(Enum):
+class BurstAnswer(Enum):
     """What to make of a request."""
 
     GO_BACK = "go back"
@@ -70,20 +70,20 @@ class Burst:
         self._latest = now + _LONGEST if first else self._latest
         self.until = min(now + _SETTLE, self._latest)
 
-    def unrequested(self, ledger: Ledger, now: float) -> Verdict:
+    def unrequested(self, ledger: Ledger, now: float) -> BurstAnswer:
         """Take the claim for the request that should have followed it, with nothing to confirm it."""
         assert self.claim is not None
         number, self.claim = self.claim, None
         return self.request(number, ledger, now)
 
-    def request(self, number: int, ledger: Ledger, now: float) -> Verdict:
+    def request(self, number: int, ledger: Ledger, now: float) -> BurstAnswer:
         """The printer asks for `number`; its ok is still to come."""
         first = not self.active
         claim, self.claim = self.claim, None
         self.swallow = True
         verdict = self._judge(number, claim, ledger)
-        self._doubted = number if verdict is Verdict.ASK else None
-        if verdict is Verdict.GO_BACK:
+        self._doubted = number if verdict is BurstAnswer.ASK else None
+        if verdict is BurstAnswer.GO_BACK:
             if number != self.wanted:
                 self.wanted = number
                 self._missing = max(ledger.cursor - number, 1)
@@ -91,14 +91,14 @@ class Burst:
         self._wait(now, first=first)
         return verdict
 
-    def _judge(self, number: int, claim: int | None, ledger: Ledger) -> Verdict:
+    def _judge(self, number: int, claim: int | None, ledger: Ledger) -> BurstAnswer:
         if claim is not None and claim != number:
-            return Verdict.ASK
+            return BurstAnswer.ASK
         if ledger.accepted < number <= ledger.cursor:
-            return Verdict.GO_BACK
+            return BurstAnswer.GO_BACK
         if claim is None and number != self._doubted:
-            return Verdict.ASK
-        return Verdict.GO_BACK if ledger.proven < number <= ledger.top else Verdict.LOST_COUNT
+            return BurstAnswer.ASK
+        return BurstAnswer.GO_BACK if ledger.proven < number <= ledger.top else BurstAnswer.LOST_COUNT
 
     @property
     def active(self) -> bool:

@@ -22,11 +22,11 @@ from typing import Final, Literal
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["DIALECTS", "UNKNOWN", "Dialect", "dialect_named", "dialect_of"]
+__all__ = ["DIALECTS", "UNKNOWN", "WireDialect", "dialect_named", "dialect_of"]
 
 
 @dataclass(frozen=True, slots=True)
-class Dialect:
+class WireDialect:
     """How one kind of firmware reads lines.
 
     Attributes:
@@ -70,8 +70,8 @@ _REPRAP_ADVICE: Final = (
     " by asking for the position"
 )
 
-DIALECTS: Final[dict[str, Dialect]] = {
-    "klipper": Dialect(
+DIALECTS: Final[dict[str, WireDialect]] = {
+    "klipper": WireDialect(
         "Klipper",
         r"Klipper",
         (),
@@ -82,7 +82,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         flavour="klipper",
         advice=_KLIPPER_ADVICE,
     ),
-    "reprapfirmware": Dialect(
+    "reprapfirmware": WireDialect(
         "RepRapFirmware",
         r"RepRapFirmware",
         ("rs 7",),
@@ -94,7 +94,7 @@ DIALECTS: Final[dict[str, Dialect]] = {
         flavour="reprapfirmware",
         advice=_REPRAP_ADVICE,
     ),
-    "repetier": Dialect(
+    "repetier": WireDialect(
         "Repetier",
         r"Repetier",
         ("Error:expected line 7 got 9", "", "Resend:7", "ok"),
@@ -103,24 +103,24 @@ DIALECTS: Final[dict[str, Dialect]] = {
         places=2,
         flavour="repetier",
     ),
-    "smoothie": Dialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1, flavour="smoothie"),
-    "prusa": Dialect(
+    "smoothie": WireDialect("Smoothie", r"Smoothie", ("rs N7",), longest=120, places=1, flavour="smoothie"),
+    "prusa": WireDialect(
         "Prusa MK3",
         r"Prusa-Firmware(?!-Buddy)",
         (_MARLIN_ERROR, "Resend: 7", "ok"),
         strays="refused",
         flavour="prusa",
     ),
-    "marlin_1": Dialect(
+    "marlin_1": WireDialect(
         "Marlin 1.1", r"Marlin V?1\.", (_MARLIN_ERROR, "Resend: 7", "ok"), flavour="marlin_legacy"
     ),
-    "marlin_2_1_3": Dialect(
+    "marlin_2_1_3": WireDialect(
         "Marlin 2.1.3 and later",
         r"Marlin (?:bugfix-)?2\.(?:1\.(?:[3-9]|[12]\d)|[2-9])",
         (_MARLIN_ERROR, "Resend: 7", "ok"),
         counts=True,
     ),
-    "marlin": Dialect("Marlin 2", r"", (_MARLIN_ERROR, "Resend: 7", "ok")),
+    "marlin": WireDialect("Marlin 2", r"", (_MARLIN_ERROR, "Resend: 7", "ok")),
 }
 """By the names that a profile or a person may use. The first whose pattern is found in the name that M115 gives."""
 
@@ -133,7 +133,7 @@ def dialect_of(firmware: str) -> str:
     return next(name for name, dialect in DIALECTS.items() if re.search(dialect.pattern, firmware))
 
 
-def dialect_named(name: str) -> Dialect:
+def dialect_named(name: str) -> WireDialect:
     """The dialect with this name.
 
     Raises:

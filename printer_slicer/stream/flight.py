@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.stream.burst import Burst, Verdict
+from printer_slicer.stream.burst import Burst, BurstAnswer
 from printer_slicer.stream.framing import LONGEST, frame_crc
 from printer_slicer.stream.ledger import ASK, Ledger
 from printer_slicer.stream.watch import Watch
 from printer_slicer.stream.window import Window
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.dialects import Dialect
+    from printer_slicer.stream.dialects import WireDialect
     from printer_slicer.stream.doubt import Doubt
     from printer_slicer.stream.replies import Ok
 
@@ -89,7 +89,7 @@ class Flight:
         self._unnumbered: deque[int] = deque()  # last line in front of each command without a number
         self._breaks, self._broken = 0, -inf
 
-    def speak(self, dialect: Dialect, *, emergency_parser: bool) -> None:
+    def speak(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
         self._counts = dialect.counts
         self._ok_when_read = dialect.ok_when_read
@@ -337,9 +337,9 @@ class Flight:
             verdict = burst.unrequested(ledger, now)
         else:
             verdict = burst.request(number, ledger, now)
-        if verdict is Verdict.ASK:
+        if verdict is BurstAnswer.ASK:
             self.watch.suspect(now)
-        elif verdict is Verdict.LOST_COUNT:
+        elif verdict is BurstAnswer.LOST_COUNT:
             self.lost_count = number
 
     def stray(self, now: float, *, refusal: bool) -> None:

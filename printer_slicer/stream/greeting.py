@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Final
 
-from printer_slicer.stream.dialects import DIALECTS, Dialect, dialect_of
+from printer_slicer.stream.dialects import DIALECTS, WireDialect, dialect_of
 from printer_slicer.stream.events import Identified
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.replies import Capability, Identity
@@ -92,7 +92,7 @@ class Greeting:
         return self._capabilities.get(name, False)
 
     @property
-    def dialect(self) -> Dialect:
+    def dialect(self) -> WireDialect:
         """How to speak to it: as was wished, or as its name tells."""
         return DIALECTS[self._dialect or dialect_of(self.firmware or "")]
 

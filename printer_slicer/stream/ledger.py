@@ -16,7 +16,7 @@ from printer_slicer.stream.framing import frame
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["ASK", "Ledger", "Line"]
+__all__ = ["ASK", "Ledger", "NumberedLine"]
 
 ASK: Final = b"M105"
 """Harmless, and its answer cannot be mistaken for the answer to another line."""
@@ -28,7 +28,7 @@ _KEPT: Final = 2 * _CERTAIN_AFTER
 
 
 @dataclass(slots=True)
-class Line:
+class NumberedLine:
     """One numbered line.
 
     Attributes:
@@ -63,7 +63,7 @@ class Ledger:
         self.cursor = 1
         self.top = 1
         self.frame: Callable[[int, bytes], bytes] = frame
-        self._lines: dict[int, Line] = {}
+        self._lines: dict[int, NumberedLine] = {}
 
     @property
     def in_flight(self) -> int:
@@ -76,18 +76,18 @@ class Ledger:
         return sum(len(self._lines[number].text) + 1 for number in range(self.accepted + 1, self.cursor))
 
     @property
-    def oldest(self) -> Line:
+    def oldest(self) -> NumberedLine:
         """The line whose answer comes next. Only while lines are in flight."""
         return self._lines[self.accepted + 1]
 
     @property
-    def next(self) -> Line:
+    def next(self) -> NumberedLine:
         """The line that goes out next. Only while `cursor` is below `top`."""
         return self._lines[self.cursor]
 
     def add(self, command: bytes, job: int, patience: float) -> None:
         """Give a command the next number."""
-        self._lines[self.top] = Line(command, self.frame(self.top, command), job, patience)
+        self._lines[self.top] = NumberedLine(command, self.frame(self.top, command), job, patience)
         self.top += 1
 
     def take(self, now: float, *, break_first: bool = False) -> bytes:
@@ -114,7 +114,7 @@ class Ledger:
         """Count all lines up to `number` as certainly accepted."""
         self.proven = max(self.proven, number)
 
-    def line(self, number: int) -> Line:
+    def line(self, number: int) -> NumberedLine:
         """A line in flight."""
         return self._lines[number]
 

@@ -23,7 +23,7 @@ from printer_slicer.stream.link_quality import LinkQuality, poor_link
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from printer_slicer.motion.rules import Limits
+    from printer_slicer.motion.rules import MotionLimits
     from printer_slicer.stream.events import Event, PoorLink
     from printer_slicer.stream.transport import Transport
 
@@ -103,7 +103,7 @@ class LinkMeter:
         limits: of the machine; without them nothing is said about waiting.
     """
 
-    def __init__(self, limits: Limits | None = None) -> None:
+    def __init__(self, limits: MotionLimits | None = None) -> None:
         self._limits = limits
         self._clock = PlannerClock(limits) if limits is not None else None
         self._machine = MachineState()

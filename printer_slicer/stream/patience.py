@@ -21,7 +21,7 @@ from printer_slicer.motion.rules import make_block, ramp_time
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from printer_slicer.motion.rules import Limits
+    from printer_slicer.motion.rules import MotionLimits
 
 __all__ = ["MARGIN", "Patience"]
 
@@ -61,7 +61,7 @@ class Patience:
     The time counts from when the line before it is accepted.
     """
 
-    def __init__(self, limits: Limits | None = None) -> None:
+    def __init__(self, limits: MotionLimits | None = None) -> None:
         self._limits = limits
         self._margin = _WIDE_MARGIN if limits is None else MARGIN
         self._slowdown = 1.0

@@ -35,7 +35,7 @@ from printer_slicer.stream.window import Window
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from printer_slicer.motion.rules import Limits
+    from printer_slicer.motion.rules import MotionLimits
 
 __all__ = ["RESET", "Streamer"]
 
@@ -73,7 +73,7 @@ class Streamer(Standing):
         self,
         commands: Sequence[bytes],
         *,
-        limits: Limits | None = None,
+        limits: MotionLimits | None = None,
         window_lines: int = 2,
         window_bytes: int = 127,
         baud: int | None = None,

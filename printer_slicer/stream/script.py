@@ -16,8 +16,8 @@ from printer_slicer.stream.patience import Patience
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from printer_slicer.motion.rules import Limits
-    from printer_slicer.stream.dialects import Dialect
+    from printer_slicer.motion.rules import MotionLimits
+    from printer_slicer.stream.dialects import WireDialect
 
 __all__ = ["SAME_PLACE", "Script"]
 
@@ -39,7 +39,9 @@ class Script:
         UsageError: an entry of the job can never be sent.
     """
 
-    def __init__(self, commands: Sequence[bytes], limits: Limits | None, longest: int = LONGEST) -> None:
+    def __init__(
+        self, commands: Sequence[bytes], limits: MotionLimits | None, longest: int = LONGEST
+    ) -> None:
         check_commands(commands, longest)
         self._longest = longest
         self.taken = 0
@@ -53,7 +55,7 @@ class Script:
         self._machine = MachineState()
         self._command, self._before = b"", self._machine.place
 
-    def speak(self, dialect: Dialect) -> None:
+    def speak(self, dialect: WireDialect) -> None:
         """The firmware is known now."""
         self._machine.speak(dialect.flavour)
 

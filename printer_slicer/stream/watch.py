@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.stream.patience import MARGIN
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.ledger import Line
+    from printer_slicer.stream.ledger import NumberedLine
 
 __all__ = ["Watch"]
 
@@ -70,7 +70,7 @@ class Watch:
         self._asked_last = inf
         self._answers, self._slowest = 0, 0.0
 
-    def learn(self, oldest: Line, now: float) -> None:
+    def learn(self, oldest: NumberedLine, now: float) -> None:
         """Record how much longer than its motion the acknowledgement of `oldest` took."""
         if self.asked or isfinite(self._hint) or oldest.patience > _SHORT:
             return
@@ -96,7 +96,7 @@ class Watch:
         self._busy = now
         self._gap = gap
 
-    def idle(self, oldest: Line, now: float) -> None:
+    def idle(self, oldest: NumberedLine, now: float) -> None:
         """The printer says that it has nothing to do, while `oldest` waits for its answer."""
         # Said just before the line arrived it means nothing.
         if now - oldest.sent >= _ON_ITS_WAY:
@@ -106,7 +106,7 @@ class Watch:
         """Something was lost: ask soon."""
         self._hint = min(self._hint, now + _HESITATE)
 
-    def due(self, oldest: Line) -> float:
+    def due(self, oldest: NumberedLine) -> float:
         """When to ask, or to ask again, while `oldest` waits for its answer, s; infinite for never."""
         if not self.asked:
             return min(self._overdue(oldest), self._hint)
@@ -114,25 +114,25 @@ class Watch:
         again = self._asked_last + pause if self.asked < _MOST_QUESTIONS else inf
         return min(again, self._last_chance(oldest))
 
-    def given_up(self, oldest: Line, now: float) -> bool:
+    def given_up(self, oldest: NumberedLine, now: float) -> bool:
         """Whether it has been asked long enough."""
         return self.asked > 0 and now >= self._last_chance(oldest)
 
-    def _overdue(self, oldest: Line) -> float:
+    def _overdue(self, oldest: NumberedLine) -> float:
         """When the answer should have come."""
         # What has just said that it is busy says so again before it is worth asking.
         patience = self._patience(oldest)
         patience = patience if self._busy is None else max(patience, _NEXT_REPORT * self._gap)
         return max(oldest.sent, self._heard) + min(patience, self._quiet)
 
-    def _patience(self, oldest: Line) -> float:
+    def _patience(self, oldest: NumberedLine) -> float:
         """Return the timeout for the acknowledgement of `oldest`, s; for short motion from its response time."""
         if self._answers < _EXPERIENCE or not MARGIN <= oldest.patience <= _SHORT:
             return oldest.patience
         margin = min(max(_SLOWER * self._slowest, _AT_LEAST), MARGIN)
         return oldest.patience - MARGIN + margin
 
-    def _last_chance(self, oldest: Line) -> float:
+    def _last_chance(self, oldest: NumberedLine) -> float:
         """When questions have remained unanswered for too long. A busy printer may not read them at all."""
         return max(self._asked_first, self._overdue(oldest)) + self._give_up
 

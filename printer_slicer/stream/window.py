@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.dialects import Dialect
+    from printer_slicer.stream.dialects import WireDialect
 
 __all__ = ["Window"]
 
@@ -70,12 +70,12 @@ class Window:
         self._places = 0  # commands read ahead, as `ok B` shows; 0 as long as it does not
         self._planner = 0  # moves that fit into the planner, as `ok P` shows
         self._dry = 0  # answers in a row that say that the planner runs dry
-        self._dialect: Dialect | None = None
+        self._dialect: WireDialect | None = None
         self._parser = False
         self._careful = self._clean = self._quick = 0
         self._bad = False
 
-    def speak(self, dialect: Dialect, *, emergency_parser: bool) -> None:
+    def speak(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
         self._dialect, self._parser = dialect, emergency_parser
         if not dialect.sequence:

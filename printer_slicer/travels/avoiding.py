@@ -10,7 +10,7 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.model import Areas
 from printer_slicer.profile import Profile
-from printer_slicer.travels.graphs import Asked
+from printer_slicer.travels.graphs import WayQueries
 from printer_slicer.travels.ground import Ground
 from printer_slicer.travels.rooms import Rooms, abroad, rooms_of
 from printer_slicer.travels.routes import Routes, eased, through, without_stops
@@ -59,7 +59,7 @@ def rerouted(
     spare = improving.crossings[poor] - fewest
     many = np.flatnonzero(spare > 0)
     if len(many):
-        asked = Asked(*some.ends, some.layer, some.layer, straight + _TOLL * spare, _TOLL * fewest)
+        asked = WayQueries(*some.ends, some.layer, some.layer, straight + _TOLL * spare, _TOLL * fewest)
         ground = abroad(solid, outlines, box, _CLEARANCE * width, _TOLL)
         improving.seek(poor[many], asked.take(many), ground)
     return improving.ways, improving.crossings
@@ -70,7 +70,7 @@ def _inside(improving: _Improving, rooms: Rooms, which: Int, limit: Float) -> tu
     some = improving.ways.take(which)
     (begin, room), (end, other) = (rooms.entered(ends, some.layer) for ends in some.ends)
     inside = np.flatnonzero((room == other) & (room >= 0))
-    asked = Asked(begin, end, some.layer, room, limit, np.zeros(len(which)))
+    asked = WayQueries(begin, end, some.layer, room, limit, np.zeros(len(which)))
     improving.seek(which[inside], asked.take(inside), rooms.ground)
     return room, other
 
@@ -91,7 +91,7 @@ class _Improving:
     ways: Routes
     crossings: Int
 
-    def seek(self, which: Int, asked: Asked, ground: Ground) -> None:
+    def seek(self, which: Int, asked: WayQueries, ground: Ground) -> None:
         """Replace those of the ways `which` (n,) for which better ones are found."""
         ends = self.ways.take(which).ends
         leads = np.hypot(*(asked.begin - ends[0]).T) + np.hypot(*(asked.end - ends[1]).T)

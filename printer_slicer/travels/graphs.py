@@ -18,14 +18,14 @@ from printer_slicer.travels.ground import OFF, Ground
 from printer_slicer.travels.known import Known
 from printer_slicer.travels.shortest import Links, shortest
 
-__all__ = ["Asked", "Found", "cheapest", "effort"]
+__all__ = ["Found", "WayQueries", "cheapest", "effort"]
 
 _MOST = 1024  # corners that are looked at for a way, those that make it least longer
 _AHEAD = 32  # corners farther along the way to which legs are looked at: where there are no more, all of them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Asked:
+class WayQueries:
     """Ways to be found.
 
     Attributes:
@@ -43,10 +43,10 @@ class Asked:
     limit: Float
     free: Float
 
-    def take(self, some: Int) -> Asked:
+    def take(self, some: Int) -> WayQueries:
         """Some of them."""
         names = ("begin", "end", "layer", "own", "limit", "free")
-        return Asked(*(getattr(self, name)[some] for name in names))
+        return WayQueries(*(getattr(self, name)[some] for name in names))
 
     @property
     def straight(self) -> Float:
@@ -75,7 +75,7 @@ class Found:
         return Found(self.there[some], corners, self.count[some])
 
 
-def effort(asked: Asked, reach: Float, known: Known, ground: Ground) -> Int:
+def effort(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> Int:
     """(W,) how many legs are looked at for each way, about."""
     way, ring = known.pairs
     _, count = _window(asked, reach, way, ring, ground)
@@ -84,7 +84,7 @@ def effort(asked: Asked, reach: Float, known: Known, ground: Ground) -> Int:
     return np.asarray(total + seen * np.minimum(seen, _AHEAD))
 
 
-def cheapest(asked: Asked, reach: Float, known: Known, ground: Ground) -> Found:
+def cheapest(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> Found:
     """The shortest ways of no more than `reach` (W,) mm, tolls counted, if there were only the known rings."""
     n_ways = len(asked.own)
     seen = _seen(asked, reach, known, ground)
@@ -119,14 +119,14 @@ class _Seen:
     count: Int
 
 
-def _window(asked: Asked, reach: Float, way: Int, ring: Int, ground: Ground) -> tuple[Int, Int]:
+def _window(asked: WayQueries, reach: Float, way: Int, ring: Int, ground: Ground) -> tuple[Int, Int]:
     """(n,) the first corner of each ring that may lie on the way with it, and how many follow, by their x."""
     middle, half = (asked.begin + asked.end)[:, 0] / 2, (asked.end - asked.begin)[:, 1] / 2
     wide = np.sqrt(np.maximum(reach**2 / 4 - half**2, 0.0))  # of the ellipse around both ends
     return ground.between((middle - wide)[way], (middle + wide)[way], ring)
 
 
-def _seen(asked: Asked, reach: Float, known: Known, ground: Ground) -> _Seen:
+def _seen(asked: WayQueries, reach: Float, known: Known, ground: Ground) -> _Seen:
     """The corners of known rings within the ellipse of each way."""
     way, ring = known.pairs
     first, count = _window(asked, reach, way, ring, ground)
@@ -145,7 +145,7 @@ _Ends = tuple[Float, Int]  # (W, 2) places and (W,) nodes
 
 
 def _spokes(  # noqa: PLR0917 - both ends are of one kind
-    begin: _Ends, end: _Ends, asked: Asked, seen: _Seen, known: Known, ground: Ground
+    begin: _Ends, end: _Ends, asked: WayQueries, seen: _Seen, known: Known, ground: Ground
 ) -> list[Links]:
     """The legs from the begins of ways to corners, and from corners to the ends."""
     made, rank = [], spread(seen.count)[1]
@@ -161,7 +161,7 @@ def _spokes(  # noqa: PLR0917 - both ends are of one kind
     return [Links(near, first, out), Links(last, far, back)]
 
 
-def _chords(reach: Float, asked: Asked, seen: _Seen, known: Known, ground: Ground) -> list[Links]:
+def _chords(reach: Float, asked: WayQueries, seen: _Seen, known: Known, ground: Ground) -> list[Links]:
     """The legs between corners of the same way, in both directions."""
     place = ground.corners.place
     more = np.minimum(seen.count[seen.way] - spread(seen.count)[1] - 1, _AHEAD)

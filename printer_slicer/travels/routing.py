@@ -12,7 +12,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.planes import spread
-from printer_slicer.travels.graphs import Asked, Found, cheapest, effort
+from printer_slicer.travels.graphs import Found, WayQueries, cheapest, effort
 from printer_slicer.travels.ground import Ground
 from printer_slicer.travels.known import Known
 
@@ -24,7 +24,7 @@ _AT_ONCE = 1 << 20  # legs that are looked at: what is compared stays small
 _WORK = 1 << 26  # legs that are looked at in all: seconds; ways that are left then are straight
 
 
-def routed(asked: Asked, ground: Ground) -> Found:
+def routed(asked: WayQueries, ground: Ground) -> Found:
     """The shortest ways, tolls counted."""
     n_ways, straight, work = len(asked.own), asked.straight, 0
     there, level = np.zeros(n_ways, np.bool_), np.zeros(n_ways, np.int64)
@@ -59,7 +59,7 @@ def routed(asked: Asked, ground: Ground) -> Found:
     return Found(there, corners[order], np.bincount(way, minlength=n_ways).astype(np.int64))
 
 
-def _parts(left: Int, asked: Asked, reach: Float, known: Known, ground: Ground) -> tuple[list[Int], int]:
+def _parts(left: Int, asked: WayQueries, reach: Float, known: Known, ground: Ground) -> tuple[list[Int], int]:
     """The ways `left` (n,), some at a time, and how many legs are looked at for them."""
     if not len(left):
         return [], 0
@@ -67,7 +67,7 @@ def _parts(left: Int, asked: Asked, reach: Float, known: Known, ground: Ground) 
     return np.split(left, np.searchsorted(work, np.arange(_AT_ONCE, work[-1], _AT_ONCE))), int(work[-1])
 
 
-def _met(found: Found, asked: Asked, ground: Ground) -> tuple[Int, Int]:
+def _met(found: Found, asked: WayQueries, ground: Ground) -> tuple[Int, Int]:
     """Which of the ways that are there meet which rings of their field."""
     count = np.where(found.there, found.count + 2, 0)
     first = np.cumsum(count) - count
@@ -80,7 +80,7 @@ def _met(found: Found, asked: Asked, ground: Ground) -> tuple[Int, Int]:
     return _own(asked, ground, xy[leg], xy[leg + 1], owner[leg])
 
 
-def _own(asked: Asked, ground: Ground, begin: Float, end: Float, way: Int) -> tuple[Int, Int]:
+def _own(asked: WayQueries, ground: Ground, begin: Float, end: Float, way: Int) -> tuple[Int, Int]:
     """The ways (n,) whose legs from `begin` to `end` (n, 2) meet rings of their own field, and these rings."""
     leg, ring = ground.met(begin, end, asked.layer[way])
     own = ground.own[ring] == asked.own[way[leg]]

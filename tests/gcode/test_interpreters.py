@@ -17,8 +17,8 @@ from programs import FRONT_ENDS, LINES, MORE_LINES, Executor, Line, program_of
 
 from printer_slicer.gcode import FLAVOURS, read_moves
 from printer_slicer.gcode.lexer import is_macro, parse, read_commands
-from printer_slicer.gcode.reader import Reader
-from printer_slicer.gcode.reading import State
+from printer_slicer.gcode.reader import MoveReader
+from printer_slicer.gcode.reading import ReadingState
 from printer_slicer.gcode.state import MachineState, heater_target
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
@@ -52,7 +52,7 @@ def programs(flavour: str) -> st.SearchStrategy[list[Line]]:
     )
 
 
-def assert_state_is_that_of(state: MachineState, read: State, board: Board, flavour: str) -> None:
+def assert_state_is_that_of(state: MachineState, read: ReadingState, board: Board, flavour: str) -> None:
     """All that a command may change, in three models."""
     for axis, (place, offset) in enumerate(zip(state.position, state.offset, strict=True)):
         logical = read.position[axis] + read.offset[axis]
@@ -106,7 +106,7 @@ def assert_lint_reads(command: bytes) -> None:
 @given(data=st.data())
 def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject) -> None:
     commands = [*START, *program_of(data.draw(programs(flavour)))]
-    executor, state, reader = Executor(flavour), MachineState(flavour), Reader(dialect=FLAVOURS[flavour])
+    executor, state, reader = Executor(flavour), MachineState(flavour), MoveReader(dialect=FLAVOURS[flavour])
     job, script = LiveJob(commands, flavour=flavour), Script([], None)
     script.speak(DIALECT[flavour])
     too_hot, names_heat = set(), set()

@@ -10,7 +10,7 @@ import pytest
 from printer_slicer.gcode import FLAVOURS, read_moves, write_gcode
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from printer_slicer.sim.link import VirtualPort
@@ -50,7 +50,7 @@ def wanted(flavour: str) -> Profile:
     )
 
 
-def halved(limits: Limits, names: list[str]) -> Limits:
+def halved(limits: MotionLimits, names: list[str]) -> MotionLimits:
     """A machine that was told other limits before."""
     changes: dict[str, Any] = {}
     for name in names:

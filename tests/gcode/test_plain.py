@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
 from printer_slicer.gcode.plain import LETTERS, plain_moves
-from printer_slicer.gcode.reader import Moves, Reader
+from printer_slicer.gcode.reader import MoveReader, Moves
 
 NUMBERS = st.one_of(
     st.integers(-300, 300).map(str),
@@ -47,7 +47,7 @@ JOBS = st.lists(st.one_of(MOVES, MOVES, MOVES, OTHERS), max_size=60)
 
 def one_by_one(commands: list[bytes]) -> Moves:
     """The moves, read without any run of plain ones."""
-    reader = Reader()
+    reader = MoveReader()
     for command in commands:
         reader.feed([command, b"M117"])  # a run of one is followed as any other command
     return reader.moves()

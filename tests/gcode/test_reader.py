@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.gcode import FLAVOURS, Moves, Timer, read_moves, write_gcode
-from printer_slicer.gcode.reader import Reader
+from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_part
@@ -297,7 +297,7 @@ def test_every_move_knows_its_tool() -> None:
 
 def read_in_pieces(lines: list[str], size: int) -> tuple[float, np.ndarray]:
     """Time and ends of the moves of commands that come some at a time."""
-    reader, timer, ends = Reader(), Timer(LIMITS), [np.zeros((0, 3))]
+    reader, timer, ends = MoveReader(), Timer(LIMITS), [np.zeros((0, 3))]
     for at in range(0, len(lines), size):
         reader.feed([line.encode() for line in lines[at : at + size]])
         piece = reader.moves()

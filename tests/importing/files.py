@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.importing import Imported, Refused, Wanted, import_profiles, profile_text
+from printer_slicer.importing import Imported, ImportRequest, Refused, import_profiles, profile_text
 from printer_slicer.profile import Profile, load_profile
 
 FLAT = {
@@ -79,14 +79,14 @@ def flat_file(folder: Path, **changes: str | None) -> Path:
 
 def imported(path: Path, **wanted: object) -> dict[str, Imported]:
     """The profiles in a file, by kind; nothing in it may be refused."""
-    results = import_profiles(path, Wanted(**wanted))  # type: ignore[arg-type]
+    results = import_profiles(path, ImportRequest(**wanted))  # type: ignore[arg-type]
     assert [one.problem for one in results if isinstance(one, Refused)] == []
     return {one.kind: one for one in results if isinstance(one, Imported)}
 
 
 def refused(path: Path, kind: str, **wanted: object) -> Refused:
     """Why a preset of a kind is refused."""
-    (one,) = [one for one in import_profiles(path, Wanted(**wanted)) if one.kind == kind]  # type: ignore[arg-type]
+    (one,) = [one for one in import_profiles(path, ImportRequest(**wanted)) if one.kind == kind]  # type: ignore[arg-type]
     assert isinstance(one, Refused)
     return one
 

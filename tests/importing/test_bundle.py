@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported, Refused, Wanted, import_profiles
+from printer_slicer.importing import Imported, ImportRequest, Refused, import_profiles
 from printer_slicer.importing.conditions import holds
 from tests.importing.files import imported, loaded
 
@@ -135,7 +135,7 @@ def test_a_printer_of_a_bundle_is_found_by_model_and_older_names(
     name: str, nozzle: float, tmp_path: Path
 ) -> None:
     (tmp_path / "Shop.ini").write_text(SHOP, encoding="utf-8")
-    made = import_profiles(tmp_path / "Shop.ini", Wanted(printer=name))
+    made = import_profiles(tmp_path / "Shop.ini", ImportRequest(printer=name))
 
     assert [one.kind for one in made] == ["printer", "material", "quality"]
     assert made[0].name == f"Shop E-3 V2 ({nozzle} mm nozzle)"
@@ -146,7 +146,7 @@ def test_a_printer_that_a_bundle_does_not_hold_is_an_error(tmp_path: Path) -> No
     (tmp_path / "Shop.ini").write_text(SHOP, encoding="utf-8")
 
     with pytest.raises(ProfileError, match="no printer 'E-9' among 2"):
-        import_profiles(tmp_path / "Shop.ini", Wanted(printer="E-9"))
+        import_profiles(tmp_path / "Shop.ini", ImportRequest(printer="E-9"))
 
 
 @pytest.fixture
@@ -157,7 +157,7 @@ def bundle(tmp_path: Path) -> Path:
 
 
 def by_name(path: Path, **wanted: object) -> dict[str, Imported | Refused]:
-    return {one.name: one for one in import_profiles(path, Wanted(**wanted))}  # type: ignore[arg-type]
+    return {one.name: one for one in import_profiles(path, ImportRequest(**wanted))}  # type: ignore[arg-type]
 
 
 def values(one: Imported | Refused) -> dict[str, object]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from printer_slicer import bead
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Wanted, import_profiles
+from printer_slicer.importing import ImportRequest, import_profiles
 from printer_slicer.importing.cura_values import Unreadable, evaluate_cura
 from printer_slicer.importing.ini import GIVE
 from tests.importing.files import imported, json_file, loaded, needs_proc, refused, unreadable
@@ -136,7 +136,7 @@ def test_changes_reach_what_hangs_on_them(folder: Path) -> None:
     assert made["quality"].values["brim_width"] == 8
     assert made["material"].values["fan_ratio_max"] == 0
     with pytest.raises(ProfileError, match="layer_hight: Cura has no such setting"):
-        import_profiles(folder / "acme.def.json", Wanted(cura={"layer_hight": "1"}))
+        import_profiles(folder / "acme.def.json", ImportRequest(cura={"layer_hight": "1"}))
 
 
 PROFILE = (
@@ -178,7 +178,7 @@ def test_a_bad_value_is_told_with_the_file_that_has_it(folder: Path, value: str)
 
 def test_a_bed_of_no_size_is_refused_as_it_was_typed(folder: Path) -> None:
     with pytest.raises(ProfileError, match="--cura machine_width=-5: machine_width: -5"):
-        import_profiles(folder / "acme.def.json", Wanted(cura={"machine_width": "-5"}))
+        import_profiles(folder / "acme.def.json", ImportRequest(cura={"machine_width": "-5"}))
 
 
 def test_a_machine_that_measures_its_bed_as_those_of_prusa_is_one(folder: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from printer_slicer import dry_run, job_of, load_mesh
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Wanted, import_profiles
+from printer_slicer.importing import ImportRequest, import_profiles
 from printer_slicer.profile import Profile, load_profile, settings_of
 from tests.importing.files import imported, loaded, refused
 
@@ -44,9 +44,9 @@ def test_what_was_set_is_set_again(tmp_path: Path, printer: str) -> None:
 def test_kinds_and_names_choose(tmp_path: Path) -> None:
     path, _ = written(tmp_path)
 
-    assert [one.kind for one in import_profiles(path, Wanted(names=("Our*",)))] == ["material"]
+    assert [one.kind for one in import_profiles(path, ImportRequest(names=("Our*",)))] == ["material"]
     with pytest.raises(ProfileError, match="no preset of this name"):
-        import_profiles(path, Wanted(names=("Nobody",)))
+        import_profiles(path, ImportRequest(names=("Nobody",)))
 
 
 def test_it_may_not_heat_further_than_other_files(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import Imported, Wanted, import_profiles
+from printer_slicer.importing import Imported, ImportRequest, import_profiles
 from tests.importing.files import imported, json_file, loaded, needs_proc, unreadable
 
 MACHINE = {
@@ -194,7 +194,7 @@ def test_what_it_says_twice_or_not_at_all_is_told(tmp_path: Path) -> None:
     path = json_file(
         tmp_path / "a.json", {"type": "process", "layer_height": "0.2", "enable_support": "1", "x": {"y": 1}}
     )
-    (made,) = import_profiles(path, Wanted())
+    (made,) = import_profiles(path, ImportRequest())
 
     assert isinstance(made, Imported)
     assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == ["enable_support"]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.mesh_io.tables import Body, Bytes, Element, Property, Words, read_table
+from printer_slicer.mesh_io.tables import Bytes, Element, Property, TableBody, Words, read_table
 
 LENGTHS = {
     "none": [0],
@@ -25,7 +25,7 @@ ROW = (Property("colour", "u1"), Property("marks", "i2", "u1"), CORNERS, Propert
 Row = tuple[int, list[int], list[int], float]
 
 
-def body_of(rows: list[Row], kind: str) -> Body:
+def body_of(rows: list[Row], kind: str) -> TableBody:
     """The rows as a body, `ascii` or an order of bytes."""
     if kind == "ascii":
         lists = (
@@ -56,7 +56,7 @@ def rows_of(lengths: list[int], number: int) -> list[Row]:
     ]
 
 
-def expect_rows(body: Body, rows: list[Row]) -> None:
+def expect_rows(body: TableBody, rows: list[Row]) -> None:
     columns, end = read_table(body, Element("face", len(rows), ROW), 0, {"corners", "marks", "weight"})
 
     assert end == body.end

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.motion.ahead import seconds_ahead
 from printer_slicer.motion.machine import limits_of
-from printer_slicer.motion.rules import Limits, Lookahead, make_block
+from printer_slicer.motion.rules import Lookahead, MotionLimits, make_block
 from printer_slicer.motion.whole import corner_squares, make_blocks, moving_of
 from printer_slicer.profile import load_profile
 
@@ -22,14 +22,14 @@ WAYS = st.lists(
 )
 
 
-def limits(corner: str, planner: int) -> Limits:
+def limits(corner: str, planner: int) -> MotionLimits:
     """Those of a shipped machine with another corner rule and planner."""
     return replace(
         limits_of(load_profile().printer), corner=corner, planner_blocks=planner, minimum_cruise_ratio=0.0
     )  # type: ignore[arg-type]
 
 
-def one_by_one(ways: np.ndarray, speed: float, own: Limits) -> list[float]:
+def one_by_one(ways: np.ndarray, speed: float, own: MotionLimits) -> list[float]:
     """Seconds of the blocks that begin while the planner is full."""
     planner, taken = Lookahead(own), []
     seen = own.planner_blocks - 1

@@ -10,9 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.motion.rules import Block, Limits, Lookahead, corner_speed, make_block, plan, ramp_time
+from printer_slicer.motion.rules import (
+    Block,
+    Lookahead,
+    MotionLimits,
+    corner_speed,
+    make_block,
+    plan,
+    ramp_time,
+)
 
-MARLIN = Limits(
+MARLIN = MotionLimits(
     max_speed=(300.0, 300.0, 12.0, 50.0),
     max_acceleration=(3000.0, 3000.0, 100.0, 5000.0),
     acceleration=1000.0,
@@ -29,19 +37,19 @@ FIRMWARES = (MARLIN, JERK, KLIPPER)
 ENDLESS = 10**9
 
 
-def block(limits: Limits, *delta: float, speed: float = 100.0) -> Block:
+def block(limits: MotionLimits, *delta: float, speed: float = 100.0) -> Block:
     made = make_block(limits, (*delta, *[0.0] * (4 - len(delta))), speed)  # type: ignore[arg-type]
     assert made is not None
     return made
 
 
-def turn(limits: Limits, degrees: float, length: float = 50.0) -> float:
+def turn(limits: MotionLimits, degrees: float, length: float = 50.0) -> float:
     before = block(limits, length)
     after = block(limits, length * cos(radians(degrees)), length * sin(radians(degrees)))
     return corner_speed(limits, before, after)
 
 
-def run(blocks: list[Block], limits: Limits) -> list[float]:
+def run(blocks: list[Block], limits: MotionLimits) -> list[float]:
     """Seconds of each block through a queue that is kept full."""
     lookahead, seconds = Lookahead(limits), []
     for item in blocks:
@@ -64,7 +72,7 @@ limits_of = st.builds(
 
 
 @st.composite
-def paths(draw: st.DrawFn) -> tuple[Limits, list[Block]]:
+def paths(draw: st.DrawFn) -> tuple[MotionLimits, list[Block]]:
     limits = draw(limits_of)
     wanted = draw(st.lists(st.tuples(moves, st.floats(1, 300)), min_size=1, max_size=40))
     made = [make_block(limits, delta, speed) for delta, speed in wanted]
@@ -104,7 +112,9 @@ def test_a_feed_rate_of_zero_still_arrives() -> None:
 
 
 @given(limits_of, moves, st.floats(0.01, 500))
-def test_no_axis_is_ever_above_its_limits(limits: Limits, delta: tuple[float, ...], speed: float) -> None:
+def test_no_axis_is_ever_above_its_limits(
+    limits: MotionLimits, delta: tuple[float, ...], speed: float
+) -> None:
     made = make_block(limits, delta, speed)  # type: ignore[arg-type]
     if made is None:
         return
@@ -120,12 +130,12 @@ def test_no_axis_is_ever_above_its_limits(limits: Limits, delta: tuple[float, ..
 
 
 @pytest.mark.parametrize("limits", FIRMWARES)
-def test_straight_on_needs_no_slowing_down(limits: Limits) -> None:
+def test_straight_on_needs_no_slowing_down(limits: MotionLimits) -> None:
     assert turn(limits, 0.0) == 100.0
 
 
 @pytest.mark.parametrize("limits", FIRMWARES)
-def test_the_slower_of_two_moves_bounds_the_corner(limits: Limits) -> None:
+def test_the_slower_of_two_moves_bounds_the_corner(limits: MotionLimits) -> None:
     fast, slow = block(limits, 50.0, speed=200.0), block(limits, 50.0, speed=3.0)
 
     assert corner_speed(limits, fast, slow) == pytest.approx(3.0)
@@ -154,7 +164,7 @@ def test_junction_deviation_stays_within_the_acceleration_of_every_axis() -> Non
 
 
 @pytest.mark.parametrize("limits", [MARLIN, KLIPPER])
-def test_turning_back_means_stopping(limits: Limits) -> None:
+def test_turning_back_means_stopping(limits: MotionLimits) -> None:
     assert turn(limits, 180.0) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -205,7 +215,7 @@ def test_klipper_leaves_room_for_the_arc_on_short_moves() -> None:
 
 
 @given(st.sampled_from(FIRMWARES), st.floats(1, 178), st.floats(0.01, 80))
-def test_a_sharper_corner_is_never_faster(limits: Limits, degrees: float, length: float) -> None:
+def test_a_sharper_corner_is_never_faster(limits: MotionLimits, degrees: float, length: float) -> None:
     if limits.corner != "jerk":  # jerk per axis depends on the direction, not only on the angle
         assert turn(limits, degrees + 1, length) <= turn(limits, degrees, length) * (1 + 1e-9)
     assert turn(limits, degrees, length) <= 100.0
@@ -316,7 +326,7 @@ def test_limits_given_later_hold_for_the_corners_that_follow() -> None:
 
 @given(paths())
 @settings(deadline=None)
-def test_every_speed_is_within_reach_and_within_the_corner(path: tuple[Limits, list[Block]]) -> None:
+def test_every_speed_is_within_reach_and_within_the_corner(path: tuple[MotionLimits, list[Block]]) -> None:
     limits, blocks = path
     lookahead, entry = Lookahead(limits), 0.0
     for item in blocks:
@@ -336,7 +346,7 @@ def test_every_speed_is_within_reach_and_within_the_corner(path: tuple[Limits, l
 
 @given(paths(), st.sampled_from([0.0, 0.5, 0.9]))
 @settings(deadline=None)
-def test_a_queue_without_end_is_the_plan(path: tuple[Limits, list[Block]], ratio: float) -> None:
+def test_a_queue_without_end_is_the_plan(path: tuple[MotionLimits, list[Block]], ratio: float) -> None:
     blocks = path[1]
     limits = replace(path[0], planner_blocks=ENDLESS, minimum_cruise_ratio=ratio)
 
@@ -345,7 +355,7 @@ def test_a_queue_without_end_is_the_plan(path: tuple[Limits, list[Block]], ratio
 
 @given(paths(), st.integers(1, 10))
 @settings(deadline=None)
-def test_looking_further_ahead_is_never_slower(path: tuple[Limits, list[Block]], more: int) -> None:
+def test_looking_further_ahead_is_never_slower(path: tuple[MotionLimits, list[Block]], more: int) -> None:
     limits, blocks = path
     further = replace(limits, planner_blocks=limits.planner_blocks + more)
 
@@ -386,7 +396,7 @@ def test_moves_that_reach_their_speed_do_not_feel_the_minimum_cruise_ratio() -> 
     st.lists(st.floats(0.01, 10), min_size=1, max_size=20),
 )
 def test_a_line_cut_into_pieces_takes_as_long_as_the_line(
-    firmware: Limits, ratio: float, pieces: list[float]
+    firmware: MotionLimits, ratio: float, pieces: list[float]
 ) -> None:
     limits = replace(firmware, minimum_cruise_ratio=ratio)
     whole = plan([block(limits, 3 * sum(pieces), 4 * sum(pieces))], limits)

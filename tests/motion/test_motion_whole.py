@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.motion.rules import Limits, make_block, plan, ramp_time
-from printer_slicer.motion.stopwatch import Stopwatch, Wanted
+from printer_slicer.motion.rules import MotionLimits, make_block, plan, ramp_time
+from printer_slicer.motion.stopwatch import RequestedMoves, Stopwatch
 from printer_slicer.motion.whole import durations
 
-MARLIN = Limits(
+MARLIN = MotionLimits(
     max_speed=(300.0, 300.0, 12.0, 50.0),
     max_acceleration=(3000.0, 2500.0, 100.0, 5000.0),
     acceleration=1000.0,
@@ -34,7 +34,7 @@ MACHINES = [
 MACHINES.append(replace(MARLIN, min_segment_seconds=0.02))
 
 
-def one_by_one(delta: np.ndarray, speed: np.ndarray, limits: Limits) -> np.ndarray:
+def one_by_one(delta: np.ndarray, speed: np.ndarray, limits: MotionLimits) -> np.ndarray:
     blocks = [make_block(limits, tuple(d), v) for d, v in zip(delta.tolist(), speed.tolist(), strict=True)]
     seconds = np.zeros(len(delta))
     seconds[[b is not None for b in blocks]] = plan([b for b in blocks if b is not None], limits)
@@ -58,7 +58,7 @@ def print_like(n_moves: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(
     "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
 )
-def test_a_print_takes_as_long_as_its_moves_one_by_one(limits: Limits) -> None:
+def test_a_print_takes_as_long_as_its_moves_one_by_one(limits: MotionLimits) -> None:
     delta, speed = print_like(20_000, seed=7)
 
     np.testing.assert_allclose(
@@ -87,7 +87,7 @@ moves = st.lists(
 @given(moves, st.sampled_from(MACHINES))
 @settings(deadline=None)
 def test_any_moves_take_as_long_as_one_by_one(
-    rows: list[tuple[float, float, float, float, float]], limits: Limits
+    rows: list[tuple[float, float, float, float, float]], limits: MotionLimits
 ) -> None:
     columns = np.array(rows, dtype=np.float64).reshape(-1, 5)
     delta, speed = columns[:, :4], columns[:, 4]
@@ -100,7 +100,7 @@ def test_any_moves_take_as_long_as_one_by_one(
 @pytest.mark.parametrize(
     "limits", MACHINES[:-1], ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
 )
-def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: Limits) -> None:
+def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: MotionLimits) -> None:
     # A travel of 40 m: a sum of what the pieces gain would have grown to 1e8 (mm/s)² and lost eight digits.
     delta = np.tile([0.024, 0.032, 0.0, 0.0], (1_000_000, 1))
 
@@ -114,7 +114,7 @@ def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: Limits) -> 
 @pytest.mark.parametrize(
     "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
 )
-def test_a_stop_parts_the_plan(limits: Limits) -> None:
+def test_a_stop_parts_the_plan(limits: MotionLimits) -> None:
     delta, speed = print_like(300, seed=3)
     delta[120] = 0.0  # a stop after a move that goes nowhere is a stop all the same
     stops = np.zeros(300, dtype=bool)
@@ -130,7 +130,7 @@ def test_a_stop_parts_the_plan(limits: Limits) -> None:
 @pytest.mark.parametrize(
     "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
 )
-def test_acceleration_of_each_move_replaces_that_of_the_machine(limits: Limits) -> None:
+def test_acceleration_of_each_move_replaces_that_of_the_machine(limits: MotionLimits) -> None:
     delta, speed = print_like(200, seed=5)
     delta[99:101] = 0.0
     wanted = np.repeat([400.0, 2400.0], 100)
@@ -176,14 +176,14 @@ def test_faster_is_never_slower() -> None:
 # In pieces
 
 
-def in_pieces(wanted: Wanted, limits: Limits, cuts: list[int]) -> float:
+def in_pieces(wanted: RequestedMoves, limits: MotionLimits, cuts: list[int]) -> float:
     watch = Stopwatch(limits)
     for first, last in pairwise([0, *cuts, len(wanted.speed)]):
         watch.add(wanted.part(slice(first, last)))
     return watch.rest()
 
 
-def at_once(wanted: Wanted, limits: Limits) -> float:
+def at_once(wanted: RequestedMoves, limits: MotionLimits) -> float:
     return float(
         durations(
             wanted.delta, wanted.speed, limits, stop_after=wanted.stop, acceleration=wanted.acceleration
@@ -195,10 +195,10 @@ def at_once(wanted: Wanted, limits: Limits) -> float:
     "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
 )
 @pytest.mark.parametrize("stops", [0.0, 0.01])
-def test_a_print_takes_as_long_in_pieces(limits: Limits, stops: float) -> None:
+def test_a_print_takes_as_long_in_pieces(limits: MotionLimits, stops: float) -> None:
     delta, speed = print_like(5000, seed=11)
     rng = np.random.default_rng(3)
-    wanted = Wanted(delta, speed, rng.choice([400.0, 2500.0], 5000), rng.random(5000) < stops)
+    wanted = RequestedMoves(delta, speed, rng.choice([400.0, 2500.0], 5000), rng.random(5000) < stops)
     cuts = sorted(rng.integers(0, 5000, 300).tolist())
 
     assert in_pieces(wanted, limits, cuts) == pytest.approx(at_once(wanted, limits), rel=1e-12)
@@ -207,11 +207,14 @@ def test_a_print_takes_as_long_in_pieces(limits: Limits, stops: float) -> None:
 @given(moves, st.sampled_from(MACHINES), st.lists(st.integers(0, 40)), st.data())
 @settings(deadline=None)
 def test_any_moves_take_as_long_in_any_pieces(
-    rows: list[tuple[float, float, float, float, float]], limits: Limits, cuts: list[int], data: st.DataObject
+    rows: list[tuple[float, float, float, float, float]],
+    limits: MotionLimits,
+    cuts: list[int],
+    data: st.DataObject,
 ) -> None:
     columns = np.array(rows, dtype=np.float64).reshape(-1, 5)
     stop = np.array(data.draw(st.lists(st.booleans(), min_size=len(rows), max_size=len(rows))), np.bool_)
-    wanted = Wanted(columns[:, :4], columns[:, 4], np.full(len(rows), 900.0), stop)
+    wanted = RequestedMoves(columns[:, :4], columns[:, 4], np.full(len(rows), 900.0), stop)
     inside = sorted(min(cut, len(rows)) for cut in cuts)
 
     assert in_pieces(wanted, limits, inside) == pytest.approx(at_once(wanted, limits), rel=1e-9)
@@ -220,7 +223,7 @@ def test_any_moves_take_as_long_in_any_pieces(
 def test_a_machine_that_rests_between_begins_anew() -> None:
     limits = MACHINES[0]
     delta, speed = print_like(200, seed=5)
-    half = Wanted(delta, speed, np.full(200, 900.0), np.zeros(200, np.bool_))
+    half = RequestedMoves(delta, speed, np.full(200, 900.0), np.zeros(200, np.bool_))
     watch = Stopwatch(limits)
     watch.add(half)
     once = watch.rest()
@@ -239,5 +242,5 @@ def test_what_is_certain_is_forgotten() -> None:
     for at in range(0, len(delta), 1000):
         some = delta[at : at + 1000]
         n = len(some)
-        watch.add(Wanted(some, np.full(n, 60.0), np.full(n, 1000.0), np.zeros(n, np.bool_)))
+        watch.add(RequestedMoves(some, np.full(n, 60.0), np.full(n, 1000.0), np.zeros(n, np.bool_)))
         assert watch.waiting < 500

@@ -9,7 +9,7 @@ import pytest
 
 from printer_slicer.model import Mesh
 from printer_slicer.planning import plan_layers
-from printer_slicer.planning.lattice import Lattice, Row, event_planes, rows_of
+from printer_slicer.planning.lattice import HeightLayers, Lattice, event_planes, rows_of
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import certify, read_surface
@@ -25,7 +25,7 @@ def optimal(**changes: Any) -> Profile:
     return profile(**(usual | changes))
 
 
-def rows(mesh: Mesh, wanted: Profile, *, everywhere: bool = False) -> tuple[Lattice, list[Row]]:
+def rows(mesh: Mesh, wanted: Profile, *, everywhere: bool = False) -> tuple[Lattice, list[HeightLayers]]:
     steps = Steps(mesh, wanted)
     lattice = Lattice.of(steps, [stretch.layer_height for stretch in wanted.dials.ranges])
     return lattice, rows_of(event_planes(mesh, wanted), lattice, steps, wanted, everywhere=everywhere)

@@ -17,7 +17,7 @@ from printer_slicer.planning import plan_layers
 from printer_slicer.planning.arcs import Arcs
 from printer_slicer.planning.lattice import Lattice
 from printer_slicer.planning.path import (
-    Graph,
+    ArcGraph,
     NeighbourLimits,
     cheapest,
     cheapest_few,
@@ -46,11 +46,11 @@ class Table(NamedTuple):
     def n(self) -> int:
         return int(self.cost.shape[1]) - 1
 
-    def arcs(self) -> tuple[Graph, Float]:
+    def arcs(self) -> tuple[ArcGraph, Float]:
         """The layers that lie over the bed, as arcs, and their costs."""
         end, row = np.nonzero(np.arange(self.n + 1)[:, None] >= self.heights)
         begin = np.append(0, np.cumsum(np.bincount(end, minlength=self.n + 1)))
-        return Graph(begin, end - self.heights[row]), self.cost[row, end]
+        return ArcGraph(begin, end - self.heights[row]), self.cost[row, end]
 
     def found(self, search: Callable[..., Int | None], *more: Any) -> Int | None:
         """The heights of the layers that a search finds."""
@@ -59,7 +59,7 @@ class Table(NamedTuple):
         return None if layers is None else graph.height[layers]
 
 
-def by_step(graph: Graph, cost: Float, change: int, fine: float) -> Int | None:
+def by_step(graph: ArcGraph, cost: Float, change: int, fine: float) -> Int | None:
     """The cheapest plan where neighbours that differ by more than `change` cost a fine."""
     highest = int(graph.height.max(initial=0))
     return cheapest_within_limits(graph, cost, NeighbourLimits.by_step(change, highest, graph.n), fine)

@@ -14,7 +14,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.phases import Phase
+from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1
 from printer_slicer.stream.events import (
     Action,
@@ -53,9 +53,9 @@ def run_with(rig: Rig, at: dict[int, wishes.Wish]) -> Rig:
     [
         (wishes.Speed(80), "M220 S80"),
         (wishes.Flow(95), "M221 S95"),
-        (wishes.Heat("nozzle", 205), "M104 S205"),
-        (wishes.Heat("bed", 55), "M140 S55"),
-        (wishes.Fan(50), "M106 S128"),
+        (wishes.SetTemperature("nozzle", 205), "M104 S205"),
+        (wishes.SetTemperature("bed", 55), "M140 S55"),
+        (wishes.SetFan(50), "M106 S128"),
         (wishes.Say("M117 hello"), "M117 hello"),
     ],
 )
@@ -183,7 +183,7 @@ def told(rig: Rig, *events: Event) -> None:
             rig.conductor._now = now
             while left:
                 rig.conductor.hear(left.pop(0))
-        if rig.conductor.phase is Phase.WAITING:
+        if rig.conductor.phase is PrintPhase.WAITING:
             rig.wish(wishes.Resume())
 
     rig.run(turn)
@@ -385,7 +385,7 @@ def test_a_file_without_marks_has_no_things() -> None:
         (" resume ", wishes.Resume()),
         ("object my part", wishes.CancelObject("my part")),
         ("speed 80", wishes.Speed(80)),
-        ("nozzle 210.5", wishes.Heat("nozzle", 210.5)),
+        ("nozzle 210.5", wishes.SetTemperature("nozzle", 210.5)),
         ("babystep -0.02", wishes.BabyStep(-0.02)),
         ("say M117 hello", wishes.Say("M117 hello")),
     ],
@@ -422,7 +422,7 @@ def test_what_is_paused_or_prints_already_says_so() -> None:
 
     def turn(_: float) -> None:
         ready = rig.streamer.acknowledged >= 50
-        if ready and left and (len(left) > 2 or rig.conductor.phase is Phase.WAITING):
+        if ready and left and (len(left) > 2 or rig.conductor.phase is PrintPhase.WAITING):
             rig.wish(left.pop(0))
 
     rig.run(turn)

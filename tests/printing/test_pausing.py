@@ -11,7 +11,7 @@ from printed import HEAT, scribble, tower
 from rig import SETUP, Rig, assert_same_beads, off_path, way
 
 from printer_slicer.printing import wishes
-from printer_slicer.printing.phases import Phase
+from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.sim.front_end import (
     KLIPPER,
     MARLIN_1_1,
@@ -42,11 +42,11 @@ def paused_at(text: str, entries: list[int], pause: wishes.Pause, **given: Any) 
 
     def turn(now: float) -> None:
         phase = rig.conductor.phase
-        if phase is Phase.RUNNING and left and rig.streamer.acknowledged >= left[0]:
+        if phase is PrintPhase.RUNNING and left and rig.streamer.acknowledged >= left[0]:
             left.pop(0)
             rig.wish(pause)
             since[0] = now
-        elif phase is Phase.WAITING and now > since[0] + 3.0:
+        elif phase is PrintPhase.WAITING and now > since[0] + 3.0:
             rig.wish(wishes.Resume())
             since[0] = now + 1e9
 
@@ -103,7 +103,7 @@ def test_now_is_sooner_than_behind_the_plan() -> None:
             if rig.streamer.acknowledged >= 30 and not wished[0]:
                 wished[0] = at
                 rig.wish(wishes.Pause(now=now, park=False))
-            if rig.conductor.phase is Phase.WAITING:
+            if rig.conductor.phase is PrintPhase.WAITING:
                 waiting[0] = waiting[0] or at
                 board = rig.printer._board
                 board.mover.advance(at)

@@ -15,7 +15,7 @@ from printer_slicer.printing import wishes
 from printer_slicer.printing.modes import Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import come_back, leave, parked_at, pushed_by
-from printer_slicer.printing.phases import Phase
+from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.front_end import MARLIN_2_1
 from printer_slicer.stream.events import Finished
@@ -111,7 +111,7 @@ def test_a_part_in_inches_is_the_same_after_a_pause(now: bool) -> None:
         if rig.streamer.acknowledged >= 30 and not wished[0]:
             wished[0] = at
             rig.wish(wishes.Pause(now=now))
-        elif rig.conductor.phase is Phase.WAITING and at > wished[0] + 10.0:
+        elif rig.conductor.phase is PrintPhase.WAITING and at > wished[0] + 10.0:
             assert rig.conductor.parked is not None
             parked.append(rig.conductor.parked.stand.place[2])
             rig.wish(wishes.Resume())

@@ -12,7 +12,7 @@ from rig import SETUP, Rig, assert_same_beads
 from printer_slicer.printing import wishes
 from printer_slicer.printing.journal import read_story
 from printer_slicer.printing.objects import spans_of
-from printer_slicer.printing.phases import Phase
+from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.stream.events import Event, Finished
@@ -107,10 +107,10 @@ def test_a_host_killed_around_a_pause_leaves_no_trace_in_the_part(seed: int, tmp
     begun: list[float] = []
 
     def meddle(event: Event) -> None:
-        if rig.streamer.acknowledged >= 30 and rig.conductor.phase is Phase.RUNNING and not begun:
+        if rig.streamer.acknowledged >= 30 and rig.conductor.phase is PrintPhase.RUNNING and not begun:
             begun.append(rig.port.now())
             rig.wish(wishes.Pause())
-        elif rig.conductor.phase is Phase.WAITING:
+        elif rig.conductor.phase is PrintPhase.WAITING:
             rig.wish(wishes.Resume())
 
     rig.on_event = meddle

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from printer_slicer.profile import KINDS, profile_paths
 from printer_slicer.profile.inspection import DEFAULT, differences, faults_of, headline, settings_told
 from printer_slicer.profile.keys import keys_of, nearest
-from printer_slicer.profile.reading import Source, read_chain
+from printer_slicer.profile.reading import SettingsSource, read_chain
 from printer_slicer.profile.template import new_profile, toml_value
 from printer_slicer.toml_text import key_lines
 
@@ -268,7 +268,7 @@ def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path
                 inside and line != '"""'
             )
     values = tomllib.loads("\n".join(settings))
-    told = settings_told(kind, Source({**values, "name": "mine"}, {}, "new"))
+    told = settings_told(kind, SettingsSource({**values, "name": "mine"}, {}, "new"))
     was = settings_told(kind, parent)
 
     assert {key: one.value for key, one in told.items() if key != "name"} == {

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from sim_console import Console, numbered
 
-from printer_slicer.sim.card import Card
+from printer_slicer.sim.card import SdCard
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -152,7 +152,7 @@ def test_m115_says_whether_there_is_a_reader(card: bool) -> None:
 
 
 def test_a_full_card_says_so() -> None:
-    card = Card()
+    card = SdCard()
     card.begin("A.GCO")
     card._room = 10
 

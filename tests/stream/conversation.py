@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.stream.framing import frame
 from printer_slicer.stream.protocol import Streamer
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 INTRODUCTION = ("FIRMWARE_NAME:Marlin 2.1 SOURCE_CODE_URL:x", "Cap:EMERGENCY_PARSER:0", "ok")
 HOT = "ok T:200.0 /200.0 B:60.0 /60.0 @:40 B@:20"
 
-LIMITS = Limits(
+LIMITS = MotionLimits(
     max_speed=(300.0, 300.0, 5.0, 25.0),
     max_acceleration=(3000.0, 3000.0, 100.0, 10000.0),
     acceleration=3000.0,

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.errors import PortError
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED, FrontEnd
 from printer_slicer.sim.link import Damage, VirtualPort
 from printer_slicer.sim.machine import Machine
@@ -23,7 +23,7 @@ from printer_slicer.stream.link_quality import poor_link
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
-LIMITS = Limits(
+LIMITS = MotionLimits(
     max_speed=(500.0, 500.0, 50.0, 500.0),
     max_acceleration=(1e5, 1e5, 1e4, 1e5),
     acceleration=1e5,

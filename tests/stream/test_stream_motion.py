@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import MachineState, Move
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.stream.patience import Patience
 
 
@@ -20,7 +20,7 @@ def follow(*commands: str) -> tuple[MachineState, list[Move | None]]:
     return tracker, [tracker.follow(command.encode()) for command in commands]
 
 
-def waits(*commands: str, limits: Limits | None = LIMITS) -> list[float]:
+def waits(*commands: str, limits: MotionLimits | None = LIMITS) -> list[float]:
     tracker, patience = MachineState(), Patience(limits)
     allowed = []
     for command in commands:
@@ -76,7 +76,7 @@ def test_an_arc_counts_as_its_full_circle() -> None:
 
 @pytest.mark.parametrize(("limits", "slack"), [(LIMITS, 0.85), (None, 30.0)])
 def test_a_printer_may_be_silent_as_long_as_the_longest_planned_move(
-    limits: Limits | None, slack: float
+    limits: MotionLimits | None, slack: float
 ) -> None:
     slow, *rest = waits("G1 X10 F6", *(f"G1 X{i} F6000" for i in range(70)), limits=limits)
 

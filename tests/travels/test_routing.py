@@ -15,7 +15,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas
 from printer_slicer.model import Sections
 from printer_slicer.travels import travel
-from printer_slicer.travels.graphs import Asked
+from printer_slicer.travels.graphs import WayQueries
 from printer_slicer.travels.rooms import rooms_of
 from printer_slicer.travels.routes import straight, through
 from printer_slicer.travels.routing import routed
@@ -101,7 +101,7 @@ def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     layer = np.zeros(len(pairs), np.int64)
     (begin, room), (end, other) = (rooms.entered(points[side], layer) for side in pairs.T)
     same = np.flatnonzero((room == other) & (room >= 0))
-    asked = Asked(
+    asked = WayQueries(
         begin[same], end[same], layer[same], room[same], np.full(len(same), np.inf), np.zeros(len(same))
     )
     found = routed(asked, rooms.ground)

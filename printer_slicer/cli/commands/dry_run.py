@@ -94,10 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _picture(verdict: Verdict, profile: Profile, path: Path) -> bytes:
     from printer_slicer.diagnostics import sentence
     from printer_slicer.drawing.canvas import picture_bytes
-    from printer_slicer.drawing.rehearsal import Mark, rehearsal_picture
+    from printer_slicer.drawing.rehearsal import FaultMark, rehearsal_picture
 
     assert verdict.account is not None
-    found = [Mark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
+    found = [FaultMark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
     title = f"{verdict.job}: {'prints as it should' if verdict.ok else 'do NOT print it'}"
     return picture_bytes(
         rehearsal_picture(verdict.account, found, title, profile.printer.corners, profile.max_flow),

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from printer_slicer.cli.parser import Command, build_parser
+from printer_slicer.cli.parser import CommandParser, build_parser
 from printer_slicer.version import VERSION
 
 __all__ = ["EXAMPLES", "add_arguments", "as_man", "as_markdown", "run"]
@@ -88,7 +88,7 @@ def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.A
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
             for name, made in action.choices.items():
                 yield name, made
-                for word, below in made.below.items() if isinstance(made, Command) else ():
+                for word, below in made.below.items() if isinstance(made, CommandParser) else ():
                     yield f"{name} {word}", below
 
 

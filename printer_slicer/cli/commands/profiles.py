@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Final, NoReturn
 
 from printer_slicer.cli.arguments import add_output, add_settings
 from printer_slicer.cli.output import say, without_stdin, write_file
-from printer_slicer.cli.parser import Command, declare
+from printer_slicer.cli.parser import CommandParser, declare
 from printer_slicer.cli.settings import changes_from, kept_schemas, named_folders, own_folder, write_schemas
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
 if TYPE_CHECKING:
-    from printer_slicer.profile.reading import Source
+    from printer_slicer.profile.reading import SettingsSource
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -62,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--markdown", action="store_true", help="for settings: as tables of a document")
     add_settings(parser)
     add_output(parser)
-    assert isinstance(parser, Command)
-    below = Command(
+    assert isinstance(parser, CommandParser)
+    below = CommandParser(
         prog=f"{parser.prog} import",
         description="Make profiles from those of other slicers, and say what became of every setting.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -159,7 +159,7 @@ def _shown(value: object) -> str:
     return toml_value(value) if not isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _sources(arguments: argparse.Namespace) -> Mapping[str, Source]:
+def _sources(arguments: argparse.Namespace) -> Mapping[str, SettingsSource]:
     """The parts that the flags describe, which suit each other."""
     from printer_slicer.profile import load_profile
     from printer_slicer.profile.files import read_sources

@@ -17,7 +17,7 @@ from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
 if TYPE_CHECKING:
-    from printer_slicer.importing import Imported, Note
+    from printer_slicer.importing import Imported, ImportNote
     from printer_slicer.macros import Value
     from printer_slicer.profile import Profile
 
@@ -120,7 +120,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _results(arguments: argparse.Namespace) -> Iterator[Any]:
     """What becomes of every preset in every file."""
-    from printer_slicer.importing import Ceilings, Wanted, import_profiles
+    from printer_slicer.importing import Ceilings, ImportRequest, import_profiles
 
     overrides: dict[str, str] = {}
     for change in arguments.cura:
@@ -130,7 +130,7 @@ def _results(arguments: argparse.Namespace) -> Iterator[Any]:
         overrides[key.strip()] = value.strip()
     for heater in ("nozzle", "bed"):
         _check_ceiling(heater, getattr(arguments, f"max_{heater}_temperature"))
-    wanted = Wanted(
+    wanted = ImportRequest(
         names=tuple(arguments.only),
         printer=arguments.preset,
         ceilings=Ceilings(arguments.max_nozzle_temperature, arguments.max_bed_temperature),
@@ -313,7 +313,7 @@ def _without_own(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key != "overrides"}
 
 
-def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[Note]:
+def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
     """What is refused in the macros of one profile."""
     from printer_slicer.macros import with_other_names
     from printer_slicer.profile import profile_from
@@ -335,14 +335,14 @@ def _notes(one: Imported, others: Mapping[str, Mapping[str, Any]]) -> Iterator[N
         yield from _refused(commands, profile, f"{one.source}: {name}")
 
 
-def _refused(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[Note]:
-    from printer_slicer.importing import Note
+def _refused(commands: Sequence[bytes], profile: Profile, place: str) -> Iterator[ImportNote]:
+    from printer_slicer.importing import ImportNote
     from printer_slicer.inspection.lint.scan import scan
 
     for found in scan(commands, profile, moves=()):
         if found.is_error:
             text = f"{found.command}: {found.message}; {found.reason}: `print` refuses it without --allow {found.code}"
-            yield Note(place, text)
+            yield ImportNote(place, text)
 
 
 def _commands(macro: str, names: Mapping[str, Value]) -> Iterator[bytes]:

@@ -13,7 +13,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.motion.flow import flow_of
 
-__all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Batch", "Laid", "runs_of"]
+__all__ = ["COMMAND", "END", "FED", "NOTHING", "START", "Laid", "MoveBatch", "runs_of"]
 
 COMMAND, START, END, FED = 0, slice(1, 4), slice(4, 7), 7
 """Columns of the rows that a printer keeps of its moves: see `sim.track`."""
@@ -80,7 +80,7 @@ class Laid:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Batch(Laid):
+class MoveBatch(Laid):
     """Moves of one height as a printer executed them.
 
     Attributes:
@@ -94,7 +94,7 @@ class Batch(Laid):
     flow: Float
 
     @classmethod
-    def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> Batch:
+    def of(cls, rows: Float, seconds: Float, fresh: Float, marks: Marks) -> MoveBatch:
         """Make a batch from rows of executed moves."""
         command = rows[:, COMMAND].astype(np.int64)
         start, end = rows[:, START], rows[:, END]

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.inspection.deposition.batches import NOTHING, Batch
+from printer_slicer.inspection.deposition.batches import NOTHING, MoveBatch
 from printer_slicer.inspection.deposition.height_map import HeightMap, MovePieces, cut_up
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
@@ -50,7 +50,7 @@ class DefectFinder:
         self.counts: dict[str, int] = {}
         self.peak: Defect | None = None
 
-    def look(self, batch: Batch, numbers: Int) -> None:
+    def look(self, batch: MoveBatch, numbers: Int) -> None:
         """Look at moves of one height, `numbers` (n,) their layers."""
         self._flow(batch, numbers)
         cut = cut_up(batch.start, batch.end)
@@ -62,7 +62,7 @@ class DefectFinder:
             self._air(batch, some, cell[laid], numbers)
             deposit(self._relief, batch, some, cell[laid], self._marks)
 
-    def _flow(self, batch: Batch, numbers: Int) -> None:
+    def _flow(self, batch: MoveBatch, numbers: Int) -> None:
         """Plastic per second."""
         if not len(batch.flow):
             return
@@ -77,7 +77,7 @@ class DefectFinder:
             first = int(np.flatnonzero(batch.flow > self._max_flow * _OVER)[0])
             self._tell(batch.mishap("flow", first, numbers, flow))
 
-    def _crash(self, batch: Batch, cut: MovePieces, cell: Int, numbers: Int) -> None:
+    def _crash(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
         """The nozzle, lower than what stands in its way."""
         depth = self._relief.depth(cell, cut.z)
         upright = cut.length <= NOTHING
@@ -95,7 +95,7 @@ class DefectFinder:
         worst = float(depth[hit].max())
         self._tell(batch.mishap("crash", int(cut.move[hit[0]]), numbers, through)._replace(depth=worst))
 
-    def _air(self, batch: Batch, cut: MovePieces, cell: Int, numbers: Int) -> None:
+    def _air(self, batch: MoveBatch, cut: MovePieces, cell: Int, numbers: Int) -> None:
         """Beads with nothing under them that nothing holds."""
         low = batch.end[cut.move, 2] < _SCRAPES
         if float(cut.length[low].sum()) > MIN_REPORTED_LENGTH:

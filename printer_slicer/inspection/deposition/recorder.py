@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START, Batch, runs_of
+from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START, MoveBatch, runs_of
 from printer_slicer.inspection.deposition.defects import DEEP, DefectFinder
 from printer_slicer.inspection.deposition.height_map import HeightMap
 from printer_slicer.inspection.deposition.marks import Marks
@@ -159,12 +159,12 @@ class DepositionRecorder:
             return
         rows, seconds, fresh = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
         self._waiting, self._waits = [], 0
-        batch = Batch.of(rows, seconds, fresh, self._marks)
+        batch = MoveBatch.of(rows, seconds, fresh, self._marks)
         numbers = self._numbers(batch)
         self._add(batch, numbers)
         self._watch.look(batch, numbers)
 
-    def _numbers(self, batch: Batch) -> Int:
+    def _numbers(self, batch: MoveBatch) -> Int:
         """(n,) the layer of each move."""
         if len(self._marks.layers):
             return self._marks.layer(batch.command)
@@ -176,7 +176,7 @@ class DepositionRecorder:
         self._number = self._heights.get(z, len(self._heights))
         return np.full(len(batch.command), self._number)
 
-    def _add(self, batch: Batch, numbers: Int) -> None:
+    def _add(self, batch: MoveBatch, numbers: Int) -> None:
         """Count times and volumes."""
         lays = batch.lays
         self._seconds += np.bincount(batch.role[lays], batch.seconds[lays], len(self._seconds))
@@ -192,7 +192,7 @@ class DepositionRecorder:
             if number in self._layers or len(self._layers) < _MOST_LAYERS:
                 self._add_to(number, batch, numbers == number)
 
-    def _add_to(self, number: int, batch: Batch, own: Bool) -> None:
+    def _add_to(self, number: int, batch: MoveBatch, own: Bool) -> None:
         """Count what was done in a layer."""
         layer = self._layers.setdefault(number, LayerDeposition(number, int(batch.command[own.argmax()])))
         laid = own & batch.lays

@@ -16,7 +16,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain import plain_moves
-from printer_slicer.motion.rules import Limits
+from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.words import Command
 
@@ -133,7 +133,7 @@ class CommandRun:
     speed: Float
     acceleration: Float
     answer: Int
-    limits: tuple[tuple[int, Limits], ...]
+    limits: tuple[tuple[int, MotionLimits], ...]
     timed: tuple[tuple[int, str], ...]
 
     def __len__(self) -> int:
@@ -219,14 +219,14 @@ def _allowed(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -
     return np.asarray(good & ~(feeds & (np.abs(delta[:, 3]) > start.longest_extrusion)))
 
 
-def _accelerations(start: BatchStart, others: _Others) -> list[tuple[int, Limits]]:
+def _accelerations(start: BatchStart, others: _Others) -> list[tuple[int, MotionLimits]]:
     """The limits from each command on that changes accelerations; what that means the firmware says."""
     own = [(place, text) for place, kind, text in others if kind == _ACCELERATION]
     limits = start.limits_after([text for _, text in own])
     return [(place, after) for (place, _), after in zip(own, limits, strict=True)]
 
 
-def _wanted(delta: Float, limits: Limits, changes: Sequence[tuple[int, Limits]]) -> Float:
+def _wanted(delta: Float, limits: MotionLimits, changes: Sequence[tuple[int, MotionLimits]]) -> Float:
     """(n,) the acceleration of each way, before the axes have their say."""
     travels = (delta[:, :3] != 0).any(axis=1)
     feeds = delta[:, 3] != 0
@@ -259,6 +259,6 @@ def _held(values: Float, before: float) -> Float:
     return np.asarray(values[last][1:])
 
 
-def limits_at(stretch: CommandRun, count: int, before: Limits) -> Limits:
+def limits_at(stretch: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
     """The limits behind the first `count` commands."""
     return next((after for place, after in reversed(stretch.limits) if place < count), before)

@@ -20,7 +20,7 @@ from printer_slicer.gcode import Moves, changed_limits
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import extended, parse
 from printer_slicer.motion.planner_clock import PlannerClock
-from printer_slicer.motion.rules import Block, Limits, make_block
+from printer_slicer.motion.rules import Block, MotionLimits, make_block
 from printer_slicer.stream.flight import QUESTION_ROOM
 from printer_slicer.stream.framing import frame
 
@@ -116,7 +116,7 @@ class Feasibility:
 def feasibility(
     commands: Sequence[bytes],
     moves: Moves,
-    limits: Limits,
+    limits: MotionLimits,
     link: Link,
     marks: Mapping[int, int] | None = None,
 ) -> Feasibility:
@@ -148,11 +148,11 @@ def feasibility(
     )
 
 
-_Step = tuple[tuple[Block, ...], Limits | None, float | None]
+_Step = tuple[tuple[Block, ...], MotionLimits | None, float | None]
 """Of a command: its blocks, the limits that it sets, and the s that it stands still; None: it does not."""
 
 
-def _steps(commands: Sequence[bytes], moves: Moves, limits: Limits) -> Iterable[_Step]:
+def _steps(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> Iterable[_Step]:
     """What each command does to the planner."""
     table = zip(
         moves.line.tolist(),
@@ -167,7 +167,7 @@ def _steps(commands: Sequence[bytes], moves: Moves, limits: Limits) -> Iterable[
     block_of = _block_maker(limits)
     for index, command in enumerate(commands):
         blocks: list[Block] = []
-        new: Limits | None = None
+        new: MotionLimits | None = None
         while upcoming is not None and upcoming[0] == index:
             if count in changes:
                 limits = new = changed_limits(limits, *changes[count])
@@ -180,11 +180,11 @@ def _steps(commands: Sequence[bytes], moves: Moves, limits: Limits) -> Iterable[
         yield tuple(blocks), new, _still(command) if not blocks else None
 
 
-def _block_maker(limits: Limits) -> Callable[[list[float], float, float], Block | None]:
+def _block_maker(limits: MotionLimits) -> Callable[[list[float], float, float], Block | None]:
     """Makes blocks under limits, with an acceleration that the file may have set."""
 
     @cache
-    def with_acceleration(value: float) -> Limits:
+    def with_acceleration(value: float) -> MotionLimits:
         return replace(limits, acceleration=value, travel_acceleration=value, retract_acceleration=value)
 
     def make(delta: list[float], speed: float, acceleration: float) -> Block | None:
@@ -216,7 +216,7 @@ class _Run:
     """
 
     link: Link
-    limits: Limits
+    limits: MotionLimits
     begun: dict[int, float] = field(default_factory=dict)
     end: float = 0.0
     clock: PlannerClock = field(init=False)

@@ -24,7 +24,7 @@ from printer_slicer.inspection.dry_run.faults import (
 from printer_slicer.inspection.dry_run.feeding import clogged, misread, short_of
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
-from printer_slicer.showing import Card, Drawn
+from printer_slicer.showing import Drawn, Summary
 from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
 
@@ -87,7 +87,7 @@ class Verdict(Drawn):
         return f"<Verdict {self.job!r}: {state}, {self.executed} of {self.commands} commands>"
 
     @property
-    def looks(self) -> Card:
+    def looks(self) -> Summary:
         """Headline, facts and problems."""
         laid = len(self.heights) - len(self.primed)
         facts = {
@@ -100,7 +100,7 @@ class Verdict(Drawn):
             "filament": f"{self.report.filament / 1000:.2f} m",
         }
         how = "would print as intended" if self.ok else f"has {len(self.problems)} problems"
-        return Card(f"{self.job} {how}", facts, self.problems)
+        return Summary(f"{self.job} {how}", facts, self.problems)
 
 
 class Seen(NamedTuple):

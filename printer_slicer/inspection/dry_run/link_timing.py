@@ -22,7 +22,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.inspection.dry_run.command_runs import CommandRun
 from printer_slicer.motion.ahead import seconds_ahead
-from printer_slicer.motion.rules import Block, Limits
+from printer_slicer.motion.rules import Block, MotionLimits
 from printer_slicer.motion.whole import Blocks, corner_squares, make_blocks, moving_of
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.mover import Planned
@@ -174,7 +174,7 @@ def _told_of_late(waits: Float, before: BatchStart, link: TimedLink) -> Bool:
     )
 
 
-def _with_waiting(planned: Planned, fresh: Blocks, limits: Limits) -> tuple[Blocks, Float]:
+def _with_waiting(planned: Planned, fresh: Blocks, limits: MotionLimits) -> tuple[Blocks, Float]:
     """The blocks that wait and the new ones, and the squared speed of the corner before each."""
     old = [block for block, _ in planned.queue]
     waiting = Blocks(

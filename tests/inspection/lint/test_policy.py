@@ -18,7 +18,7 @@ from printer_slicer.diagnostics import NAMES, Diagnostic, check_names, insist, r
 from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.gcode import FLAVOURS
 from printer_slicer.gcode.lexer import strip
-from printer_slicer.gcode.reader import Reader
+from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.inspection.lint.letter_case import lower_case_fault
 from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.mesh_io import load_mesh
@@ -550,7 +550,7 @@ def test_moves_that_come_piece_by_piece_are_judged_like_all_at_once(size: int) -
     lines = ["G28", "M83", "G1 X400 F6000", "G1 X10", "M203 X900", "G1 X200 F50000", "G1 E-5", "M221 S200"]
     lines += ["G1 E5 F3000", "G1 X20 E9 F6000", "G1 X500 Y-9", "T1", "G1 X30 E9", "M203 X30", "G1 X90 F50000"]
     commands = [line.encode() for line in lines]
-    reader, pieces = Reader(PROFILE.printer.corners[0]), []
+    reader, pieces = MoveReader(PROFILE.printer.corners[0]), []
     for at in range(0, len(commands), size):
         reader.feed(commands[at : at + size])
         pieces.append(reader.moves())
