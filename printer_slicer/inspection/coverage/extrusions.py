@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
-from printer_slicer.model import Program
 from printer_slicer.roles import Role
+
+if TYPE_CHECKING:
+    from printer_slicer.model import Program
 
 __all__ = ["Extrusions", "Purpose", "beads_of", "beads_of_moves", "median_of", "spread_out"]
 
