@@ -18,6 +18,7 @@ from printer_slicer.curves import merged
 from printer_slicer.extrusion import extrude
 from printer_slicer.extrusion.rows import rows_of
 from printer_slicer.extrusion.timing import move_seconds
+from printer_slicer.link_model import lateness
 from printer_slicer.model import Program, Sections, Toolpaths, Travels
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -63,13 +64,12 @@ def crowded(program: Program, profile: Profile) -> Bool:
 def _crowded(program: Program, profile: Profile, lines: Float) -> Bool:
     """The same, of moves that bring so many lines (K,)."""
     rate, seconds = profile.printer.link_lines_per_second, move_seconds(program, profile)
-    behind = np.cumsum(lines) / rate - (np.cumsum(seconds) - seconds)
-    least = np.minimum.accumulate(behind)
-    short = behind - least > max(_AHEAD * profile.printer.firmware.planner_blocks, 1) / rate
+    late = lateness(np.cumsum(seconds) - seconds, lines / rate)
+    short = late > max(_AHEAD * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
         return short
     # From where the lines began to run short.
-    begins = np.flatnonzero(behind == least)
+    begins = np.flatnonzero(late == 0)
     since = begins[np.searchsorted(begins, np.flatnonzero(short), side="right") - 1]
     change = np.zeros(program.n_moves + 1, np.int64)
     np.add.at(change, since, 1)

@@ -11,7 +11,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.motion.stopwatch import RequestedMoves, Stopwatch
 
-__all__ = ["Moves", "Timer", "changed_limits"]
+__all__ = ["Moves", "Timer", "accelerations", "changed_limits"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class Timer:
         self._dwells = 0.0
 
     def add(self, moves: Moves) -> None:
-        """The next piece. Limits change rarely, and then the machine mostly stands: from rest to rest."""
+        """The next piece. MotionLimits change rarely, and then the machine mostly stands: from rest to rest."""
         self._dwells += moves.dwell_seconds
         if moves.rested:
             self._watch.rest()
@@ -88,12 +88,17 @@ class Timer:
         if last <= first:
             return
         some, limits = slice(first, last), self._limits
-        delta, wanted = moves.delta[some], moves.acceleration[some]
-        travels = (delta[:, :3] != 0).any(axis=1)
-        laying = np.where(travels, limits.acceleration, limits.retract_acceleration)
-        usual = np.where(delta[:, 3] != 0, laying, limits.travel_acceleration)
-        acceleration = np.where(np.isnan(wanted), usual, wanted)
+        delta = moves.delta[some]
+        acceleration = accelerations(delta, moves.acceleration[some], limits)
         self._watch.add(RequestedMoves(delta, moves.speed[some], acceleration, moves.stop[some]))
+
+
+def accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> Float:
+    """(K,) mm/s²: `wanted` (K,), and the machine's own where that is nan; delta (K, 4), mm."""
+    travels = (delta[:, :3] != 0).any(axis=1)
+    laying = np.where(travels, limits.acceleration, limits.retract_acceleration)
+    usual = np.where(delta[:, 3] != 0, laying, limits.travel_acceleration)
+    return np.asarray(np.where(np.isnan(wanted), usual, wanted))
 
 
 def changed_limits(limits: MotionLimits, kind: str, values: Mapping[str, float]) -> MotionLimits:

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from printer_slicer.motion.rules import Lookahead
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from printer_slicer.motion.rules import Block, MotionLimits
 
-__all__ = ["PlannerClock"]
+__all__ = ["PlannerClock", "PlannerState"]
 
 _FIRST_MOVE_DELAY: Final = 0.1
 """s that a standing machine waits for more moves; Marlin's BLOCK_DELAY_FOR_1ST_MOVE."""
@@ -27,6 +27,22 @@ _ENOUGH: Final = 3
 
 _LONGEST: Final = 2.0
 """s; a machine that stood still for longer was not waiting for the link."""
+
+
+class PlannerState(NamedTuple):
+    """A planner whose machine moves.
+
+    Attributes:
+        queue: blocks that wait, each with the squared speed of the corner before it.
+        last: the block pushed last.
+        square: squared speed at the end of the running block, (mm/s)².
+        ends: s, when that ends.
+    """
+
+    queue: tuple[tuple[Block, float], ...]
+    last: Block | None
+    square: float
+    ends: float
 
 
 class PlannerClock:
@@ -93,6 +109,32 @@ class PlannerClock:
             self._advance(now)
         self._meant = True
         return now
+
+    @property
+    def labels(self) -> tuple[int, ...]:
+        """The labels of the running move and of those that wait."""
+        return tuple(self._labels)
+
+    def state(self, now: float) -> PlannerState | None:
+        """What is being made and what waits at `now`, s; None while the machine stands."""
+        self._advance(now)
+        if not self._running:
+            return None
+        queue, last, square = self._lookahead.planned()
+        return PlannerState(tuple(queue), last, square, self.ends)
+
+    def skip_to(self, state: PlannerState, labels: Sequence[int], seconds: float) -> None:
+        """Go on from a later state.
+
+        Args:
+            state: then; the machine did not stand in between.
+            labels: of the running move and of those that wait then.
+            seconds: of all moves that have begun in between.
+        """
+        self._lookahead.skip_to(state.queue, state.last, state.square)
+        self._labels = deque(labels)
+        self.ends = state.ends
+        self.moving_seconds += seconds
 
     def _advance(self, now: float) -> None:
         """Everything that begins until `now`."""

@@ -25,14 +25,14 @@ from printer_slicer.stream.burst import Burst, BurstAnswer
 from printer_slicer.stream.framing import LONGEST, frame_crc
 from printer_slicer.stream.ledger import ASK, Ledger
 from printer_slicer.stream.watch import Watch
-from printer_slicer.stream.window import Window
+from printer_slicer.stream.window import QUESTION_ROOM, Window
 
 if TYPE_CHECKING:
     from printer_slicer.stream.dialects import WireDialect
     from printer_slicer.stream.doubt import Doubt
     from printer_slicer.stream.replies import Ok
 
-__all__ = ["QUESTION_ROOM", "Flight"]
+__all__ = ["Flight"]
 
 _COUNT: Final = b"\nM110\n"
 """Asks for the number of the last line; with a number of its own it would set it."""
@@ -41,9 +41,6 @@ _BREAK_WAIT: Final = b"\nM108\n"
 _BREAK_AGAIN: Final = 2.0
 _MOST_BREAKS: Final = 6
 """Times that one wait is told to end: all of them together fit into any receive buffer."""
-
-QUESTION_ROOM: Final = 16
-"""Bytes of the window kept for a question about the lines in flight."""
 
 _WAITS: Final = commands_that(Effect.ENDED_BY_M108)
 

@@ -25,7 +25,10 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from printer_slicer.stream.dialects import WireDialect
 
-__all__ = ["Window"]
+__all__ = ["QUESTION_ROOM", "Window"]
+
+QUESTION_ROOM: Final = 16
+"""Bytes of the window kept for a question about the lines in flight."""
 
 _CAREFUL_LINES: Final = 300
 """Lines sent one at a time after an error."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from printer_slicer.inspection.coverage.limits import CoverageLimits
     from printer_slicer.inspection.coverage.measurement import Coverage
     from printer_slicer.inspection.coverage.model_check import Check
-    from printer_slicer.inspection.dry_run.feasibility import Feasibility, SlowStretch
+    from printer_slicer.inspection.dry_run.underruns import Underrun, UnderrunReport
     from printer_slicer.jobs import Job
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
@@ -154,8 +154,9 @@ def _look(arguments: argparse.Namespace) -> _Looked:
     """
     from printer_slicer.cli.jobs import finding_facts, finding_lines, refused
     from printer_slicer.gcode import FLAVOURS, read_moves
-    from printer_slicer.inspection.dry_run.feasibility import Link, feasibility
+    from printer_slicer.inspection.dry_run.underruns import find_underruns
     from printer_slicer.inspection.lint.lint_jobs import lint_file
+    from printer_slicer.link_model import SerialLink
     from printer_slicer.motion.machine import limits_of
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
@@ -168,7 +169,7 @@ def _look(arguments: argparse.Namespace) -> _Looked:
     lines += [f"refused     {one}" for one in wrong] or ["policy      nothing is refused"]
     lines += finding_lines(arguments, job)
     if arguments.link:
-        link = Link(
+        link = SerialLink(
             arguments.link,
             latency_back=arguments.latency / 1000,
             window_lines=arguments.window,
@@ -176,14 +177,14 @@ def _look(arguments: argparse.Namespace) -> _Looked:
         )
         printer = profile.printer
         moves = read_moves(job.commands, printer.corners[0], FLAVOURS[printer.flavour])
-        told = _located(job, feasibility(job.commands, moves, limits_of(printer), link, job.marks))
+        told = _located(job, find_underruns(job.commands, moves, limits_of(printer), link, job.marks))
         facts["link"] = _link_facts(told)
         lines += _link_lines(arguments, told)
         wrong += _link_wrong(told)
     return _Looked(facts | profile_facts(arguments), lines, wrong)
 
 
-def _located(job: Job, told: Feasibility) -> Feasibility:
+def _located(job: Job, told: UnderrunReport) -> UnderrunReport:
     """The same with lines of the text."""
     from printer_slicer.commands import lines_of
 
@@ -195,11 +196,11 @@ def _located(job: Job, told: Feasibility) -> Feasibility:
     )
 
 
-def _link_facts(told: Feasibility) -> dict[str, Any]:
+def _link_facts(told: UnderrunReport) -> dict[str, Any]:
     return asdict(told) | {"ok": told.ok, "advice": _advice(told)}
 
 
-def _link_lines(arguments: argparse.Namespace, told: Feasibility) -> list[str]:
+def _link_lines(arguments: argparse.Namespace, told: UnderrunReport) -> list[str]:
     """For people."""
     link = told.link
     rate = "any number of" if told.lines_per_second == inf else f"{told.lines_per_second:.0f}"
@@ -215,7 +216,7 @@ def _link_lines(arguments: argparse.Namespace, told: Feasibility) -> list[str]:
     return [*lines, f"            {_advice(told)}"]
 
 
-def _summary(told: Feasibility) -> str:
+def _summary(told: UnderrunReport) -> str:
     n = len(told.stretches)
     lost = sum(one.seconds for one in told.stretches)
     many = "1 stretch" if n == 1 else f"{n} stretches"
@@ -226,7 +227,7 @@ def _summary(told: Feasibility) -> str:
     )
 
 
-def _stretch_sentence(one: SlowStretch) -> str:
+def _stretch_sentence(one: Underrun) -> str:
     layer = f"layer {one.layer}, " if one.layer else ""
     return (
         f"{layer}lines {one.line} to {one.last_line}: {one.wanted:.0f} lines/s wanted, {one.possible:.0f} come, "
@@ -234,14 +235,14 @@ def _stretch_sentence(one: SlowStretch) -> str:
     )
 
 
-def _advice(told: Feasibility) -> str:
+def _advice(told: UnderrunReport) -> str:
     if told.ok:
         return ""
     rate = int(told.lines_per_second * _SPARE)
     return f"slice for this link: --set printer.link_lines_per_second={rate}; or raise the speed of the port"
 
 
-def _link_wrong(told: Feasibility) -> list[str]:
+def _link_wrong(told: UnderrunReport) -> list[str]:
     return [] if told.ok else [f"the link is too slow: {_summary(told)}"]
 
 

@@ -16,11 +16,13 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain import plain_moves
+from printer_slicer.link_model import LineBatch, line_sizes
 from printer_slicer.motion.rules import MotionLimits
+from printer_slicer.motion.whole import make_blocks, moving_of
 from printer_slicer.sim.batch import BatchStart
 from printer_slicer.sim.words import Command
 
-__all__ = ["GREETING", "Chunk", "CommandRun", "limits_at"]
+__all__ = ["Chunk", "CommandRun", "limits_at"]
 
 _TIMED: Final = frozenset({"M104", "M106", "M107", "M140"})
 _HEATERS: Final = frozenset({"M104", "M140"})
@@ -49,7 +51,7 @@ class Chunk:
         self.others = np.flatnonzero(~self.is_plain).tolist()
         self.kinds = [_kind(self.texts[place]) for place in self.others]
         self._breaks = [place for place, kind in zip(self.others, self.kinds, strict=True) if not kind]
-        self.sizes, self.rooms = _wire_sizes(commands, first)
+        self.sizes, self.rooms = line_sizes(commands, first)
 
     def __len__(self) -> int:
         return len(self.commands)
@@ -83,31 +85,6 @@ def _kind(text: str) -> str:
         words = Command(text).words
         return code if list(words) == ["E"] and words["E"] else ""
     return ""
-
-
-def _wire_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
-    """(n,) bytes of each line on the wire with number, checksum and line break; and those the host reckons with."""
-    text = np.frombuffer(b"\n".join(commands) + b"\n", np.uint8)
-    ends = np.flatnonzero(text == ord("\n"))
-    begins = np.append(0, ends[:-1] + 1)
-    own = ends - begins
-    # Each line break is in the sum of its line, and taken out again.
-    check = np.bitwise_xor.reduceat(text, begins).astype(np.int64) ^ ord("\n")
-    number = first + np.arange(len(commands)) + GREETING + 1
-    check ^= ord("N") ^ ord(" ")
-    digits = np.ones(len(number), np.int64)
-    rest = number
-    while rest.any():
-        check ^= np.where(rest > 0, rest % 10 + ord("0"), 0)
-        rest = rest // 10
-        digits += rest > 0
-    shown = 1 + (check > 9) + (check > 99)
-    # N, number, blank, command, star, checksum, line break.
-    return 1 + digits + 1 + own + 1 + shown + 1, 1 + digits + 1 + own + 1 + 3 + 1
-
-
-GREETING: Final = 2
-"""Numbered lines before the first of the job."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,6 +150,14 @@ class CommandRun:
             limits,
             tuple((place, text) for place, kind, text in others if kind in _TIMED),
         )
+
+    def lines(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
+        """What these commands ask of the link and of the planner."""
+        own = slice(self.begin, self.begin + len(self))
+        moving, length = moving_of(np.ascontiguousarray(self.delta.T))
+        delta = np.ascontiguousarray(self.delta[moving].T)
+        blocks = make_blocks(delta, length, self.speed[moving], self.acceleration[moving], limits)
+        return LineBatch(chunk.sizes[own], chunk.rooms[own], self.answer, moving, blocks)
 
 
 _Others = list[tuple[int, str, str]]

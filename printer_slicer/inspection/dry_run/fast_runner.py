@@ -2,8 +2,8 @@
 
 Host and printer greet each other as they do. Then every line goes to the firmware at the moment at which it would have
 arrived, with two lines in flight; and where nothing else can happen, the effect of thousands of lines is computed at
-once and handed to the firmware, see `command_runs` and `link_timing`. What is executed, and when, is the same as over
-the wire, but for bytes of some answers that nobody waits for.
+once and handed to the firmware, see `command_runs` and `printer_slicer.link_model`. What is executed, and when, is the
+same as over the wire, but for bytes of some answers that nobody waits for.
 """
 
 from __future__ import annotations
@@ -15,10 +15,21 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.inspection.dry_run.command_runs import GREETING, Chunk, CommandRun, limits_at
-from printer_slicer.inspection.dry_run.link_timing import Paced, TimedLink, WireState, pace
+from printer_slicer.inspection.dry_run.command_runs import Chunk, CommandRun, limits_at
+from printer_slicer.link_model import (
+    GREETING_LINES,
+    BatchRetry,
+    BatchTimes,
+    LineBatch,
+    LinkState,
+    SerialLink,
+    can_batch,
+    send_batch,
+)
+from printer_slicer.motion.planner_clock import PlannerState
 from printer_slicer.sim.batch import Batch, BatchStart
 from printer_slicer.sim.link import VirtualPort
+from printer_slicer.sim.mover import Planned
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Event, Identified
 from printer_slicer.stream.protocol import Streamer
@@ -33,8 +44,6 @@ LONGEST_PRINT: Final = 30 * LONGEST_COMMAND
 """s; no print takes that long, but a slip in a file may."""
 
 _AT_ONCE: Final = 8192  # commands that are read at once
-_WORTH: Final = 48  # commands in a stretch from which on it is worth the way
-_PATIENCE: Final = (16, 256)  # commands that go one by one where the planner runs short, at first and at most
 _CLOSING: Final = (b"M400", b"M105", b"M114")
 _ROW: Final = 9
 
@@ -64,20 +73,20 @@ class FastRunner:
         self,
         printer: SimulatedPrinter,
         port: VirtualPort,
-        link: TimedLink,
+        link: SerialLink,
         on_many: Callable[[Sequence[bytes]], None],
     ) -> None:
-        self._printer, self._port, self._link = printer, port, link
+        self._printer, self._port = printer, port
         self._on_many = on_many
-        self._wire = WireState(0.0, 0.0, (0.0, 0.0), 0.0, 0)
-        self._number = GREETING
-        self._patience = _PATIENCE[0]
+        self._link = LinkState.idle(link, 0.0)
+        self._number = GREETING_LINES
+        self._retry = BatchRetry()
         self.reckoned = 0
 
     @property
     def now(self) -> float:
         """When the host had the last answer, s."""
-        return self._wire.answered[1]
+        return self._link.answered[-1]
 
     def greet(self, streamer: Streamer) -> list[Event]:
         """Let host and printer meet over the port; what the host was told."""
@@ -90,8 +99,7 @@ class FastRunner:
 
         with suppress(_MetError):
             run(streamer, self._port, self._port.now, record=record)
-        now = self._port.now()
-        self._wire = WireState(now, now, (now, now), now, 0)
+        self._link = LinkState.idle(self._link.link, self._port.now())
         return heard
 
     def execute(self, commands: Sequence[bytes], on_progress: Callable[[int], None]) -> int:
@@ -102,7 +110,7 @@ class FastRunner:
         """
         done = 0
         while done < len(commands) and not self._printer.board.killed:
-            chunk = Chunk(commands[done : done + _AT_ONCE], self._number - GREETING)
+            chunk = Chunk(commands[done : done + _AT_ONCE], self._number - GREETING_LINES)
             done += self._execute(chunk)
             on_progress(done)
         return done
@@ -116,41 +124,39 @@ class FastRunner:
         said = ""
         for command in _CLOSING:
             # Each of these questions waits for the answer to what was said before.
-            self._wire.answered = (self._wire.answered[1],) * 2
-            chunk = Chunk([command], self._number - GREETING)
+            self._link.wait_for_all()
+            chunk = Chunk([command], self._number - GREETING_LINES)
             said = self._one(chunk, 0)
         self._printer.send(self.now)  # it lives until the host has heard that
         return said
 
     def _execute(self, chunk: Chunk) -> int:
         """Execute a chunk; how many of its commands were."""
-        at, patience = 0, 0
+        at = 0
         while at < len(chunk) and not self._printer.board.killed:
             count = 0
-            if patience <= 0 and chunk.break_after(at) - at >= _WORTH:
-                count = self._leap(chunk, at)
-                first, most = _PATIENCE
-                self._patience = first if count >= _WORTH else min(2 * self._patience, most)
-                patience = 0 if count >= _WORTH else self._patience
+            if self._retry.is_due(chunk.break_after(at) - at):
+                count = self._batch(chunk, at)
+                self._retry.tried(count)
             if not count:
                 self._one(chunk, at)
+                self._retry.sent_one()
                 count = 1
-                patience -= 1
             at += count
         return at
 
     def _one(self, chunk: Chunk, at: int) -> str:
         """Have one command executed by the firmware; what is said to it."""
-        printer, wire, link = self._printer, self._wire, self._link
-        now = wire.send(int(chunk.sizes[at]), int(chunk.rooms[at]), link)
+        printer, link = self._printer, self._link
+        now = link.send(int(chunk.sizes[at]), int(chunk.rooms[at]))
         while (due := printer.wakeup()) is not None and due <= now:
-            wire.say(len(printer.send(due)), due, link)
+            link.answer(len(printer.send(due)), due)
         self._number += 1
         printer.hear(self._number, chunk.texts[at], now)
         said, latest = [], min(now + LONGEST_COMMAND, LONGEST_PRINT)
         while True:
             if new := printer.send(now):
-                wire.say(len(new), now, link)
+                link.answer(len(new), now)
                 said.append(new)
             if not printer.working:
                 break
@@ -160,69 +166,73 @@ class FastRunner:
             if due > latest:
                 raise NeverDoneError
             now = due
-        wire.hear(now, link)
+        link.acknowledge(now)
         return b"".join(said).decode("latin-1")
 
-    def _leap(self, chunk: Chunk, at: int) -> int:
+    def _batch(self, chunk: Chunk, at: int) -> int:
         """Execute as many commands at once as can be; how many that were."""
-        start = self._printer.start_batch(self._wire.executed)
-        if start is None or start.limits.minimum_cruise_ratio > 0 or start.limits.planner_blocks < 4:
+        start = self._printer.start_batch(self._link.executed)
+        if start is None or not can_batch(start.limits):
             return 0
         stretch = CommandRun.read(chunk, at, start)
         if stretch is None:
             return 0
-        cut = slice(at, at + len(stretch))
-        paced = pace(stretch, (chunk.sizes[cut], chunk.rooms[cut]), start, self._wire, self._link)
-        count = paced.done
-        if count and paced.executed[-1] >= start.until:
-            count = 0
-        if count:
-            self._land(chunk, stretch, paced, start)
-        return count
+        lines, planned = stretch.lines(chunk, start.limits), start.planned
+        before = PlannerState(planned.queue, planned.last, planned.square, planned.ends)
+        busy = start.busy_seconds, start.busy_bytes
+        times = send_batch(lines, before, self._link, start.limits, busy)
+        if not times.done or times.executed[-1] >= start.until:
+            return 0
+        self._apply(chunk, stretch, lines, times, start)
+        return times.done
 
-    def _land(self, chunk: Chunk, stretch: CommandRun, paced: Paced, start: BatchStart) -> None:
+    def _apply(
+        self, chunk: Chunk, stretch: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
+    ) -> None:
         """Have the firmware take note of what was reckoned."""
-        count = paced.done
+        count = times.done
         self.reckoned += count
         begin = stretch.begin
         self._on_many(chunk.commands[begin : begin + count])
         self._number += count
         x, y, z, e = stretch.position[count - 1].tolist()
         ways = stretch.delta[:count, 3]
-        rows, laid = _rows(stretch, paced, start.commands)
+        rows, laid = _rows(stretch, lines, times, start.commands)
         feeding = np.flatnonzero(ways != 0)
         batch = Batch(
             texts=chunk.texts[begin : begin + count],
             number=self._number,
-            now=float(paced.executed[-1]),
-            timed=[(float(paced.executed[place]), text) for place, text in stretch.timed if place < count],
-            extruded_at=float(paced.executed[feeding[-1]]) if len(feeding) else -np.inf,
+            now=float(times.executed[-1]),
+            timed=[(float(times.executed[place]), text) for place, text in stretch.timed if place < count],
+            extruded_at=float(times.executed[feeding[-1]]) if len(feeding) else -np.inf,
             position=(x, y, z, e),
             feed=float(stretch.feed[count - 1]),
             limits=limits_at(stretch, count, start.limits),
-            planned=paced.planned,
-            seconds=float(paced.seconds.sum()),
+            planned=_planned_after(stretch, lines, times, start),
+            seconds=float(times.seconds.sum()),
             fed=float(ways[ways > 0].sum()),
             retracted=-float(ways[ways < 0].sum()),
             **laid,
             rows=rows.tobytes(),
-            row_seconds=paced.seconds.tobytes(),
+            row_seconds=times.seconds.tobytes(),
         )
         self._printer.apply_batch(batch)
-        self._wire = paced.wire
+        self._link = times.state
 
 
-def _rows(stretch: CommandRun, paced: Paced, lines: int) -> tuple[Float, dict[str, Any]]:
+def _rows(
+    stretch: CommandRun, lines: LineBatch, times: BatchTimes, commands: int
+) -> tuple[Float, dict[str, Any]]:
     """What `Track` wants to know of the moves, and what `Batch` wants to know of what they lay."""
-    moving = paced.moving[paced.moving < paced.done]
+    moving = lines.moving[lines.moving < times.done]
     own = slice(0, len(moving))
     end, delta = stretch.position[moving], stretch.delta[moving]
     rows = np.zeros((len(moving), _ROW))
-    rows[:, 0] = lines + moving + 1
+    rows[:, 0] = commands + moving + 1
     rows[:, 1:4] = end[:, :3] - delta[:, :3]
     rows[:, 4:7] = end[:, :3]
     rows[:, 7] = delta[:, 3]
-    rows[:, 8] = paced.blocks.speed[own]
+    rows[:, 8] = lines.blocks.speed[own]
     lays = (delta[:, 3] > 0) & ((delta[:, 0] != 0) | (delta[:, 1] != 0))
     if not lays.any():
         return rows, {"low": None, "high": None, "heights": (), "peak_feed": 0.0}
@@ -233,5 +243,25 @@ def _rows(stretch: CommandRun, paced: Paced, lines: int) -> tuple[Float, dict[st
         "low": tuple(corners.min(axis=0).tolist()),
         "high": tuple(corners.max(axis=0).tolist()),
         "heights": list(dict.fromkeys(changes.tolist())),
-        "peak_feed": float((delta[lays, 3] / paced.blocks.length[own][lays] * rows[lays, 8]).max()),
+        "peak_feed": float((delta[lays, 3] / lines.blocks.length[own][lays] * rows[lays, 8]).max()),
     }
+
+
+def _planned_after(stretch: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart) -> Planned:
+    """What is being made and what waits behind a batch."""
+    before, after, began = start.planned, times.planner, len(times.begins)
+    # Where the running block, each that waited, and each new one ends; e as filament fed.
+    fed = start.filament + np.cumsum(stretch.delta[lines.moving, 3])
+    new = np.column_stack([stretch.position[lines.moving, :3], fed])
+    targets = np.concatenate([np.array(before.targets).reshape(-1, 4), new])[: times.pushed + 1]
+    rows = [tuple(row) for row in targets[max(began - 1, 0) :].tolist()]
+    planned = before._replace(queue=after.queue, last=after.last)
+    if began == 0:
+        return planned._replace(targets=tuple(rows))
+    return planned._replace(
+        square=after.square,
+        targets=tuple(rows[1:]),
+        standing=rows[0],
+        began=float(times.begins[-1]),
+        ends=after.ends,
+    )

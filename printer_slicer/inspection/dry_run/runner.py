@@ -16,10 +16,10 @@ from printer_slicer.inspection.dry_run.fast_runner import (
     NeverDoneError,
 )
 from printer_slicer.inspection.dry_run.judging import Seen, Verdict, judge
-from printer_slicer.inspection.dry_run.link_timing import TimedLink
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.inspection.dry_run.materials import Materials
 from printer_slicer.jobs import Job
+from printer_slicer.link_model import SerialLink
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile
 from printer_slicer.sim.faults import Faults
@@ -28,7 +28,6 @@ from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event, Finished, Halted
-from printer_slicer.stream.flight import QUESTION_ROOM
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.script import SAME_PLACE
 from printer_slicer.stream.session import run
@@ -183,8 +182,9 @@ def _over_the_wire(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
 
 def _by_express(rig: _Rig, on_event: Callable[[Event], None]) -> Verdict:
     """Give every line to the printer when it would have come."""
-    window = rig.profile.printer.receive_buffer - 1 - QUESTION_ROOM
-    express = FastRunner(rig.printer, rig.port, TimedLink(rig.baud, _LATENCY, window), rig.comparison.many)
+    window = rig.profile.printer.receive_buffer - 1
+    link = SerialLink(rig.baud, _LATENCY, _LATENCY, window_bytes=window)
+    express = FastRunner(rig.printer, rig.port, link, rig.comparison.many)
     commands = rig.job.commands
     for event in express.greet(rig.streamer(commands[:1])):
         on_event(event)

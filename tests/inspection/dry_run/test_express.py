@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.dry_run.fast_runner import FastRunner
 from printer_slicer.inspection.dry_run.judging import Verdict
-from printer_slicer.inspection.dry_run.link_timing import TimedLink
 from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job
+from printer_slicer.link_model import SerialLink
 from printer_slicer.profile import Profile, load_profile, profile_with
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -120,7 +120,7 @@ def test_most_of_a_curve_is_reckoned_at_once(tmp_path: Path) -> None:
     job = job_of_lines(tmp_path, [*READY, *curve(1.5, 2000, 3000), "M104 S0"], PROFILE)
     printer = SimulatedPrinter(machine_of(PROFILE.printer))
     port = VirtualPort(printer, baud=115200, latency=0.001)
-    express = FastRunner(printer, port, TimedLink(115200, 0.001, 111), lambda _: None)
+    express = FastRunner(printer, port, SerialLink(115200, 0.001, 0.001), lambda _: None)
     express.greet(Streamer(job.commands[:1]))
 
     assert express.execute(job.commands, lambda _: None) == len(job.commands)

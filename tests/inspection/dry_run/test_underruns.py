@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
-from printer_slicer.inspection.dry_run.feasibility import Feasibility, Link, _still, feasibility
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
+from printer_slicer.inspection.dry_run.underruns import UnderrunReport, _stands, find_underruns
 from printer_slicer.jobs import Job
+from printer_slicer.link_model import SerialLink
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.sim.link import VirtualPort
@@ -49,11 +50,11 @@ def circle(chord: float, speed: float, lines: int, radius: float = 20.0) -> list
     return commands
 
 
-def expected(commands: list[bytes], link: Link, profile: Profile = PROFILE) -> Feasibility:
-    return feasibility(commands, read_moves(commands), limits_of(profile.printer), link)
+def expected(commands: list[bytes], link: SerialLink, profile: Profile = PROFILE) -> UnderrunReport:
+    return find_underruns(commands, read_moves(commands), limits_of(profile.printer), link)
 
 
-def simulated(commands: list[bytes], link: Link, profile: Profile = PROFILE) -> Report:
+def simulated(commands: list[bytes], link: SerialLink, profile: Profile = PROFILE) -> Report:
     """What the simulated printer counts when the streamer sends the job over a cable of this kind."""
     printer = SimulatedPrinter(machine_of(profile.printer), front_end_of(profile.printer), boots=False)
     port = VirtualPort(printer, baud=link.baud, latency=link.latency_back)
@@ -67,12 +68,12 @@ def simulated(commands: list[bytes], link: Link, profile: Profile = PROFILE) -> 
     return printer.report()
 
 
-def both_ways(baud: int, latency: float, window: int = 2) -> Link:
+def both_ways(baud: int, latency: float, window: int = 2) -> SerialLink:
     """The simulated cable has the same latency in both directions."""
-    return Link(baud, latency, latency, window_lines=window)
+    return SerialLink(baud, latency, latency, window_lines=window)
 
 
-def assert_same(told: Feasibility, counted: Report, share: float = 0.02) -> None:
+def assert_same(told: UnderrunReport, counted: Report, share: float = 0.02) -> None:
     """The host's expectation is what the printer counted."""
     assert told.stalls == pytest.approx(counted.starvations, rel=share, abs=3)
     assert told.stalled_seconds == pytest.approx(counted.starved_seconds, rel=share, abs=0.03)
@@ -142,7 +143,7 @@ def test_a_stretch_knows_where_it_is_and_what_would_be_enough() -> None:
     slow = [b"G1 X%d Y100 E1 F1800" % (60 + 50 * (i % 2)) for i in range(200)]
     commands = [*circle(0.2, 60, 10), *slow, b"G1 F3600", *circle(0.2, 60, 800)[6:], *slow]
     link = both_ways(57_600, 0.001)
-    told = feasibility(
+    told = find_underruns(
         commands, read_moves(commands), limits_of(ABRUPT.printer), link, {0: 1, 150: 2, 600: 3}
     )
     (stretch,) = told.stretches
@@ -180,10 +181,14 @@ def test_an_arc_is_one_line_for_many_moves() -> None:
 
 
 def test_the_rate_of_a_link_is_that_of_the_wire_or_of_the_answers() -> None:
-    assert Link(115_200, window_lines=8, window_bytes=1000).lines_per_second(38) == pytest.approx(303, abs=1)
-    assert Link(115_200, latency_back=0.016, window_lines=1).lines_per_second(38) == pytest.approx(51, abs=1)
+    assert SerialLink(115_200, window_lines=8, window_bytes=1000).lines_per_second(38) == pytest.approx(
+        303, abs=1
+    )
+    assert SerialLink(115_200, latency_back=0.016, window_lines=1).lines_per_second(38) == pytest.approx(
+        51, abs=1
+    )
 
 
 @pytest.mark.parametrize("wait", [b"M116", b"M191 S40", b"g4 p1", b"PAUSE", b"M125"])
 def test_the_machine_stands_still_for_every_command_that_waits(wait: bytes) -> None:
-    assert _still(wait) is not None
+    assert _stands(wait) is not None
