@@ -79,6 +79,7 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
     delta = np.column_stack([steps, np.zeros(len(steps)), _FILAMENT * np.hypot(*steps.T)])
 
     def seconds(speed: float) -> Float:
+        """Time one row of each length, s."""
         paces, hard = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
         took = durations(delta, paces, limits, stop_after=ends, acceleration=hard)
         return np.asarray(np.bincount(layer, weights=took, minlength=contours.n_layers), np.float64)

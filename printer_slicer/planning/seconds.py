@@ -144,6 +144,7 @@ class LayerTimes:
         slowest = flow / (float(bead.spacing(width, thickest)) * thickest * profile.material.flow_ratio)
 
         def motion(name: str, like: str = "") -> LineMotion:
+            """Speed and acceleration of a role; `like` names the one whose acceleration it has."""
             speed, acceleration = getattr(speeds, name), getattr(hard, like or name)
             if not first:
                 return LineMotion(speed, acceleration)

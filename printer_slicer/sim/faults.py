@@ -132,6 +132,7 @@ class Faults:
         """Something to call with each command that begins; it passes it on."""
 
         def executed(text: str) -> None:
+            """Pass the command on, and interrupt the printer once the fault is due."""
             printer = self._printer
             assert printer is not None
             if on_executed is not None:
