@@ -42,6 +42,12 @@ class MiddleLines:
     depth: Int
     closed: Bool
 
+    @classmethod
+    def empty(cls) -> MiddleLines:
+        """No lines."""
+        none = np.zeros(0, np.int64)
+        return cls(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
+
     def length(self) -> Float:
         """(M,) mm, of closed ones without their last side."""
         return lengths(self.xy, np.append(0, np.cumsum(self.size)), closed=False)
@@ -129,9 +135,7 @@ def _along(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, MiddleLin
     graph = layout.graph
     half = np.flatnonzero(np.repeat(layout.middle, 2))
     if not len(half):
-        none = np.zeros(0, np.int64)
-        no_lines = MiddleLines(np.zeros((0, 2)), np.zeros(0), none, none, none, np.zeros(0, np.bool_))
-        return no_lines, no_lines
+        return MiddleLines.empty(), MiddleLines.empty()
     number = np.full(len(graph.start), -1)
     number[half] = np.arange(len(half))
     partner, met = _partners(

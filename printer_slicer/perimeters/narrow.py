@@ -55,8 +55,13 @@ class Narrow:
         """Nothing on any layer."""
         none, of_none = np.zeros((0, 2)), np.zeros(0, np.int64)
         rings = Rings(none, np.zeros(0), of_none, of_none, of_none)
-        lines = MiddleLines(none, np.zeros(0), of_none, of_none, of_none, np.zeros(0, np.bool_))
-        return cls(np.zeros(n_layers, np.bool_), rings, lines, Areas.empty(n_layers), np.zeros(n_layers))
+        return cls(
+            np.zeros(n_layers, np.bool_),
+            rings,
+            MiddleLines.empty(),
+            Areas.empty(n_layers),
+            np.zeros(n_layers),
+        )
 
     def merge(self, other: Narrow) -> Narrow:
         """Both together, of different layers."""
