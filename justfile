@@ -31,7 +31,7 @@ portable *ARGS:
 
 # the properties once more with examples that no run has tried; what fails is kept in .hypothesis and tried again first
 random *ARGS:
-    python -m pytest {{workers}} -m hypothesis --hypothesis-profile random {{ARGS}}
+    python -m pytest {{workers}} -m hypothesis --hypothesis-profile thorough {{ARGS}}
 
 # the geometry and everything that stands on it once more, with the shapely engine
 twin:

@@ -1,4 +1,9 @@
-"""What all tests share."""
+"""What all tests share.
+
+`just check` runs what is not marked `thorough`, with the few examples of the profile `check`, the same every time.
+`just thorough` runs everything, with many examples drawn from one seed. A test that names its own `max_examples` must
+need exactly so many.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +22,19 @@ EXAMPLES = Path(__file__).parents[1] / ".hypothesis" / "examples"
 settings.register_profile(
     "check",
     derandomize=True,
+    max_examples=25,
     deadline=None,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile(
-    "random",
+    "thorough",
     settings.get_profile("check"),
     derandomize=False,
+    max_examples=200,
     database=DirectoryBasedExampleDatabase(EXAMPLES),
 )
-settings.load_profile("check")  # --hypothesis-profile random, as in `just random`, comes behind
+settings.load_profile("check")  # --hypothesis-profile thorough, as in `just thorough`, comes behind
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it, too.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
