@@ -27,7 +27,7 @@ from benchmarks.parts import options_of, parser_of
 from benchmarks.processes import SAMPLES, run
 from benchmarks.prusa_settings import prusa_settings
 from benchmarks.vendor_speeds import MACHINES, Vendor
-from printer_slicer.gcode import FLAVOURS
+from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.jobs import job_of_text
 from printer_slicer.mesh_io import load_mesh

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from printer_slicer.drawing import Picture, draw, draw_plan
     from printer_slicer.errors import PrinterSlicerError, StrategyError
     from printer_slicer.extrusion import move_seconds
-    from printer_slicer.gcode import FLAVOURS, Dialect
+    from printer_slicer.firmware import FLAVOURS, Dialect
     from printer_slicer.gcode_text import gcode_of
     from printer_slicer.geometry import Areas, Polylines
     from printer_slicer.healing import repair
@@ -53,13 +53,13 @@ if TYPE_CHECKING:
     from printer_slicer.surface import Certificate, certify, read_surface
 
 _HOMES = {
-    "FLAVOURS": "gcode",
+    "FLAVOURS": "firmware",
     "LIMITS": "mesh_io",
     "Areas": "geometry",
     "Certificate": "surface",
     "Check": "inspection.coverage.model_check",
     "Controls": "printing",
-    "Dialect": "gcode",
+    "Dialect": "firmware",
     "Done": "printing",
     "Infill": "infill",
     "InfillTask": "infill",

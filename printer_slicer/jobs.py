@@ -11,12 +11,13 @@ import numpy as np
 
 from printer_slicer.commands import TextFacts, lines_of, refuse_unsendable, told_by
 from printer_slicer.diagnostics import Diagnostic, check_names, sentence
-from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode import FLAVOURS, Moves, Timer, pieces_of
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import Moves, Timer, pieces_of
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.saving import save
 from printer_slicer.showing import Drawn, Summary
+from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
     from printer_slicer.model import LayerPlan, Program, Repairs

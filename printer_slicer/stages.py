@@ -23,12 +23,12 @@ from printer_slicer.model import (
     Travels,
     Walls,
 )
-from printer_slicer.naming import kind_of
 from printer_slicer.placing import Placement
 from printer_slicer.profile import Profile
 from printer_slicer.progress import Report
 from printer_slicer.showing import Drawn
 from printer_slicer.strategies import Strategies
+from printer_slicer.texts import kind_of
 
 __all__ = ["Choices", "Stages", "require_part"]
 

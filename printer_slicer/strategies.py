@@ -13,13 +13,14 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer.errors import StrategyError
-from printer_slicer.gcode import LABEL_WORDS, Dialect
+from printer_slicer.firmware import Dialect
+from printer_slicer.gcode import LABEL_WORDS
 from printer_slicer.geometry import Polylines
 from printer_slicer.infill import Infill, InfillTask
 from printer_slicer.model import LayerPlan, Mesh, Program
-from printer_slicer.naming import kind_of, name_of
 from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
+from printer_slicer.texts import kind_of, name_of
 
 __all__ = ["OURS", "Strategies", "checked_lines", "checked_plan", "checked_program"]
 

@@ -11,7 +11,8 @@ from printer_slicer.arrays import Float
 from printer_slicer.commands import told_by
 from printer_slicer.curves import curved
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import LayerPlan, Toolpaths
 from printer_slicer.motion.machine import limits_of

@@ -69,12 +69,12 @@ def test_the_readme_shows_what_the_commands_print(name: str) -> None:
 def test_contributing_names_files_that_there_are_and_that_know_the_firmwares() -> None:
     root = DOCS.parent
     table = root.joinpath("CONTRIBUTING.md").read_text()
-    rows = [line for line in table.splitlines() if line.startswith(("| a flavour", "| the firmware"))]
-    named = set(re.findall(r"`([a-z]+/\w+\.py)`", "".join(rows)))
-    silent = [
-        path for path in named if "klipper" not in root.joinpath("printer_slicer", path).read_text().lower()
+    rows = [
+        line for line in table.splitlines() if line.startswith(("| a firmware |", "| a simulated printer"))
     ]
+    named = set(re.findall(r"`([\w/]+\.py)`", "".join(rows)))
+    files = [root / path if path.startswith("tests/") else root / "printer_slicer" / path for path in named]
 
     assert len(rows) == 2
-    assert len(named) >= 8
-    assert silent == []
+    assert len(named) == 6
+    assert [path for path in files if "klipper" not in path.read_text().lower()] == []

@@ -401,9 +401,9 @@ print(hashlib.sha256(gcode_of(slice_part(load_mesh(Path(sys.argv[1])), profile),
 
 
 def test_the_estimate_in_the_header_is_the_time_of_all_moves() -> None:
-    from printer_slicer.durations import spoken
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.slice_jobs import job_of
+    from printer_slicer.texts import spoken
 
     bare = profile(start_gcode="", end_gcode="")
     program = slice_part(box(), bare)

@@ -15,9 +15,9 @@ import pytest
 
 from benchmarks.reliability import ROWS, main, suits, trial_of
 from benchmarks.wire_lab import Setup, Trial, job_of
+from printer_slicer.firmware import WIRE_DIALECTS
 from printer_slicer.sim.front_end import FRONT_ENDS
 from printer_slicer.sim.pty_server import serve
-from printer_slicer.stream.dialects import DIALECTS
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
@@ -48,7 +48,7 @@ def test_every_dialect_of_the_host_is_spoken_by_a_simulated_firmware() -> None:
         trial, _ = trial_of("clean, 115200 Bd", firmware, 0, 60)
         spoken |= {event.dialect for event in trial.events if isinstance(event, Identified)}
 
-    assert spoken == set(DIALECTS)
+    assert spoken == set(WIRE_DIALECTS)
 
 
 def test_the_command_prints_a_row_for_each_fault(capsys: pytest.CaptureFixture[str]) -> None:

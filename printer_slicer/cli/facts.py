@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
-from printer_slicer.durations import spoken
 from printer_slicer.model import LayerPlan, Mesh, Repairs
 from printer_slicer.planning.steps import tolerances
 from printer_slicer.planning.unkept import unkept_rules
@@ -17,6 +16,7 @@ from printer_slicer.roles import Role, roles_with
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.stages import Stages
 from printer_slicer.surface import Certificate, find_flats
+from printer_slicer.texts import spoken
 
 __all__ = [
     "certificate_facts",

@@ -13,9 +13,9 @@ from threading import Lock, Timer
 from time import monotonic
 from typing import Final, TextIO
 
-from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
+from printer_slicer.texts import spoken
 
 __all__ = [
     "PATIENCE",

@@ -12,7 +12,6 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from printer_slicer.cli.output import PATIENCE, Milestones, say, visible
-from printer_slicer.durations import spoken
 from printer_slicer.errors import VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.stream.events import (
@@ -31,6 +30,7 @@ from printer_slicer.stream.events import (
     Stopping,
     Temperature,
 )
+from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Done

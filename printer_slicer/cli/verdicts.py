@@ -14,9 +14,9 @@ from printer_slicer.cli.jobs import finding_lines, refused_findings
 from printer_slicer.cli.output import visible
 from printer_slicer.cli.progress import progress
 from printer_slicer.diagnostics import as_json, sentence
-from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
+from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.deposition.record import Deposition

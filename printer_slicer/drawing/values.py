@@ -17,10 +17,10 @@ from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
 from printer_slicer.drawing.frame import marks
 from printer_slicer.errors import UsageError
 from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Sections, Toolpaths
-from printer_slicer.naming import kind_of
 from printer_slicer.roles import Role
 from printer_slicer.showing import Drawn, Summary
 from printer_slicer.surface import Certificate
+from printer_slicer.texts import kind_of
 from printer_slicer.thumbnails import render
 
 __all__ = ["draw"]

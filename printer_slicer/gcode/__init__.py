@@ -1,4 +1,4 @@
-"""G-code: program -> text in `writer`, text -> moves in `reader`, the list of firmwares in `flavours`.
+"""G-code: program -> text in `writer`, text -> moves in `reader`.
 
 Names are imported when they are first used: `lexer`, `commands` and `state` are plain Python, and whoever needs only
 them does not wait for numpy.
@@ -11,17 +11,13 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.gcode.dialect import Dialect
-    from printer_slicer.gcode.flavours import FLAVOURS
     from printer_slicer.gcode.labels import LABEL_WORDS
     from printer_slicer.gcode.moves import Moves, Timer, changed_limits
     from printer_slicer.gcode.reader import pieces_of, read_moves
     from printer_slicer.gcode.writer import write_gcode
 
 __all__ = [
-    "FLAVOURS",
     "LABEL_WORDS",
-    "Dialect",
     "Moves",
     "Timer",
     "changed_limits",
@@ -31,9 +27,7 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "FLAVOURS": "flavours",
     "LABEL_WORDS": "labels",
-    "Dialect": "dialect",
     "Moves": "moves",
     "Timer": "moves",
     "changed_limits": "moves",

@@ -1,7 +1,7 @@
 """The one table of commands: what each of them does, for all code that follows, sends or judges a program.
 
 Whoever needs a class of commands (those that wait, heat, move, set a mode) asks this table for it, so that no two parts
-of the program can disagree. How a firmware reads a command in its own way stands behind the table.
+of the program can disagree. How a firmware reads a command in its own way is in its row of `firmware`.
 
 Sources: Marlin's G-code index, Duet3D's G-code dictionary, Klipper's G-Codes, Smoothieware's supported G-codes,
 Prusa-Firmware's list of commands.
@@ -16,10 +16,7 @@ from math import inf
 from typing import Final, Literal, TypeAlias
 
 __all__ = [
-    "HOME_OFFSET",
-    "MACHINE_COORDINATES",
     "TABLE",
-    "TOOL_TEMPERATURES",
     "CommandRow",
     "Effect",
     "HeaterName",
@@ -152,23 +149,6 @@ TABLE: Final[Mapping[bytes, CommandRow]] = {
     code: row for codes, row in _ROWS for code in codes.encode().split()
 }
 """Code, or name in capitals, -> what it does; a command without a row does nothing that matters here."""
-
-TOOL_TEMPERATURES: Final = frozenset({"reprapfirmware"})
-"""Flavours in which M568, and G10 with a tool, set the temperature of that tool."""
-
-MACHINE_COORDINATES: Final = frozenset({"reprapfirmware", "smoothie"})
-"""Flavours with `G53 G1 ...` in machine coordinates; in others it depends on the build."""
-
-HOME_OFFSET: Final[Mapping[str, Literal["at once", "when homed", "never"]]] = {
-    "marlin": "at once",
-    "marlin_legacy": "at once",
-    "prusa": "at once",
-    "reprapfirmware": "at once",
-    "klipper": "never",
-    "repetier": "never",
-    "smoothie": "when homed",
-}
-"""Flavour -> when M206 moves the origin. Klipper does not support it, and Repetier uses M206 to write its EEPROM."""
 
 
 def commands_that(effect: Effect) -> frozenset[bytes]:

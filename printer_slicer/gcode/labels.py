@@ -18,12 +18,12 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, run_begins
-from printer_slicer.gcode.dialect import Dialect
+from printer_slicer.firmware import Dialect
 from printer_slicer.gcode.rows import E_DECIMALS, MoveText
-from printer_slicer.macros import number
 from printer_slicer.model import Labels, Program
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.texts import number
 
 __all__ = [
     "LABEL_WORDS",

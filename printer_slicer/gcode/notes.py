@@ -13,23 +13,25 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, numbered, run_begins
 from printer_slicer.errors import ProfileError
+from printer_slicer.firmware import Dialect
 from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.dialect import Dialect, bed_line, fan_line, nozzle_line
 from printer_slicer.gcode.facts import layer_facts
 from printer_slicer.gcode.labels import Marking, ObjectMark, for_all, start_notes, stop_notes
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.rows import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, MoveText
 from printer_slicer.gcode.state import uses_inches
-from printer_slicer.macros import Template, Value, number, read_template
+from printer_slicer.macros import Template, Value, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
 from printer_slicer.profile import Profile
 from printer_slicer.roles import ROLES, Role
+from printer_slicer.texts import number
 
 __all__ = [
     "TYPE_NAMES",
     "Writing",
     "bead_notes",
     "begins_with",
+    "fan_line",
     "macro_of",
     "macros_between",
     "notes_of",
@@ -247,6 +249,16 @@ def _events(writing: Writing) -> Iterator[_Note]:
         yield event.index, _lines_of(event, writing)
 
 
+def fan_line(ratio: float) -> str:
+    """M106 with the fan at a ratio from 0 to 1, M107 for off; all firmwares know S as a share of 255."""
+    return f"M106 S{round(ratio * 255)}" if ratio > 0 else "M107"
+
+
+def _nozzle_line(temperature: float, tool: int | None) -> str:
+    """M104: heat, do not wait; the nozzle of a tool, or of the one in use."""
+    return f"M104{'' if tool is None else f' T{tool}'} S{number(temperature)}"
+
+
 def _lines_of(event: Event, writing: Writing) -> list[str]:
     """What an event says."""
     dialect, extruders = writing.dialect, writing.profile.extruders
@@ -255,8 +267,8 @@ def _lines_of(event: Event, writing: Writing) -> list[str]:
             return [fan_line(event.ratio)]
         case Heat():
             tool = extruders[event.tool].tool if len(extruders) > 1 else None
-            nozzle = [nozzle_line(event.nozzle, tool)] if event.nozzle is not None else []
-            return nozzle + ([bed_line(event.bed)] if event.bed is not None else [])
+            nozzle = [_nozzle_line(event.nozzle, tool)] if event.nozzle is not None else []
+            return nozzle + ([f"M140 S{number(event.bed)}"] if event.bed is not None else [])
         case Acceleration():
             return [dialect.acceleration(event.value)]
         case PressureAdvance():

@@ -12,13 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.commands import Effect, names_that
-from printer_slicer.gcode.dialect import Dialect
 from printer_slicer.gcode.lexer import extended, letters, parse
-from printer_slicer.gcode.marlin import MARLIN
 from printer_slicer.gcode.moves import Moves
 from printer_slicer.gcode.plain import plain_moves
-from printer_slicer.gcode.reading import MARLIN_ACTIONS, Action, ReadingState
+from printer_slicer.gcode.reading import Action, ReadingState, actions_of
 from printer_slicer.gcode.runs import follow_plain
 from printer_slicer.motion.counting import Counting
 
@@ -31,7 +30,7 @@ _PIECE: Final = 1 << 15  # commands whose moves are looked at together
 
 
 def read_moves(
-    commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN
+    commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]
 ) -> Moves:
     """The moves of commands without comments, one each, such as `stream` sends them.
 
@@ -46,7 +45,7 @@ def read_moves(
 
 
 def pieces_of(
-    commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN
+    commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]
 ) -> Iterator[Moves]:
     """The same piece by piece, so that a long job needs no more memory than a short one."""
     reader = MoveReader(home, dialect)
@@ -63,8 +62,8 @@ class MoveReader:
         dialect: what commands mean that differ from firmware to firmware.
     """
 
-    def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = MARLIN) -> None:
-        self._actions = {**MARLIN_ACTIONS, **dialect.reads}
+    def __init__(self, home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]) -> None:
+        self._actions = actions_of(dialect)
         self._state = ReadingState(home=(*home, 0.0), counting=Counting(dialect.counting))
         self._state.position[:3] = self._state.home
         self._count = 0

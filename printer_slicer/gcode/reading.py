@@ -9,21 +9,12 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float
+from printer_slicer.firmware import Dialect
+from printer_slicer.firmware.dialect import SetsAccelerations, SetsLimits, SetsRetraction
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.counting import Counting
 
-__all__ = [
-    "MARLIN_ACTIONS",
-    "Action",
-    "GrowingTable",
-    "ReadingState",
-    "follow_line",
-    "limit",
-    "move_in_machine_coordinates",
-    "offset_next_homing",
-    "passed_over",
-    "set_accelerations",
-]
+__all__ = ["Action", "GrowingTable", "ReadingState", "actions_of", "follow_line"]
 
 _COLUMNS: Final = 11
 
@@ -195,14 +186,14 @@ def _offset_home(state: ReadingState, words: Mapping[str, float], _index: int) -
             state.home_offset[axis] = offset
 
 
-def offset_next_homing(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-    """M206 of Smoothieware, which applies it at the next homing and takes it in mm even after G20 (Endstops.cpp)."""
+def _offset_next_homing(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
+    """M206 of Smoothieware: applied at the next homing, and in mm even after G20."""
     for axis, letter in enumerate("XYZ"):
         if letter in words:
             state.home_offset[axis] = words[letter]
 
 
-def move_in_machine_coordinates(state: ReadingState, words: Mapping[str, float], index: int) -> None:
+def _move_in_machine_coordinates(state: ReadingState, words: Mapping[str, float], index: int) -> None:
     """G53 before a move: use machine coordinates."""
     if (move := _MOVES.get(words.get("G", -1.0))) is not None:
         offset, state.offset = state.offset, [0.0, 0.0, 0.0, 0.0]
@@ -222,37 +213,50 @@ def _acceleration(state: ReadingState, words: Mapping[str, float], _index: int) 
     state.retract = words.get("R", state.retract)
 
 
-def limit(kind: str, renamed: Mapping[str, str] | None = None, scale: float = 1.0) -> Action:
-    """An action that changes limits: M201, M203 or M205, as Marlin has them.
-
-    Args:
-        kind: which of them the command is like.
-        renamed: its letters -> those of `kind`; others are passed over. None: the same letters.
-        scale: its unit in mm and s.
-    """
+def _setting_limits(meaning: SetsLimits) -> Action:
+    """A command that sets limits."""
 
     def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
-        """The limits that are named hold from the next move on; those of 0 are passed over."""
-        names = renamed if renamed is not None else {letter: letter for letter in words}
-        values = {names[one]: value * scale for one, value in words.items() if value > 0 and one in names}
-        state.changes.append((len(state.rows), kind, values))
+        """The limits that are named hold from the next move on; those of 0 are ignored."""
+        names = {letter: letter for letter in words} if meaning.letters is None else meaning.letters
+        values = {
+            letter: value * meaning.scale
+            for word, value in words.items()
+            if value > 0
+            for letter in names.get(word, "")
+        }
+        state.changes.append((len(state.rows), meaning.like, values))
 
     return run
 
 
-def set_accelerations(*which: str, letters: str) -> Action:
-    """An action that sets some of `printing`, `travel`, `retract` to the least of its numbers with these letters."""
+def _setting_accelerations(meaning: SetsAccelerations) -> Action:
+    """A command that sets accelerations."""
 
     def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
         """They hold from the next move on."""
-        values = [words[letter] for letter in letters if words.get(letter, 0) > 0]
-        for name in which if values else ():
-            setattr(state, name, min(values))
+        for names, which in meaning.sets.items():
+            values = [words[name] for name in names if words.get(name, 0) > 0]
+            for one in which if values else ():
+                setattr(state, one, min(values))
 
     return run
 
 
-def passed_over(_state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
+def _setting_retraction(meaning: SetsRetraction) -> Action:
+    """A command that sets what G10 and G11 do."""
+
+    def run(state: ReadingState, words: Mapping[str, float], _index: int) -> None:
+        """It holds from the next G10 or G11 on."""
+        length, back, forward, extra = (
+            words.get(name, value) for name, value in zip(meaning.words, state.retraction, strict=True)
+        )
+        state.retraction = length, back, forward, extra
+
+    return run
+
+
+def _ignore(_state: ReadingState, _words: Mapping[str, float], _index: int) -> None:
     """Nothing that has to do with moves."""
 
 
@@ -331,7 +335,7 @@ _MOVES: Final[Mapping[float, Action]] = {
     3.0: _arc(clockwise=False),
 }
 
-MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
+_ACTIONS: Final[Mapping[str, Action]] = {
     "G0": follow_line,
     "G1": follow_line,
     "G2": _arc(clockwise=True),
@@ -348,13 +352,33 @@ MARLIN_ACTIONS: Final[Mapping[str, Action]] = {
     "M82": _counts("M82"),
     "M83": _counts("M83"),
     "M200": _volumetric,
-    "M201": limit("M201"),
-    "M203": limit("M203"),
+    "M201": _setting_limits(SetsLimits("M201")),
+    "M203": _setting_limits(SetsLimits("M203")),
     "M204": _acceleration,
-    "M205": limit("M205"),
-    "M206": _offset_home,
+    "M205": _setting_limits(SetsLimits("M205")),
     "M207": _retraction,
     "M208": _deretraction,
     "M220": _speed_ratio,
     "T": _tool,
 }
+"""As Marlin 2 has them."""
+
+_HOME_OFFSETS: Final = {"at once": _offset_home, "when homed": _offset_next_homing, "never": _ignore}
+
+
+def actions_of(dialect: Dialect) -> dict[str, Action]:
+    """Command -> what it does, as a dialect reads it."""
+    actions = {**_ACTIONS, "M206": _HOME_OFFSETS[dialect.home_offset]}
+    if dialect.machine_coordinates:
+        actions["G53"] = _move_in_machine_coordinates
+    for code, meaning in dialect.reads.items():
+        match meaning:
+            case SetsLimits():
+                actions[code] = _setting_limits(meaning)
+            case SetsAccelerations():
+                actions[code] = _setting_accelerations(meaning)
+            case SetsRetraction():
+                actions[code] = _setting_retraction(meaning)
+            case None:
+                actions[code] = _ignore
+    return actions

@@ -15,17 +15,15 @@ from dataclasses import dataclass
 from math import hypot, pi
 from typing import ClassVar, Final, NamedTuple, TypeAlias
 
+from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.commands import (
-    HOME_OFFSET,
-    MACHINE_COORDINATES,
     TABLE,
-    TOOL_TEMPERATURES,
     Effect,
     HeaterName,
     commands_that,
 )
 from printer_slicer.gcode.lexer import letters, parse
-from printer_slicer.motion.counting import COUNTING, Counting
+from printer_slicer.motion.counting import Counting
 
 __all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "heater_target", "uses_inches"]
 
@@ -174,7 +172,7 @@ class MachineState:
     def __init__(self, flavour: str = "marlin") -> None:
         self.flavour = flavour
         self.unit = 1.0
-        self.counting = Counting(COUNTING[flavour])
+        self.counting = Counting(FLAVOURS[flavour].counting)
         self.speed = self.pulled = self.bed = self.chamber = self.fan = 0.0
         self.fans: dict[float, bytes] = {}
         self.retracted = False
@@ -246,7 +244,7 @@ class MachineState:
     def speak(self, flavour: str) -> None:
         """Set the flavour once the firmware is known."""
         self.flavour = flavour
-        self.counting = self.counting._replace(rule=COUNTING[flavour])
+        self.counting = self.counting._replace(rule=FLAVOURS[flavour].counting)
 
     def move_to(self, x: float | None, y: float | None, z: float | None) -> None:
         """Set the logical position, mm, at which the machine stopped."""
@@ -337,7 +335,7 @@ class MachineState:
         if word not in _MOVES:
             return None
         move = self._move(word, values)
-        if self.flavour not in MACHINE_COORDINATES:
+        if not FLAVOURS[self.flavour].machine_coordinates:
             self._forget(values)  # most builds do not support the command and ignore it
         elif not self.counting.axes:
             self._forget(
@@ -396,7 +394,7 @@ class MachineState:
 
     def _offset_home(self, _word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
         """M206: set the home offset."""
-        when = HOME_OFFSET[self.flavour]
+        when = FLAVOURS[self.flavour].home_offset
         if when == "never":
             return
         new = list(self._home_offset)
@@ -425,7 +423,7 @@ class MachineState:
     def _heat(self, word: bytes, values: Mapping[bytes, float], _command: bytes) -> None:
         """Commands that set the target of a heater."""
         target = heater_target(word, values)
-        if target is None or (word in _TOOL_BY_P and self.flavour not in TOOL_TEMPERATURES):
+        if target is None or (word in _TOOL_BY_P and not FLAVOURS[self.flavour].tool_temperatures):
             return
         if target.heater == "nozzle":
             self.hotends[self.tool if target.tool is None else target.tool] = target.celsius

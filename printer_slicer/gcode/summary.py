@@ -20,10 +20,9 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import numbered
-from printer_slicer.durations import spoken
-from printer_slicer.macros import number
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
+from printer_slicer.texts import number, spoken
 from printer_slicer.version import VERSION
 
 __all__ = ["first_lines", "last_lines"]

@@ -10,14 +10,14 @@ from itertools import chain, pairwise
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.gcode.dialect import Dialect, fan_line
+from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.facts import end_facts, print_facts
-from printer_slicer.gcode.flavours import FLAVOURS
 from printer_slicer.gcode.labels import ObjectMark, definitions, fresh_rows, marking, marks_of
 from printer_slicer.gcode.notes import (
     Writing,
     bead_notes,
     begins_with,
+    fan_line,
     macro_of,
     macros_between,
     notes_of,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final, NamedTuple
 
+from printer_slicer.firmware import FIRMWARES
 from printer_slicer.importing.beds import Bed, bed_of
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.machine_gcode import put_macros
@@ -15,12 +16,7 @@ from printer_slicer.profile.profile import HIGHEST_BEAD
 __all__ = ["Company", "printer_from"]
 
 _FLAVOURS: Final = {
-    "marlin": "marlin_legacy",
-    "marlin2": "marlin",
-    "klipper": "klipper",
-    "reprapfirmware": "reprapfirmware",
-    "repetier": "repetier",
-    "smoothie": "smoothie",
+    firmware.prusaslicer: name for name, firmware in FIRMWARES.items() if firmware.prusaslicer
 }
 _NEAR_FLAVOURS: Final = {
     "reprap": "marlin_legacy",

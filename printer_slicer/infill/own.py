@@ -12,8 +12,8 @@ from printer_slicer.arrays import Float
 from printer_slicer.errors import StrategyError
 from printer_slicer.geometry import Polylines, clip_lines
 from printer_slicer.infill.task import Pattern, Task
-from printer_slicer.naming import kind_of, name_of
 from printer_slicer.profile import Profile
+from printer_slicer.texts import kind_of, name_of
 
 __all__ = ["Infill", "InfillTask", "insist_on_density", "pattern_of"]
 

@@ -4,7 +4,7 @@ from printer_slicer.macros.evaluation import evaluate, is_true
 from printer_slicer.macros.names import known_names, with_other_names
 from printer_slicer.macros.syntax import parse_expression
 from printer_slicer.macros.templates import Template, escaped, read_template
-from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, literal, number, text_of
+from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, literal, text_of
 
 __all__ = [
     "Items",
@@ -17,7 +17,6 @@ __all__ = [
     "is_true",
     "known_names",
     "literal",
-    "number",
     "parse_expression",
     "read_template",
     "text_of",

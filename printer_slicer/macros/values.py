@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from math import ceil, floor, isfinite
 
+from printer_slicer.texts import number
+
 __all__ = [
     "MOST",
     "MOST_TEXT",
@@ -18,7 +20,6 @@ __all__ = [
     "kept",
     "kind_of",
     "literal",
-    "number",
     "one_of_items",
     "text_of",
     "whole",
@@ -66,11 +67,6 @@ class UnknownName(MacroFault):
     def __init__(self, name: str, at: int, remedy: str) -> None:
         super().__init__(at, f"unknown placeholder {{{name}}}", remedy)
         self.name = name
-
-
-def number(value: float) -> str:
-    """A number without needless zeros and without an exponent."""
-    return f"{value:z.5f}".rstrip("0").rstrip(".")
 
 
 def text_of(value: Value) -> str:

@@ -10,23 +10,12 @@ commands, G90: "E axis is left intact"; Klipper's G-Codes; Duet3D's G-code dicti
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
-__all__ = ["COUNTING", "Counting", "Rule"]
+if TYPE_CHECKING:
+    from printer_slicer.firmware.dialect import CountingRule
 
-Rule: TypeAlias = Literal["together", "either", "apart"]
-
-COUNTING: Final[Mapping[str, Rule]] = {
-    "marlin": "together",
-    "marlin_legacy": "either",
-    "klipper": "either",
-    "prusa": "apart",
-    "reprapfirmware": "apart",
-    "repetier": "either",
-    "smoothie": "together",
-}
-"""Flavour -> its rule."""
+__all__ = ["Counting"]
 
 
 class Counting(NamedTuple):
@@ -39,7 +28,7 @@ class Counting(NamedTuple):
             firmware has forgotten it.
     """
 
-    rule: Rule = "together"
+    rule: CountingRule = "together"
     axes: bool = False
     extruder: bool = False
 

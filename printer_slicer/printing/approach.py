@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import read_moves
 from printer_slicer.jobs import Job
 from printer_slicer.printing.setup import Setup
 

@@ -243,7 +243,7 @@ class Conductor:
             raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
         self._streamer.pause()
         self._pause = wish
-        if wish.now and self._setup.stoppable and self._job.follow(self._streamer.taken).comparable:
+        if wish.now and self._setup.firmware.quick_stop and self._job.follow(self._streamer.taken).comparable:
             self._said_place = None
             self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
             self._change(PrintPhase.STOPPING)
@@ -296,7 +296,7 @@ class Conductor:
             self._streamer.urge(b"M108")
             return "told the printer to go on"
         if self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
-            self._streamer.inject(self._setup.going_on)
+            self._streamer.inject(self._setup.firmware.resume)
             self._streamer.resume()
             return "told the printer to go on"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
@@ -368,16 +368,17 @@ class Conductor:
     def _on_object(self, wish: wishes.CancelObject) -> str:
         job = self._job
         name = job.cancel(wish.name, self._streamer.taken)
-        if self._setup.flavour == "klipper" and job.marked_for_klipper:
+        cancel = self._setup.firmware.cancel_object
+        if cancel is not None and job.marked_for_klipper:
             job.cancelled.discard(name)
-            self._inject(b"EXCLUDE_OBJECT NAME=%s" % name.encode())
+            self._inject(cancel(name))
         elif self._journal:
             self._journal.state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
         self._listen(told.Note(f"{name} is not printed any further"))
         return f"{name} is given up"
 
     def _on_order(self, wish: Any) -> str:
-        command = order_of(wish, self._setup.flavour, self._can)
+        command = order_of(wish, self._setup.firmware, self._can)
         answer = self._inject(command)
         if isinstance(wish, wishes.Speed):
             self.speed = wish.percent

@@ -10,6 +10,7 @@ from collections import deque
 from copy import copy
 from typing import Final, NamedTuple
 
+from printer_slicer import texts
 from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import extended, parse, strip
 from printer_slicer.gcode.state import MachineState, ModalState
@@ -27,8 +28,8 @@ _MESHES: Final = frozenset({b"BED_MESH_PROFILE", b"BED_MESH_CALIBRATE"})
 
 
 def number(value: float) -> bytes:
-    """A number as G-code says it: five decimals at most, no zeros behind."""
-    return f"{value:.5f}".rstrip("0").rstrip(".").replace("-0", "0" if abs(value) < 5e-6 else "-0").encode()
+    """A number as G-code has it."""
+    return texts.number(value).encode()
 
 
 SCRIPT: Final = -2

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode.commands import HOME_OFFSET, Effect, commands_that
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import code_and_rest, parse, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 from printer_slicer.printing.modes import Modes, number
@@ -195,7 +196,7 @@ class LiveJob(Sequence[bytes]):
         before = self.follow(first)
         after = before.fork()
         # On other firmwares it does not move the origin now, so it may be sent.
-        at_once = HOME_OFFSET[before.machine.flavour] == "at once"
+        at_once = FLAVOURS[before.machine.flavour].home_offset == "at once"
         left_out = _LEFT_OUT if at_once else _LEFT_OUT - commands_that(Effect.SETS_HOME_OFFSET)
         moves = []
         for index in range(first, end):
@@ -257,7 +258,7 @@ def _amend_origin(now: MachineState, after: MachineState, say_in_mm: Callable[[b
     """Set the origin that the file has after the object, by M206 and G92."""
     homes = zip(now.home_offset, after.home_offset, strict=True)
     words = _words([new if abs(new - old) > _NEAR else None for old, new in homes])
-    if words and HOME_OFFSET[now.flavour] == "at once":  # elsewhere the file's own M206 is sent
+    if words and FLAVOURS[now.flavour].home_offset == "at once":  # elsewhere the file's own M206 is sent
         say_in_mm(b" ".join([b"M206", *words]))
     shifts = zip(now.position, now.shift, after.shift, strict=True)
     if words := _words(

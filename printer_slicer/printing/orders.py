@@ -6,24 +6,20 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from printer_slicer.errors import UsageError
+from printer_slicer.firmware import Firmware
 from printer_slicer.printing import wishes
 from printer_slicer.stream.events import Identified
 
 __all__ = ["ORDERS", "order_of"]
 
 
-def _baby_step(wish: wishes.BabyStep, flavour: str, who: Identified | None) -> bytes:
-    step = b"%.3f" % wish.mm
-    if flavour == "klipper":
-        return b"SET_GCODE_OFFSET Z_ADJUST=%s MOVE=1" % step
-    if flavour == "reprapfirmware":
-        return b"M290 S%s" % step
+def _baby_step(wish: wishes.BabyStep, firmware: Firmware, who: Identified | None) -> bytes:
     if who is not None and ("BABYSTEPPING", False) in who.capabilities:
         raise UsageError("this firmware has no baby-steps", remedy="build it with BABYSTEPPING")
-    return b"M290 Z%s" % step
+    return firmware.baby_step(wish.mm)
 
 
-ORDERS: Final[Mapping[type, Callable[[Any, str, Identified | None], bytes]]] = {
+ORDERS: Final[Mapping[type, Callable[[Any, Firmware, Identified | None], bytes]]] = {
     wishes.Speed: lambda wish, *_: b"M220 S%d" % round(wish.percent),
     wishes.Flow: lambda wish, *_: b"M221 S%d" % round(wish.percent),
     wishes.SetTemperature: lambda wish, *_: (
@@ -33,13 +29,13 @@ ORDERS: Final[Mapping[type, Callable[[Any, str, Identified | None], bytes]]] = {
     wishes.Say: lambda wish, *_: wish.command.encode("utf-8", "replace"),
     wishes.BabyStep: _baby_step,
 }
-"""Kind of wish to command: the wish, the firmware's flavour, and what it says that it can do."""
+"""Kind of wish to command: the wish, the firmware, and what it says that it can do."""
 
 
-def order_of(wish: wishes.Wish, flavour: str, who: Identified | None) -> bytes:
+def order_of(wish: wishes.Wish, firmware: Firmware, who: Identified | None) -> bytes:
     """The command that grants a wish of one of these kinds.
 
     Raises:
         UsageError: the firmware cannot.
     """
-    return ORDERS[type(wish)](wish, flavour, who)
+    return ORDERS[type(wish)](wish, firmware, who)

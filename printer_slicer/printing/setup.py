@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final
+from typing import Any
 
-from printer_slicer.motion.counting import COUNTING
+from printer_slicer.firmware import FIRMWARES, Firmware
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.printing.json_values import dataclass_from_json
 from printer_slicer.profile import Profile, settings_of
 
 __all__ = ["Setup", "setup_from", "setup_of"]
-
-_GOES_ON: Final = {"prusa": b"M602", "klipper": b"RESUME", "reprapfirmware": b"M24"}
-_STOPPABLE: Final = frozenset({"marlin", "marlin_legacy", "prusa"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +54,9 @@ class Setup:
     allowed: tuple[str, ...] = ()
 
     @property
-    def stoppable(self) -> bool:
-        """Whether the firmware has M410, which throws away what is planned."""
-        return self.flavour in _STOPPABLE
-
-    @property
-    def going_on(self) -> bytes:
-        """What ends a pause that the printer has begun by itself; M108 where it waits in the middle of a command."""
-        return _GOES_ON.get(self.flavour, b"M108")
+    def firmware(self) -> Firmware:
+        """Its firmware."""
+        return FIRMWARES[self.flavour]
 
     def as_json(self) -> dict[str, Any]:
         """As JSON holds it."""
@@ -100,6 +92,6 @@ def setup_from(values: Mapping[str, Any]) -> Setup:
         TypeError: a value has the wrong type.
     """
     setup = dataclass_from_json(Setup, values)
-    if setup.flavour not in COUNTING:
+    if setup.flavour not in FIRMWARES:
         raise TypeError(f"flavour is {setup.flavour!r}, which this version does not support")
     return setup

@@ -8,7 +8,6 @@ from printer_slicer.profile.files import (
     settings_of,
     settings_text,
 )
-from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.folders import profile_paths
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS
@@ -31,12 +30,10 @@ from printer_slicer.profile.tables import settings_table
 
 __all__ = [
     "DEFAULT_NAMES",
-    "FIRMWARES",
     "KINDS",
     "Accelerations",
     "AreaPlanner",
     "CuspPlanner",
-    "Firmware",
     "GeneticPlanner",
     "HeightRange",
     "Material",

@@ -204,13 +204,13 @@ def _thumbnails(profile: Profile) -> Iterator[Conflict]:
 
 def _firmware(profile: Profile) -> Iterator[Conflict]:
     """The firmware can do what is asked of it."""
-    printer, firmware = profile.printer, profile.printer.firmware
-    if printer.firmware_retraction and not firmware.firmware_retraction:
+    printer, dialect = profile.printer, profile.printer.firmware.dialect
+    if printer.firmware_retraction and dialect.retraction is None:
         unable = f"printer.flavour {printer.flavour} cannot be told how far to retract"
         yield Conflict("printer.firmware_retraction", unable, "set it to false")
     if printer.firmware_retraction and printer.wipe_distance:
         both = f"{printer.wipe_distance:g} mm, but the firmware pulls back while the nozzle stands"
         yield Conflict("printer.wipe_distance", both, "set it to 0, or printer.firmware_retraction to false")
-    if profile.material.pressure_advance and not firmware.pressure_advance:
+    if profile.material.pressure_advance and dialect.pressure_advance is None:
         unable = f"printer.flavour {printer.flavour} has no command for it"
         yield Conflict("material.pressure_advance", unable, "set it to 0")

@@ -15,7 +15,6 @@ from typing import Any
 import msgspec
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.naming import kind_of
 from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import SettingFault, converted
 from printer_slicer.profile.keys import resolved
@@ -31,6 +30,7 @@ from printer_slicer.profile.reading import (
     merged,
     read_chain,
 )
+from printer_slicer.texts import kind_of
 
 __all__ = [
     "faults_together",

@@ -82,4 +82,4 @@ def resolve_pressure_advance(printer: Printer, material: Material) -> float:
     if material.pressure_advance:
         return material.pressure_advance
     is_pla = (material.type or material.name).strip().upper() == "PLA"
-    return printer.pla_pressure_advance if is_pla and printer.firmware.pressure_advance else 0.0
+    return printer.pla_pressure_advance if is_pla and printer.firmware.dialect.pressure_advance else 0.0

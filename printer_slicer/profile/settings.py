@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from msgspec import field
 
+from printer_slicer.firmware import FIRMWARES, Firmware, Flavour
 from printer_slicer.profile.base import ANYWHERE, EACH_HEIGHT, Settings, meta
-from printer_slicer.profile.firmware import FIRMWARES, Firmware
 from printer_slicer.profile.planners import (
     PLANNER_SETTINGS,
     AreaPlanner,
@@ -52,7 +52,7 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Annotated[str, meta("what people call this machine")]
     model: Annotated[str, meta("what print servers call this model; empty: its name")] = ""
     flavour: Annotated[
-        Literal["marlin", "marlin_legacy", "klipper", "reprapfirmware", "repetier", "smoothie", "prusa"],
+        Flavour,
         meta("dialect of G-code; marlin is 2, marlin_legacy 1.1"),
     ] = "marlin"
     bed_x: Annotated[float, meta("width of the bed", "mm", ge=20, le=5000)]

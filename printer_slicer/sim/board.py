@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import inf, pi
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
-from printer_slicer.motion.counting import COUNTING, Counting
+from printer_slicer.motion.counting import Counting
 from printer_slicer.sim.card import SdCard
 from printer_slicer.sim.heaters import Heaters
 from printer_slicer.sim.machine import AXES, Machine, Position
@@ -23,6 +23,15 @@ __all__ = ["MOST_UNSENT", "Board", "Steps"]
 Steps = Iterator[float]
 """A command that takes time: yields the moment (s) at which it wants to go on, ends when it is done."""
 
+
+_COUNTING: Final[dict[str, Literal["either", "apart"]]] = {
+    "marlin_legacy": "either",
+    "klipper": "either",
+    "repetier": "either",
+    "prusa": "apart",
+    "reprapfirmware": "apart",
+}
+"""How other flavours than Marlin 2's and Smoothie's read G90 and M82."""
 
 MOST_UNSENT: Final = 4096
 """Lines kept for a host that does not read; reports that come by themselves are left out beyond them."""
@@ -94,7 +103,7 @@ class Board:
         self.offset: Position = (0.0, 0.0, 0.0)
         self.home_offset: Position = (0.0, 0.0, 0.0)
         self.filament = 0.0
-        self.counting = Counting(COUNTING[front_end.flavour])
+        self.counting = Counting(_COUNTING.get(front_end.flavour, "together"))
         self.relative = self.relative_e = self.retracted = False
         self.unit = 1.0
         self.feed, self.diameter = 25.0, machine.filament_diameter

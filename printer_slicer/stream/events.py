@@ -99,7 +99,7 @@ class Identified:
     Attributes:
         firmware: its name, "" if it does not say.
         capabilities: what it says it has or has not.
-        dialect: how it is spoken to, a name of `dialects.DIALECTS`.
+        dialect: how it is spoken to, a key of `WIRE_DIALECTS`.
         advice: what to know before streaming to it, "" if nothing.
     """
 

@@ -28,7 +28,7 @@ from printer_slicer.stream.watch import Watch
 from printer_slicer.stream.window import QUESTION_ROOM, Window
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.dialects import WireDialect
+    from printer_slicer.firmware import WireDialect
     from printer_slicer.stream.doubt import Doubt
     from printer_slicer.stream.replies import Ok
 

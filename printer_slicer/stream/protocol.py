@@ -8,7 +8,7 @@ ever, and the printer takes them in order only. So nothing is ever repeated on s
 missing or cannot be read, the streamer sends the *next* number, a harmless question for the temperatures: a
 printer that lacks a line says which, one that lacks none answers, and both end the doubt.
 
-How many lines are in flight `window` says, what firmwares differ in `dialects`, and what is done where the printer does
+How many lines are in flight `window` says, what firmwares differ in `firmware`, and what is done where the printer does
 not look at numbers `doubt`.
 
 Source: Marlin documentation, "M105", "M110", "M114", "M115", "Host keepalive"; what real firmware answered.
@@ -19,9 +19,9 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
+from printer_slicer.firmware import UNKNOWN_WIRE, wire_dialect_named
 from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
-from printer_slicer.stream.dialects import UNKNOWN, dialect_named
 from printer_slicer.stream.doubt import Fate
 from printer_slicer.stream.flight import Flight
 from printer_slicer.stream.framing import command_room
@@ -58,7 +58,7 @@ class Streamer(Standing):
         window_lines: lines in flight; more only where it cannot do harm, see `window`.
         window_bytes: most bytes in flight; the smallest receive buffer in use holds one more.
         baud: speed of the serial port, to find out that it is none; None if it means nothing.
-        dialect: name of the firmware's dialect, see `dialects.DIALECTS`; None goes by what it says.
+        dialect: name of the firmware's dialect, a key of `WIRE_DIALECTS`; None goes by what it says.
         connect_timeout: s until a printer that never answers is given up.
         give_up: s until a printer that answers no question any more is given up.
         obeys: whether it pauses and goes on as the printer asks; else that is its owner's to do.
@@ -83,7 +83,7 @@ class Streamer(Standing):
         obeys: bool = True,
         first: int = 0,
     ) -> None:
-        self._dialect = dialect_named(dialect or UNKNOWN)
+        self._dialect = wire_dialect_named(dialect or UNKNOWN_WIRE)
         self._greeting = Greeting(connect_timeout, dialect)
         self._window_rules = (window_lines, window_bytes, baud)
         self._give_up = give_up

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.firmware import flavour_of
 from printer_slicer.gcode.lexer import is_macro, parse, strip
 from printer_slicer.gcode.state import MachineState, Place
 from printer_slicer.stream.doubt import Doubt, same_twice
@@ -16,8 +17,8 @@ from printer_slicer.stream.patience import Patience
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from printer_slicer.firmware import WireDialect
     from printer_slicer.motion.rules import MotionLimits
-    from printer_slicer.stream.dialects import WireDialect
 
 __all__ = ["SAME_PLACE", "Script"]
 
@@ -57,7 +58,7 @@ class Script:
 
     def speak(self, dialect: WireDialect) -> None:
         """The firmware is known now."""
-        self._machine.speak(dialect.flavour)
+        self._machine.speak(flavour_of(dialect))
 
     def inject(self, command: bytes) -> None:
         """Give this out next.

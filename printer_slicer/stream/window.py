@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from printer_slicer.stream.dialects import WireDialect
+    from printer_slicer.firmware import WireDialect
 
 __all__ = ["QUESTION_ROOM", "Window"]
 

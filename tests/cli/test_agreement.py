@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from printer_slicer.gcode import FLAVOURS
+from printer_slicer.firmware import FLAVOURS
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import typed
 from tests.parts import box

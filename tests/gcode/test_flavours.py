@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import Moves, read_moves, write_gcode
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job

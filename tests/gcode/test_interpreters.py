@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import FRONT_ENDS, LINES, MORE_LINES, Executor, Line, program_of
 
-from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.firmware import FLAVOURS, WIRE_DIALECTS, flavour_of
+from printer_slicer.gcode import read_moves
 from printer_slicer.gcode.lexer import is_macro, parse, read_commands
 from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.gcode.reading import ReadingState
@@ -24,11 +25,10 @@ from printer_slicer.inspection.lint.scan import scan
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.board import Board
-from printer_slicer.stream.dialects import DIALECTS
 from printer_slicer.stream.script import Script
 
 START = [b"G28", b"G90", b"G1 X10 Y20 Z30 F6000", b"G92 E0"]
-DIALECT = {dialect.flavour: dialect for dialect in DIALECTS.values()}
+DIALECT = {flavour_of(dialect): dialect for dialect in WIRE_DIALECTS.values()}
 CEILING = {"nozzle": 80.0, "bed": 60.0}
 _USUAL = load_profile()
 PROFILE = msgspec.structs.replace(

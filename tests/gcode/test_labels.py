@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.gcode import FLAVOURS, read_moves
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import Mesh

@@ -12,7 +12,8 @@ import pytest
 from printer_slicer.arrays import Float
 from printer_slicer.commands import told_by
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode import FLAVOURS, Moves, read_moves, write_gcode
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import Moves, read_moves, write_gcode
 from printer_slicer.gcode.facts import end_facts, layer_facts, print_facts
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from printer_slicer.gcode import FLAVOURS, read_moves, write_gcode
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import read_moves, write_gcode
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.rules import MotionLimits

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.gcode import FLAVOURS, Moves, Timer, read_moves, write_gcode
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import Moves, Timer, read_moves, write_gcode
 from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of

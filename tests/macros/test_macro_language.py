@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.macros import Value, escaped, number, read_template, text_of, with_other_names
+from printer_slicer.macros import Value, escaped, read_template, text_of, with_other_names
+from printer_slicer.texts import number
 
 KNOWN: dict[str, Value] = {
     "a": 3.0,

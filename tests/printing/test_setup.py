@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 
 from printer_slicer.cli.commands.resume import _judged
-from printer_slicer.motion.counting import COUNTING
 from printer_slicer.printing.setup import setup_from, setup_of
-from printer_slicer.profile import FIRMWARES, load_profile, profile_from, settings_of
+from printer_slicer.profile import load_profile, profile_from
 
 
 def test_it_is_the_same_after_it_was_a_file() -> None:
@@ -35,8 +34,3 @@ def test_what_is_typed_after_a_resume_is_judged_as_before() -> None:
     assert allow(b"M302 P1")
     assert not lenient(b"M302 P1")
     assert not allow(b"M104 S210")
-
-
-def test_every_flavour_has_a_rule_for_relative_extrusion() -> None:
-    assert set(COUNTING) == set(FIRMWARES)
-    assert profile_from(settings_of(load_profile("creality_k1"))).printer.name

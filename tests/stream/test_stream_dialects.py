@@ -6,8 +6,8 @@ import pytest
 from conversation import HOT, Conversation, first, lines_of, moves, printing
 
 from printer_slicer.errors import UsageError
+from printer_slicer.firmware import WIRE_DIALECTS, wire_dialect_named, wire_dialect_of
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.stream.dialects import DIALECTS, dialect_named, dialect_of
 from printer_slicer.stream.doubt import Doubt, Fate, same_twice
 from printer_slicer.stream.events import Asked, Finished, Halted, Identified, ResendAsked
 from printer_slicer.stream.framing import checksum, frame_crc
@@ -64,22 +64,22 @@ def meet(commands: list[str], *introduction: str, **wishes: object) -> tuple[Con
     ],
 )
 def test_a_firmware_is_recognised_by_its_name(firmware: str, name: str) -> None:
-    assert dialect_of(firmware) == name
+    assert wire_dialect_of(firmware) == name
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", WIRE_DIALECTS)
 def test_its_request_for_a_line_is_understood(name: str) -> None:
-    asked = [reply for line in DIALECTS[name].request for reply in read_reply(line.encode())]
+    asked = [reply for line in WIRE_DIALECTS[name].request for reply in read_reply(line.encode())]
     wanted = [r.number for r in asked if isinstance(r, Resend)]
     wanted += [r.wanted for r in asked if isinstance(r, LineError)]
 
-    assert set(wanted) == ({7} if DIALECTS[name].request else set())
+    assert set(wanted) == ({7} if WIRE_DIALECTS[name].request else set())
 
 
 def test_an_unknown_dialect_is_refused_with_the_names_of_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="no firmware is known by the name 'merlin'\n  known are: klipper, "):
+    with pytest.raises(UsageError, match="no firmware is known by the name 'merlin'\n  known are: prusa, "):
         Streamer([], dialect="merlin")
-    assert dialect_named("prusa") is DIALECTS["prusa"]
+    assert wire_dialect_named("prusa") is WIRE_DIALECTS["prusa"]
 
 
 def test_a_wish_counts_more_than_what_the_firmware_says() -> None:
@@ -156,7 +156,7 @@ def test_a_full_planner_needs_no_more_than_two() -> None:
 
 def test_a_port_that_is_quicker_than_its_speed_allows_is_none() -> None:
     window = Window(2, 127, 115_200)
-    window.speak(DIALECTS["marlin"], emergency_parser=False)
+    window.speak(WIRE_DIALECTS["marlin"], emergency_parser=False)
     for _ in range(3):
         window.timed(17, 0.001)
     window.accepted(200)
@@ -169,7 +169,7 @@ def test_a_port_that_is_quicker_than_its_speed_allows_is_none() -> None:
 
 def test_without_a_speed_no_port_is_too_quick() -> None:
     window = Window(2, 127)
-    window.speak(DIALECTS["marlin"], emergency_parser=False)
+    window.speak(WIRE_DIALECTS["marlin"], emergency_parser=False)
     for _ in range(9):
         window.timed(17, 0.0)
     window.accepted(400)

@@ -16,8 +16,8 @@ from printer_slicer.cli.output import refuse_mixing, say, stages, visible, write
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.cli.values import factor, length, positive
 from printer_slicer.diagnostics import as_json, sentence
-from printer_slicer.durations import spoken
 from printer_slicer.errors import UsageError, VerificationError
+from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Float
@@ -153,7 +153,8 @@ def _look(arguments: argparse.Namespace) -> _Looked:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     from printer_slicer.cli.jobs import finding_facts, finding_lines, refused
-    from printer_slicer.gcode import FLAVOURS, read_moves
+    from printer_slicer.firmware import FLAVOURS
+    from printer_slicer.gcode import read_moves
     from printer_slicer.inspection.dry_run.underruns import find_underruns
     from printer_slicer.inspection.lint.lint_jobs import lint_file
     from printer_slicer.link_model import SerialLink

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.cli.arguments import add_models, add_slicing
 from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.durations import spoken
+from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages

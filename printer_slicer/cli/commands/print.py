@@ -11,7 +11,7 @@ from printer_slicer.cli.arguments import add_allow, add_connection, add_models, 
 from printer_slicer.cli.output import say, stages
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.cli.values import positive
-from printer_slicer.durations import spoken
+from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
     from printer_slicer.jobs import Job

@@ -255,7 +255,7 @@ def left_on(job: Job, profile: Profile, targets: Mapping[str, float]) -> Iterato
             -1,
         )
         what = f"the {heater} stays on at {target:.0f} °C when all is done"
-        macro = _macro_behind(job, last) if profile.printer.firmware.extended_commands else ""
+        macro = _macro_behind(job, last) if profile.printer.firmware.dialect.extended_commands else ""
         if macro.upper() == _TURNS_OFF:
             continue
         if macro:
@@ -281,7 +281,7 @@ def made_ready(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnostic]]:
         job: that was executed.
         profile: whose firmware may have macros.
     """
-    if not profile.printer.firmware.extended_commands:
+    if not profile.printer.firmware.dialect.extended_commands:
         return
     for index, command in enumerate(job.commands[: min(job.marks, default=_BEFORE_LAYERS)]):
         if parse(command)[0] == b"G28":

@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from printer_slicer.diagnostics import Diagnostic, sentence
-from printer_slicer.durations import spoken
 from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.causes import Cause, causes_of, explained, layer_of, left_over
@@ -27,6 +26,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.showing import Drawn, Summary
 from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
+from printer_slicer.texts import spoken
 
 __all__ = ["Seen", "Verdict", "judge"]
 

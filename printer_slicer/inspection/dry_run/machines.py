@@ -54,6 +54,6 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
 
 def front_end_of(printer: Printer) -> FrontEnd:
     """How the simulated firmware answers: as Marlin does, but commands mean what they do in the printer's flavour."""
-    extended = printer.firmware.extended_commands
+    extended = printer.firmware.dialect.extended_commands
     any_case = any(one.any_case for one in FRONT_ENDS.values() if one.flavour == printer.flavour)
     return replace(MARLIN_2_1, flavour=printer.flavour, ignores_extended=extended, any_case=any_case)

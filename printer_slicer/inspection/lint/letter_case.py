@@ -9,10 +9,9 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from printer_slicer.gcode import FLAVOURS
+from printer_slicer.firmware import FIRMWARES, FLAVOURS
 from printer_slicer.gcode.commands import takes_text
 from printer_slicer.gcode.lexer import code_and_rest, number_and_command, parse
-from printer_slicer.inspection.lint.numbers import firmware_name
 
 __all__ = ["lower_case_fault"]
 
@@ -37,7 +36,7 @@ def lower_case_fault(line: bytes, flavour: str) -> str:
     if head.isupper() and (free or not _LOWER_WORD.search(_TEXT.sub(" ", behind))):
         return ""
     capitals = head.decode().upper() + (behind if free else _in_capitals(behind))
-    return f"is in lower case, which {firmware_name(flavour)} does not know: write {capitals}"
+    return f"is in lower case, which {FIRMWARES[flavour].title} does not know: write {capitals}"
 
 
 def _in_capitals(words: str) -> str:

@@ -7,7 +7,8 @@ from math import pi
 from pathlib import Path
 
 from printer_slicer.commands import lines_of, read_text
-from printer_slicer.gcode import FLAVOURS, Dialect, pieces_of
+from printer_slicer.firmware import FLAVOURS, Dialect
+from printer_slicer.gcode import pieces_of
 from printer_slicer.inspection.deposition.marks import marks_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.scan import scan

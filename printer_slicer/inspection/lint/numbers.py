@@ -1,20 +1,19 @@
-"""Find words without a valid number, and describe how each firmware reads them.
+"""Find words without a valid number, and say how the firmware reads them.
 
-Sources: Marlin's `GCodeParser::parse` and `valid_float` (2.1 and 1.1.9); Klipper's `gcode.py` and `gcode_move.py`;
-RepRapFirmware's `StringParser.cpp` (`CheckNumberFound`); Smoothieware's `Gcode::get_value`; Prusa-Firmware's
-`code_value` and Repetier's `parseFloatValue`, which are C's `strtod`.
+Which firmware does what with them is in its row of `firmware`, with the source.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
+from printer_slicer.firmware import FIRMWARES, FLAVOURS
 from printer_slicer.gcode.commands import TABLE, Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand
 
-__all__ = ["firmware_name", "number_faults"]
+__all__ = ["number_faults"]
 
 _ALL: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
 _LETTERS: Final[Mapping[str, str]] = {
@@ -35,37 +34,6 @@ _GOOD: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _EXPRESSION: Final = re.compile(r"\{[^}]*\}")
 
 
-class _Reading(NamedTuple):
-    """How a firmware reads `X`, `Xnan` and `X1.2.3`."""
-
-    bare: str
-    not_a_number: str
-    malformed: str
-
-
-_IGNORED: Final = "ignores the word"
-_REJECTED: Final = "rejects the whole line"
-_UP_TO: Final = "reads only the valid part at its start"
-_MARLIN: Final = _Reading(_IGNORED, _IGNORED, _UP_TO)
-_STRTOD: Final = _Reading("reads it as 0", "reads it as NaN or infinity and loses its position", _UP_TO)
-
-_READINGS: Final[Mapping[str, tuple[str, _Reading]]] = {
-    "marlin": ("Marlin", _MARLIN),
-    "marlin_legacy": ("Marlin", _MARLIN),
-    "prusa": ("Prusa's firmware", _STRTOD),
-    "repetier": ("Repetier", _STRTOD),
-    "smoothie": ("Smoothieware", _STRTOD),
-    "klipper": ("Klipper", _Reading(_REJECTED, _IGNORED, _REJECTED)),
-    "reprapfirmware": ("RepRapFirmware", _Reading(_REJECTED, _REJECTED, _UP_TO)),
-}
-"""Flavour -> name of the firmware, and how it reads such words."""
-
-
-def firmware_name(flavour: str) -> str:
-    """The name of the firmware that reads a flavour of G-code."""
-    return _READINGS[flavour][0]
-
-
 def number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
     """Yield a description of each word of a command without a valid number, and how the firmware reads it.
 
@@ -76,7 +44,7 @@ def number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
     letters = _LETTERS.get(command.code)
     if letters is None:
         return
-    firmware, reads = _READINGS[flavour]
+    firmware, reads = FIRMWARES[flavour].title, FLAVOURS[flavour].numbers
     for letter, number in _WORD.findall(_EXPRESSION.sub("0", command.rest)):
         if letter not in letters or _GOOD.fullmatch(number) or (command.code, letter) in _FLAGS:
             continue

@@ -15,6 +15,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic
+from printer_slicer.firmware import FIRMWARES
 from printer_slicer.gcode import Moves
 from printer_slicer.gcode.commands import Effect, heater_of, names_that
 from printer_slicer.gcode.lexer import LintCommand
@@ -72,11 +73,11 @@ class Readiness:
     """Whether homing and heating precede the moves: takes all commands of a job first, then its moves in batches.
 
     Args:
-        flavour: of the firmware; Klipper does not move before homing, others may lift the nozzle slightly.
+        flavour: of the firmware; where it moves before homing, a slight lift of the nozzle is no fault.
     """
 
     def __init__(self, flavour: str = "marlin") -> None:
-        self._may_lift = flavour != "klipper"
+        self._may_lift = FIRMWARES[flavour].moves_unhomed
         self._homed: set[str] = set()
         self._axes, self._heat = _Track(), _Track()
         self._cooling = 0.0

@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import Final
 
 from printer_slicer.diagnostics import Diagnostic, Severity
-from printer_slicer.gcode import FLAVOURS, Moves, pieces_of
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode import Moves, pieces_of
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand, read_commands
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from printer_slicer.firmware.dialect import SetsLimits
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Printer
@@ -76,12 +77,8 @@ def _limits(command: LintCommand, printer: Printer) -> Said | None:
     worst: tuple[float, str] = (1.0, "")
     for letter, asked, most in _asked_limits(command, printer):
         if command.code == "M203" and 0 < asked < most / _FAR:
-            unit = (
-                "the firmware expects mm/min"
-                if printer.flavour == "reprapfirmware"
-                else "the firmware expects mm/s"
-            )
-            return True, f"{letter} {asked:.3g} mm/s, the profile has {most:g}; {unit}"
+            unit = "mm/min" if _per_minute(command, printer) else "mm/s"
+            return True, f"{letter} {asked:.3g} mm/s, the profile has {most:g}; the firmware expects {unit}"
         if most > 0 and asked / most > worst[0] * 1.001:
             worst = (asked / most, f"{letter} {asked:g}, the profile has {most:g}")
     return (worst[0] > _FAR, worst[1]) if worst[1] else None
@@ -89,34 +86,39 @@ def _limits(command: LintCommand, printer: Printer) -> Said | None:
 
 def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, float, float]]:
     """Letter, asked for, and the profile's, mm and s."""
-    rrf = printer.flavour == "reprapfirmware"
     axes = "xyze"
-    known: dict[str, tuple[dict[str, float], float]] = {
-        "M201": ({axis: getattr(printer, f"max_acceleration_{axis}") for axis in axes}, 1.0),
-        "M203": ({axis: getattr(printer, f"max_speed_{axis}") for axis in axes}, _MINUTE if rrf else 1.0),
-        "M204": (
-            {
-                "s": max(printer.acceleration, printer.travel_acceleration),
-                "p": printer.acceleration,
-                "t": printer.travel_acceleration,
-                "r": printer.retract_acceleration,
-            },
-            1.0,
-        ),
-        "M205": (_corners(printer), 1.0),
-        "M566": (_corners(printer), _MINUTE),
-        "SET_VELOCITY_LIMIT": (
-            {"accel": printer.acceleration, "velocity": max(printer.max_speed_x, printer.max_speed_y)},
-            1.0,
-        ),
+    known: dict[str, dict[str, float]] = {
+        "M201": {axis: getattr(printer, f"max_acceleration_{axis}") for axis in axes},
+        "M203": {axis: getattr(printer, f"max_speed_{axis}") for axis in axes},
+        "M204": {
+            "s": max(printer.acceleration, printer.travel_acceleration),
+            "p": printer.acceleration,
+            "t": printer.travel_acceleration,
+            "r": printer.retract_acceleration,
+        },
+        "M205": _corners(printer),
+        "M566": _corners(printer),
+        "SET_VELOCITY_LIMIT": {
+            "accel": printer.acceleration,
+            "velocity": max(printer.max_speed_x, printer.max_speed_y),
+        },
     }
-    if command.code not in known or (printer.flavour == "repetier" and command.code not in {"M201"}):
+    reads = printer.firmware.dialect.reads
+    if command.code not in known or reads.get(command.code, ...) is None:
         return []
-    values, unit = known[command.code]
+    unit = _MINUTE if _per_minute(command, printer) else 1.0
     given = {name: max(numbers) for name, numbers in command.words.items() if numbers} | command.settings
     return [
-        (name, given[name.upper()] / unit, most) for name, most in values.items() if name.upper() in given
+        (name, given[name.upper()] / unit, most)
+        for name, most in known[command.code].items()
+        if name.upper() in given
     ]
+
+
+def _per_minute(command: LintCommand, printer: Printer) -> bool:
+    """Whether the numbers of a command are per minute: M566 everywhere, others as the printer's firmware reads them."""
+    meaning = printer.firmware.dialect.reads.get(command.code)
+    return command.code == "M566" or (isinstance(meaning, SetsLimits) and meaning.scale != 1.0)
 
 
 def _corners(printer: Printer) -> dict[str, float]:

@@ -16,7 +16,7 @@ from benchmarks.peers import Part, find_peers
 from printer_slicer.cli import main
 from printer_slicer.diagnostics import NAMES, Diagnostic, check_names, insist, remedy_of
 from printer_slicer.errors import PolicyError, PortError, UsageError
-from printer_slicer.gcode import FLAVOURS
+from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.inspection.lint.letter_case import lower_case_fault

@@ -1,0 +1,93 @@
+"""Klipper.
+
+Sources: Klipper's documents, "G-Codes": SET_VELOCITY_LIMIT, SET_PRESSURE_ADVANCE, SET_RETRACTION
+([firmware_retraction]), M73 ([display_status]), PAUSE and RESUME ([pause_resume]), SET_GCODE_OFFSET,
+SET_KINEMATIC_POSITION ([force_move]), EXCLUDE_OBJECT; "Kinematics"; gcode.py (it turns a line into capitals before it
+reads it) and gcode_move.py. It has no M206.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.firmware.dialect import Dialect, NumberReading, SetsAccelerations, SetsRetraction
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.texts import number
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Printer
+
+__all__ = ["KLIPPER"]
+
+_ADVICE: Final = (
+    "Klipper checks neither number nor checksum of a line: a damaged one is executed as it arrives, and it plans better"
+    " from a file. Upload the job to it instead, if you can"
+)
+_REJECTS: Final = "rejects the whole line"
+
+
+def _limits(printer: Printer) -> list[str]:
+    """The limits of z and extruder are part of Klipper's own configuration."""
+    acceleration, corner = number(printer.acceleration), number(printer.square_corner_velocity)
+    return [
+        f"SET_VELOCITY_LIMIT ACCEL={acceleration} SQUARE_CORNER_VELOCITY={corner}",
+        f"SET_VELOCITY_LIMIT MINIMUM_CRUISE_RATIO={number(printer.minimum_cruise_ratio)}",
+    ]
+
+
+def _retraction(printer: Printer) -> list[str]:
+    """Mm and mm/s."""
+    length, back = number(printer.retract_length), number(printer.retract_speed)
+    extra = number(printer.deretract_extra)
+    return [
+        f"SET_RETRACTION RETRACT_LENGTH={length} RETRACT_SPEED={back}",
+        f"SET_RETRACTION UNRETRACT_EXTRA_LENGTH={extra} UNRETRACT_SPEED={number(printer.deretract_speed)}",
+    ]
+
+
+KLIPPER: Final = Firmware(
+    title="Klipper",
+    dialect=Dialect(
+        limits=_limits,
+        acceleration=lambda value: f"SET_VELOCITY_LIMIT ACCEL={number(value)}",
+        pause="PAUSE",
+        pressure_advance=lambda seconds: f"SET_PRESSURE_ADVANCE ADVANCE={number(seconds)}",
+        retraction=_retraction,
+        progress=lambda percent, _minutes: f"M73 P{percent}",
+        labels="exclude_object",
+        counting="either",
+        home_offset="never",
+        extended_commands=True,
+        any_case=True,
+        numbers=NumberReading(_REJECTS, "ignores the word", _REJECTS),
+        reads={
+            "SET_RETRACTION": SetsRetraction(
+                ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
+            ),
+            "SET_VELOCITY_LIMIT": SetsAccelerations({("ACCEL",): ("printing", "travel", "retract")}),
+        },
+    ),
+    wire={
+        "klipper": WireDialect(
+            title="Klipper",
+            pattern=r"Klipper",
+            request=(),
+            sequence=False,
+            longest=200,
+            places=20,
+            most=1,
+            advice=_ADVICE,
+        ),
+    },
+    # It plans about a second ahead, which is never fewer moves than this.
+    planner_blocks=1000,
+    one_acceleration=True,
+    ends_beyond=True,
+    moves_unhomed=False,
+    resume=b"RESUME",
+    baby_step=lambda mm: b"SET_GCODE_OFFSET Z_ADJUST=%.3f MOVE=1" % mm,
+    set_z=lambda mm: b"SET_KINEMATIC_POSITION Z=%s" % number(mm).encode(),
+    cancel_object=lambda name: b"EXCLUDE_OBJECT NAME=%s" % name.encode(),
+    prusaslicer="klipper",
+)

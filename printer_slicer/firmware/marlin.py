@@ -1,0 +1,50 @@
+"""Marlin 2.
+
+Sources: marlinfw.org, "G-code index": M73, M110, M201, M203, M204, M205, M207, M208, M290, M410, M900; its sources:
+BLOCK_BUFFER_SIZE of Configuration_adv.h, queue.cpp, `GCodeParser::parse` and `valid_float`, gcode.h (M82).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.firmware.dialect import Dialect, marlin_limits, retraction_lines
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import MARLIN_REQUEST, WireDialect
+from printer_slicer.texts import number
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Printer
+
+__all__ = ["MARLIN"]
+
+
+def _limits(printer: Printer) -> list[str]:
+    """Corners as the profile has them."""
+    jerk = printer.corner == "jerk"
+    return marlin_limits(printer, "" if jerk else f"M205 J{number(printer.junction_deviation)} ; mm")
+
+
+MARLIN: Final = Firmware(
+    title="Marlin",
+    dialect=Dialect(
+        limits=_limits,
+        acceleration=lambda value: f"M204 P{number(value)}",
+        pause="M0",
+        pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
+        retraction=retraction_lines,
+        progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
+    ),
+    wire={
+        "marlin_2_1_3": WireDialect(
+            title="Marlin 2.1.3 and later",
+            pattern=r"Marlin (?:bugfix-)?2\.(?:1\.(?:[3-9]|[12]\d)|[2-9])",
+            request=MARLIN_REQUEST,
+            counts=True,
+        ),
+        "marlin": WireDialect(title="Marlin 2", pattern=r"", request=MARLIN_REQUEST),
+    },
+    planner_blocks=16,
+    quick_stop=True,
+    prusaslicer="marlin2",
+)

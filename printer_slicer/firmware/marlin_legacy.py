@@ -1,0 +1,33 @@
+"""Marlin 1.1: jerk instead of junction deviation, progress without the time left, objects not cancelled by M486.
+
+Sources: marlinfw.org, "G-code index" (which version brought what); Marlin 1.1's sources: M204 and M205,
+Marlin_main.cpp (M82 and G91), BLOCK_BUFFER_SIZE of Configuration_adv.h.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from printer_slicer.firmware.dialect import Dialect, marlin_limits, retraction_lines
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import MARLIN_REQUEST, WireDialect
+from printer_slicer.texts import number
+
+__all__ = ["MARLIN_LEGACY"]
+
+MARLIN_LEGACY: Final = Firmware(
+    title="Marlin",
+    dialect=Dialect(
+        limits=marlin_limits,
+        acceleration=lambda value: f"M204 P{number(value)}",
+        pause="M0",
+        pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
+        retraction=retraction_lines,
+        progress=lambda percent, _minutes: f"M73 P{percent}",
+        counting="either",
+    ),
+    wire={"marlin_1": WireDialect(title="Marlin 1.1", pattern=r"Marlin V?1\.", request=MARLIN_REQUEST)},
+    planner_blocks=16,
+    quick_stop=True,
+    prusaslicer="marlin",
+)

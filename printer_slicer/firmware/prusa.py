@@ -1,0 +1,43 @@
+"""Prusa's own firmware, MK3 and later: the limits of Marlin 1.1, progress for both of its modes.
+
+Sources: Prusa-Firmware's list of commands (M73 P R for the normal mode, Q S for the silent one, M201 to M205, M207,
+M208, M601, M602, M900; G90: "E axis is left intact"), its cmdqueue.cpp and `code_value`, BLOCK_BUFFER_SIZE of
+Configuration_adv.h; Prusa-Firmware-Buddy's list of commands.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from printer_slicer.firmware.dialect import STRTOD_NUMBERS, Dialect, marlin_limits, retraction_lines
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import MARLIN_REQUEST, WireDialect
+from printer_slicer.texts import number
+
+__all__ = ["PRUSA"]
+
+PRUSA: Final = Firmware(
+    title="Prusa's firmware",
+    dialect=Dialect(
+        limits=marlin_limits,
+        acceleration=lambda value: f"M204 P{number(value)}",
+        pause="M601",
+        pressure_advance=lambda seconds: f"M900 K{number(seconds)}",
+        retraction=retraction_lines,
+        progress=lambda percent, minutes: f"M73 Q{percent} S{minutes} P{percent} R{minutes}",
+        labels="m486",
+        counting="apart",
+        numbers=STRTOD_NUMBERS,
+    ),
+    wire={
+        "prusa": WireDialect(
+            title="Prusa MK3",
+            pattern=r"Prusa-Firmware(?!-Buddy)",
+            request=MARLIN_REQUEST,
+            strays="refused",
+        ),
+    },
+    planner_blocks=16,
+    quick_stop=True,
+    resume=b"M602",
+)

@@ -1,0 +1,68 @@
+"""Repetier-Firmware: accelerations by M201 (printing) and M202 (travelling), jerk by M207; M203 to M206 are others.
+
+Retraction lengths and the greatest speeds are part of its EEPROM, which M206 writes; M233 (pressure advance) counts in
+units of its own.
+
+Sources: the list of commands in Repetier-Firmware's sources (Repetier.ino, version 1), gcode.cpp (`GCode::parseAscii`
+takes letters of either case, `parseFloatValue`), PRINTLINE_CACHE_SIZE of Configuration.h; its documentation of G-codes;
+Repetier-Server's manual on `@pause`, which the host obeys.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.firmware.dialect import STRTOD_NUMBERS, Dialect, SetsAccelerations, SetsLimits
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.texts import number
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Printer
+
+__all__ = ["REPETIER"]
+
+
+def _limits(printer: Printer) -> list[str]:
+    """The greatest speeds are part of its EEPROM."""
+    lines = []
+    for code, asked in (("M201", printer.acceleration), ("M202", printer.travel_acceleration)):
+        x, y = min(asked, printer.max_acceleration_x), min(asked, printer.max_acceleration_y)
+        lines.append(f"{code} X{number(x)} Y{number(y)} ; mm/s^2")
+    jerks = f"X{number(printer.jerk_xy)} Z{number(printer.jerk_z)} E{number(printer.jerk_e)}"
+    return [*lines, f"M207 {jerks} ; mm/s"]
+
+
+REPETIER: Final = Firmware(
+    title="Repetier",
+    dialect=Dialect(
+        limits=_limits,
+        acceleration=lambda value: f"M201 X{number(value)} Y{number(value)}",
+        pause="@pause",
+        counting="either",
+        home_offset="never",
+        any_case=True,
+        numbers=STRTOD_NUMBERS,
+        reads={
+            "M201": SetsAccelerations({("X", "Y"): ("printing",)}),
+            "M202": SetsAccelerations({("X", "Y"): ("travel",)}),
+            "M203": None,
+            "M204": None,
+            "M205": None,
+            "M207": SetsLimits("M205", {"X": "XY", "Z": "Z", "E": "E"}),
+            "M208": None,
+        },
+    ),
+    wire={
+        "repetier": WireDialect(
+            title="Repetier",
+            pattern=r"Repetier",
+            request=("Error:expected line 7 got 9", "", "Resend:7", "ok"),
+            strays="refused",
+            ok_when_read=True,
+            places=2,
+        ),
+    },
+    planner_blocks=16,
+    prusaslicer="repetier",
+)

@@ -1,0 +1,85 @@
+"""RepRapFirmware of Duet boards: speeds and jerks in mm/min, pressure advance by M572.
+
+Sources: Duet3D's G-code dictionary: "Line numbers and checksums", G10, G53, M24, M73, M201, M203, M204, M207, M226,
+M290, M566, M568, M572, M595 (a ring of 40 moves on the Duet 2; later boards have more); `StringParser.cpp` (letters of
+either case, CheckNumberFound).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.firmware.dialect import Dialect, NumberReading, SetsLimits, axes_line, jerk_line
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.texts import number
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Printer
+
+__all__ = ["REPRAPFIRMWARE"]
+
+_ADVICE: Final = (
+    "RepRapFirmware drops a damaged line without a word: one line at a time is sent, and a missing answer is cleared up"
+    " by asking for the position"
+)
+_REJECTS: Final = "rejects the whole line"
+_MINUTE: Final = 60.0
+
+
+def _limits(printer: Printer) -> list[str]:
+    """Moves of the extruder alone go by M201 E."""
+    print_, travel = number(printer.acceleration), number(printer.travel_acceleration)
+    return [
+        f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
+        f"{axes_line('M203', printer, 'max_speed', _MINUTE)} ; mm/min",
+        f"M204 P{print_} T{travel} ; mm/s^2",
+        f"{jerk_line('M566', printer, _MINUTE)} ; mm/min",
+    ]
+
+
+def _retraction(printer: Printer) -> list[str]:
+    """M207 holds both ways; F and T in mm/min."""
+    back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
+    return [
+        f"M207 S{number(printer.retract_length)} R{number(printer.deretract_extra)} F{back} T{forward} Z0"
+    ]
+
+
+REPRAPFIRMWARE: Final = Firmware(
+    title="RepRapFirmware",
+    dialect=Dialect(
+        limits=_limits,
+        acceleration=lambda value: f"M204 P{number(value)}",
+        pause="M226",
+        pressure_advance=lambda seconds: f"M572 D0 S{number(seconds)}",
+        retraction=_retraction,
+        progress=lambda percent, minutes: f"M73 P{percent} R{minutes}",
+        labels="m486_quoted",
+        m486="m486_quoted",
+        counting="apart",
+        machine_coordinates=True,
+        tool_temperatures=True,
+        any_case=True,
+        numbers=NumberReading(_REJECTS, _REJECTS, "reads only the valid part at its start"),
+        reads={"M203": SetsLimits("M203", scale=1 / _MINUTE), "M566": SetsLimits("M205", scale=1 / _MINUTE)},
+    ),
+    wire={
+        "reprapfirmware": WireDialect(
+            title="RepRapFirmware",
+            pattern=r"RepRapFirmware",
+            request=("rs 7",),
+            checksum="crc16",
+            sequence=False,
+            longest=160,
+            places=1,
+            most=1,
+            advice=_ADVICE,
+        ),
+    },
+    planner_blocks=40,
+    ends_beyond=True,
+    resume=b"M24",
+    baby_step=lambda mm: b"M290 S%.3f" % mm,
+    prusaslicer="reprapfirmware",
+)

@@ -1,0 +1,63 @@
+"""Smoothieware: one acceleration (M204 S), junction deviation by M205 X, limits of the extruder apart.
+
+Sources: smoothieware.org, "Supported G-codes", and the comments in what M503 answers; its sources: GcodeDispatch.cpp,
+`Gcode::get_value`, Endstops.cpp (M206 in mm even after G20, applied at the next homing), planner_queue_size.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from printer_slicer.firmware.dialect import (
+    STRTOD_NUMBERS,
+    Dialect,
+    SetsAccelerations,
+    SetsLimits,
+    retraction_lines,
+)
+from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.texts import number
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Printer
+
+__all__ = ["SMOOTHIE"]
+
+
+def _limits(printer: Printer) -> list[str]:
+    """The accelerations of single axes are part of its configuration."""
+    speeds = " ".join(f"{axis.upper()}{number(getattr(printer, f'max_speed_{axis}'))}" for axis in "xyz")
+    return [
+        f"M203 {speeds} ; mm/s",
+        f"M203 E{number(printer.max_speed_e)} ; mm/s",
+        f"M204 S{number(printer.acceleration)} ; mm/s^2",
+        f"M204 E{number(printer.retract_acceleration)} ; mm/s^2",
+        f"M205 X{number(printer.junction_deviation)} ; mm",
+    ]
+
+
+SMOOTHIE: Final = Firmware(
+    title="Smoothieware",
+    dialect=Dialect(
+        limits=_limits,
+        acceleration=lambda value: f"M204 S{number(value)}",
+        pause="M600",
+        retraction=retraction_lines,
+        home_offset="when homed",
+        machine_coordinates=True,
+        numbers=STRTOD_NUMBERS,
+        reads={
+            "M204": SetsAccelerations({("S",): ("printing", "travel"), ("E",): ("retract",)}),
+            "M205": SetsLimits("M205", {"X": "J"}),
+        },
+    ),
+    wire={
+        "smoothie": WireDialect(
+            title="Smoothie", pattern=r"Smoothie", request=("rs N7",), longest=120, places=1
+        )
+    },
+    planner_blocks=32,
+    one_acceleration=True,
+    prusaslicer="smoothie",
+)

@@ -1,0 +1,88 @@
+"""The rows of firmwares agree with each other, with the settings and with the simulated printers."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+import printer_slicer
+from printer_slicer.firmware import (
+    FIRMWARES,
+    UNKNOWN_WIRE,
+    WIRE_DIALECTS,
+    Flavour,
+    flavour_of,
+    wire_dialect_of,
+)
+from printer_slicer.gcode.commands import TABLE, Effect
+from printer_slicer.gcode.labels import LABEL_WORDS
+from printer_slicer.gcode.lexer import extended, parse
+from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.stream.replies import Identity, read_reply
+
+
+def test_the_names_of_flavours_are_those_of_the_table() -> None:
+    assert set(get_args(Flavour)) == set(FIRMWARES)
+
+
+def test_every_wire_dialect_belongs_to_one_firmware() -> None:
+    names = [name for firmware in FIRMWARES.values() for name in firmware.wire]
+
+    assert sorted(names) == sorted(WIRE_DIALECTS)
+    assert {flavour_of(dialect) for dialect in WIRE_DIALECTS.values()} == set(FIRMWARES)
+    assert [name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.pattern, "")] == [
+        UNKNOWN_WIRE
+    ]
+    assert list(WIRE_DIALECTS)[-1] == UNKNOWN_WIRE
+
+
+@pytest.mark.parametrize("name", [name for name in FRONT_ENDS if name != "octoprint virtual"])
+def test_a_simulated_printer_is_taken_for_what_it_is(name: str) -> None:
+    front_end = FRONT_ENDS[name]
+    said = front_end.identity.format(name=front_end.name, tools=1).encode()
+    [firmware] = [reply.firmware for reply in read_reply(said) if isinstance(reply, Identity)]
+
+    assert flavour_of(WIRE_DIALECTS[wire_dialect_of(firmware)]) == front_end.flavour
+
+
+@pytest.mark.parametrize("name", FIRMWARES)
+def test_what_a_row_says_can_be_read(name: str) -> None:
+    dialect, firmware = FIRMWARES[name].dialect, FIRMWARES[name]
+    pause = (
+        parse(dialect.pause.encode())[0]
+        or extended(dialect.pause.encode())[0]
+        or dialect.pause.upper().encode()
+    )
+
+    assert {dialect.labels, dialect.m486} <= set(LABEL_WORDS)
+    assert TABLE[pause].effect & Effect.WAITS_FOR_PERSON
+    assert b"0.150" in firmware.baby_step(0.15)
+    assert firmware.cancel_object is None or b"left_one" in firmware.cancel_object("left_one")
+    assert firmware.set_z is None or firmware.set_z(12.5).endswith(b"12.5")
+
+
+def test_no_two_firmwares_have_one_name_in_prusaslicer() -> None:
+    names = [firmware.prusaslicer for firmware in FIRMWARES.values() if firmware.prusaslicer]
+
+    assert len(set(names)) == len(names)
+
+
+# What a person types or another program writes is not knowledge about a firmware.
+_NAME_FIRMWARES = {"cli/arguments.py", "importing/printers.py", "importing/cura_names.py"}
+
+
+def test_no_other_room_decides_by_the_name_of_a_firmware() -> None:
+    product = Path(printer_slicer.__file__).parent
+    names = set(FIRMWARES) - {"marlin"}  # the default of some arguments
+
+    found = {
+        path.relative_to(product).as_posix()
+        for path in product.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in names
+    }
+    assert {name for name in found if not name.startswith(("firmware/", "sim/"))} <= _NAME_FIRMWARES
