@@ -1,10 +1,15 @@
-"""How many examples a property tries that takes longer than others."""
+"""How much of what a test could try belongs in `just check`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import Any
+
+import pytest
 from hypothesis import settings
 
-__all__ = ["examples"]
+__all__ = ["crossed", "examples", "few_of"]
 
 _USUAL = 25
 """Examples of a property in `just check`, as `conftest.py` sets them."""
@@ -13,3 +18,22 @@ _USUAL = 25
 def examples(few: int) -> int:
     """So many in `just check`, and in `just thorough` more by the same ratio as for all others."""
     return max(few * settings.default.max_examples // _USUAL, few) if settings.default else few
+
+
+def crossed(*axes: Iterable[Any]) -> list[Any]:
+    """All combinations of these values; in `just check` no more than it takes for every value to occur."""
+    values = [list(axis) for axis in axes]
+    longest = max(len(axis) for axis in values)
+    kept = {tuple(i % len(axis) for axis in values) for i in range(longest)}
+    return [
+        pytest.param(
+            *(axis[i] for axis, i in zip(values, place, strict=True)),
+            marks=[] if place in kept else [pytest.mark.thorough],
+        )
+        for place in product(*(range(len(axis)) for axis in values))
+    ]
+
+
+def few_of(cases: Sequence[Any], kept: int) -> list[Any]:
+    """All cases; in `just check` the first ones only."""
+    return [*cases[:kept], *(pytest.param(case, marks=pytest.mark.thorough) for case in cases[kept:])]

@@ -17,6 +17,7 @@ from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile
 from tests.csg import csg_shape
+from tests.effort import crossed, few_of
 from tests.parts import box, cone, joined
 
 SEEDS = [9, 18, 22, 28, 29, 51]
@@ -105,7 +106,7 @@ def overhang(check: Check, reach: float) -> Areas:
     return difference(solid, offset(solid.raised(1), reach))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", few_of(SEEDS, 2))
 def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
     check = checked(seed)
 
@@ -113,8 +114,7 @@ def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
     assert [(one.layer, one.message) for one in own(check)] == []
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("seed", SEEDS[:3])
+@pytest.mark.parametrize(("fault", "seed"), crossed(FAULTS, SEEDS[:3]))
 def test_planted_faults_are_found_in_the_middle_and_near_the_tips(fault: str, seed: int) -> None:
     mesh, text = sliced(seed)
     area = checked(seed).coverage.sections.area()
@@ -159,7 +159,10 @@ def test_a_pin_as_thick_as_three_beads_is_held_to_account(fault: str) -> None:
     assert any(8 in one.in_layers for one in check.findings)
 
 
-@pytest.mark.parametrize(("heights", "turn"), [("draft", 0.0), ("fine", 0.5), ("adaptive", 0.3)])
+@pytest.mark.parametrize(
+    ("heights", "turn"),
+    [("draft", 0.0), *(pytest.param(*case, marks=pytest.mark.thorough) for case in [("fine", 0.5), ("adaptive", 0.3)])],
+)
 def test_pins_and_cones_that_end_in_nothing_pass(heights: str, turn: float) -> None:
     profile = load_profile(quality=heights)
     tips = [

@@ -20,6 +20,7 @@ from printer_slicer.perimeters import lay_walls
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
+from tests.effort import crossed, examples
 from tests.parts import (
     box,
     box_with_hole,
@@ -211,7 +212,7 @@ def test_points_near_a_surface_are_solid_and_points_far_from_all_are_not(
     check_shell(sections, walls, regions, 0.8, 0.6)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=examples(8))
 @given(
     seed=st.integers(0, 999),
     top=st.integers(1, 150),
@@ -342,10 +343,12 @@ def depth_of_walls(plan: LayerPlan, perimeters: int) -> np.ndarray[Any, np.dtype
     return WIDTH / 2 + (perimeters - 0.5) * np.asarray(bead.spacing(WIDTH, plan.height))
 
 
-@pytest.mark.parametrize("perimeters", [1, 2, 3])
-@pytest.mark.parametrize("thickness", [0.4, 0.8, 1.2])
-@pytest.mark.parametrize("degrees", [8, 15, 25, 35, 45, 55, 62, 68, 74, 80, 86])
-@pytest.mark.parametrize("share", [0.0, 0.6, 0.9, 1.0])
+@pytest.mark.parametrize(
+    ("share", "degrees", "thickness", "perimeters"),
+    crossed(
+        [0.0, 0.6, 0.9, 1.0], [8, 15, 25, 35, 45, 55, 62, 68, 74, 80, 86], [0.4, 0.8, 1.2, 0.8], [1, 2, 3]
+    ),
+)
 def test_slopes_of_every_angle_keep_walls_or_skins_across_them(
     share: float, degrees: float, thickness: float, perimeters: int
 ) -> None:

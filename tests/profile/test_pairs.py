@@ -1,17 +1,20 @@
 """Every pair of shipped profiles that makes sense slices a small part and prints it on the simulated printer.
 
-All printers with all qualities of PLA, and with all materials of standard quality. The simulated printer has the
-flavour, the bed and the limits of the profile.
+All printers with all qualities of PLA, and with all materials of standard quality; in `just check` each printer with
+one of these pairs, a different one than the printer before. The simulated printer has the flavour, the bed and the
+limits of the profile.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import cache
+from pathlib import Path
 
 import pytest
 from parts import step_pyramid
 
-from printer_slicer import Job, dry_run, job_of, load_profile
+from printer_slicer import Job, dry_run, job_from, job_of, load_profile
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import KINDS, Profile, profile_paths
 
@@ -43,16 +46,55 @@ def job(printer: str) -> tuple[Job, Profile]:
     return job_of(PART, profile), profile
 
 
-@pytest.mark.parametrize("printer", PRINTERS)
-def test_a_printer_prints_every_quality_and_every_material(printer: str) -> None:
-    for names, profile in pairs(printer).items():
-        if isinstance(profile, ProfileError):
-            continue
-        verdict = dry_run(job_of(PART, profile), profile)
+def prints(profile: Profile, folder: Path) -> None:
+    """Assert that a part is printed as intended, and that its file holds nothing that must be allowed."""
+    made = job_of(PART, profile)
+    file = folder / "part.gcode"
+    file.write_bytes(made.text)
+    verdict = dry_run(made, profile)
 
-        assert verdict.problems == (), names
-        assert verdict.identical, names
-        assert verdict.heights_equal, names
+    assert verdict.problems == ()
+    assert verdict.ok
+    assert verdict.identical
+    assert verdict.heights_equal
+    assert verdict.report.peak_hotend <= profile.printer.max_nozzle_temperature + 1
+    assert verdict.report.peak_bed <= profile.printer.max_bed_temperature + 1
+    assert made.findings == ()
+    assert job_from(file, profile).findings == ()
+
+
+@cache
+def turns() -> dict[str, tuple[str, str]]:
+    """For each printer the pair that the fewest before it have had, and of these what the fewest go with."""
+    good = {
+        printer: [names for names, one in pairs(printer).items() if isinstance(one, Profile)]
+        for printer in PRINTERS
+    }
+    rare = Counter(names for some in good.values() for names in some)
+    had: Counter[tuple[str, str]] = Counter()
+    found: dict[str, tuple[str, str]] = {}
+    for printer, some in good.items():
+        found[printer] = min(some, key=lambda names: (had[names], rare[names]))
+        had[found[printer]] += 1
+    return found
+
+
+@pytest.mark.parametrize("printer", PRINTERS)
+def test_a_printer_prints_one_of_its_pairs(printer: str, tmp_path: Path) -> None:
+    prints(load_profile(printer, *turns()[printer], QUICK), tmp_path)
+
+
+def test_every_quality_and_every_material_has_its_turn() -> None:
+    assert {material for material, _ in turns().values()} == set(MATERIALS)
+    assert {quality for _, quality in turns().values()} == set(QUALITIES)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("printer", PRINTERS)
+def test_a_printer_prints_every_quality_and_every_material(printer: str, tmp_path: Path) -> None:
+    for profile in pairs(printer).values():
+        if not isinstance(profile, ProfileError):
+            prints(profile, tmp_path)
 
 
 @pytest.mark.parametrize("printer", PRINTERS)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.cli.verdicts import verdict_facts
-from printer_slicer.errors import ProfileError, VerificationError
+from printer_slicer.errors import VerificationError
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.judging import Verdict
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
@@ -21,29 +21,16 @@ from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
-from printer_slicer.profile import Profile, load_profile, profile_paths, profile_with
+from printer_slicer.profile import Profile, load_profile, profile_with
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.events import Accepted, Event, Finished, Identified
 
 PARTS = Path(__file__).parents[3] / "sample_parts"
 PROFILE = load_profile("marlin_220", "pla", "standard")
-COMBINATIONS = [
-    *((printer, "pla", "standard") for printer in profile_paths("printer")),
-    *(("marlin_220", material, "standard") for material in profile_paths("material")),
-    *(("marlin_220", "pla", quality) for quality in profile_paths("quality")),
-]
 READY = "M104 S210\nG28\nM109 S210\nG90\nM83\n"
 """What a file needs so that it may move and extrude."""
 DONE = "M104 S0\n"
 """And what it needs so that nothing stays hot."""
-
-
-def loaded(names: tuple[str, str, str]) -> Profile | None:
-    """The profile of three shipped parts, None where they contradict each other."""
-    try:
-        return load_profile(*names)
-    except ProfileError:
-        return None
 
 
 def scaled(folder: Path, x: float, y: float, z: float) -> Path:
@@ -62,21 +49,6 @@ def rehearsed(folder: Path, text: str | bytes, profile: Profile = PROFILE) -> Ve
 
 
 # Parts that are sliced here
-
-
-@pytest.mark.parametrize("names", [names for names in COMBINATIONS if loaded(names)], ids="-".join)
-def test_every_shipped_profile_prints_a_small_part_on_its_own_machine(
-    names: tuple[str, str, str], tmp_path: Path
-) -> None:
-    profile = load_profile(*names)
-    verdict = dry_run(job_from(scaled(tmp_path, 5, 5, 2), profile), profile)
-
-    assert verdict.problems == ()
-    assert verdict.ok
-    assert verdict.identical
-    assert verdict.heights_equal
-    assert verdict.report.peak_hotend <= profile.printer.max_nozzle_temperature + 1
-    assert verdict.report.peak_bed <= profile.printer.max_bed_temperature + 1
 
 
 @pytest.mark.parametrize("name", ["cone", "bridge", "sheared_prism"])
