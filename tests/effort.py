@@ -29,9 +29,16 @@ def crossed(*axes: Iterable[Any]) -> list[Any]:
         pytest.param(
             *(axis[i] for axis, i in zip(values, place, strict=True)),
             marks=[] if place in kept else [pytest.mark.thorough],
+            id="-".join(names) if all(names) else None,
         )
         for place in product(*(range(len(axis)) for axis in values))
+        for names in [[_name(axis[i]) for axis, i in zip(values, place, strict=True)]]
     ]
+
+
+def _name(value: Any) -> str:
+    """What a value is called in the name of a test, "" where pytest knows better."""
+    return str(value) if isinstance(value, (str, int, float)) else str(getattr(value, "name", ""))
 
 
 def few_of(cases: Sequence[Any], kept: int) -> list[Any]:

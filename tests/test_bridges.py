@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
+from tests.effort import crossed, few_of
 from tests.parts import box, joined, plain, prism, shape, shapely
 
 SPACING = np.array([0.45])
@@ -199,11 +201,10 @@ def threads_of(stages: Stages, width: float) -> tuple[int, list[Float]]:
     return layer, [paths.path(i) for i in whole]
 
 
-@pytest.mark.parametrize("engine", list(ENGINES))
-@pytest.mark.parametrize("thick", [True, False])
-@pytest.mark.parametrize("name", ROOMS)
-def test_threads_begin_and_end_in_the_wall_and_turn_beside_it(name: str, thick: bool, engine: str) -> None:
+@pytest.mark.parametrize(("name", "how"), crossed(ROOMS, list(product([True, False], ENGINES))))
+def test_threads_begin_and_end_in_the_wall_and_turn_beside_it(name: str, how: tuple[bool, str]) -> None:
     """No wall here meets the threads at less than 26°; beside such walls beads of their own lie along it."""
+    thick, engine = how
     wanted = plain(infill_density=0.15, layer_height=0.2, thick_bridges=thick)
     with using_engine(engine):
         stages = slice_stages(lid_over(ROOMS[name], 1.2), wanted)
@@ -245,7 +246,7 @@ def bare_beam(thickness: float, degrees: float) -> float:
     return float(coverage.uncovered.area()[10])
 
 
-@pytest.mark.parametrize("thickness", [2.6, 3.0, 3.6])
+@pytest.mark.parametrize("thickness", few_of([3.0, 2.6, 3.6], 1))
 def test_narrow_strips_are_as_full_however_they_are_turned(thickness: float) -> None:
     """Rows a few degrees off their sides would leave them half empty."""
     straight = bare_beam(thickness, 0)

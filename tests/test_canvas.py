@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from PIL import Image
 
 from printer_slicer.drawing import check_picture, picture_bytes
@@ -35,7 +35,6 @@ def dark(shapes: list[Any]) -> Any:
     return 1 - pixels(Picture(300, 200, tuple(shapes)))[:, :, 0] / 255.0
 
 
-@settings(max_examples=20, deadline=None)
 @given(clean_areas(1))
 def test_areas_are_painted_as_large_as_they_are_holes_left_out(areas: Areas) -> None:
     rings = tuple(4 * ring + (150, 100) for ring in areas.rings(0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.compensation import compensated
@@ -65,7 +65,6 @@ def test_thin_walls_keep_their_foot() -> None:
     assert made.solid.area() == pytest.approx([10], abs=1e-2)
 
 
-@settings(deadline=None, max_examples=30)
 @given(solid=clean_areas(2), by=st.floats(0.01, 0.4))
 def test_growing_covers_and_shrinking_is_covered(solid: Areas, by: float) -> None:
     grown = compensated(sections(solid), plain(xy_compensation=by, hole_compensation=-by)).solid

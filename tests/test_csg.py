@@ -161,7 +161,10 @@ def test_a_pin_as_thick_as_three_beads_is_held_to_account(fault: str) -> None:
 
 @pytest.mark.parametrize(
     ("heights", "turn"),
-    [("draft", 0.0), *(pytest.param(*case, marks=pytest.mark.thorough) for case in [("fine", 0.5), ("adaptive", 0.3)])],
+    [
+        ("draft", 0.0),
+        *(pytest.param(*case, marks=pytest.mark.thorough) for case in [("fine", 0.5), ("adaptive", 0.3)]),
+    ],
 )
 def test_pins_and_cones_that_end_in_nothing_pass(heights: str, turn: float) -> None:
     profile = load_profile(quality=heights)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -68,7 +68,6 @@ def test_a_circle_becomes_three_arcs_about_its_middle(radius: float, way: int) -
     assert np.hypot(*after.xy.T) == pytest.approx(radius, rel=1e-4)
 
 
-@settings(deadline=None, max_examples=80)
 @given(
     seed=st.integers(0, 10**6), n=st.integers(2, 80), tolerance=st.floats(0.005, 0.2), closed=st.booleans()
 )

@@ -37,8 +37,8 @@ def usual() -> Profile:
 def plate_with_bosses() -> Mesh:
     turn = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     circle = 4 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    bosses = [prism(circle + place, 10).moved((0, 0, 4)) for place in ((8, 8), (30, 20))]
-    return joined([box((40, 30, 4)), *bosses], "bosses")
+    bosses = [prism(circle + place, 3).moved((0, 0, 2)) for place in ((8, 8), (30, 20))]
+    return joined([box((40, 30, 2)), *bosses], "bosses")
 
 
 def density(stages: Stages) -> Float:
@@ -85,11 +85,11 @@ def dumbbell() -> Mesh:
 
 # Near the tip of a cone there is no room for whole loops; the bead of the neck ends in the loops that pass its ends.
 PARTS = [
-    (box((20, 20, 10), (0, 0, 0)), 2e-4),
+    (box((20, 20, 4)), 2e-4),
     (box_with_hole((24, 24, 5), (20, 20)), 2e-4),
     (cone(), 1e-3),
     (sphere(), 2e-4),
-    (step_pyramid((30, 20, 10), (3, 3, 3)), 2e-4),
+    (step_pyramid((30, 20, 10), (2, 2, 2)), 2e-4),
     (plate_with_bosses(), 2e-4),
     (sheared_prism(), 2e-4),
     (dumbbell(), 2.5e-3),

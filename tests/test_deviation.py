@@ -17,6 +17,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import Outlines, distance_to_segments
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import cut
+from tests.effort import examples
 from tests.parts import (
     box,
     box_with_hole,
@@ -189,7 +190,6 @@ def test_distances_agree_with_a_dense_sample_of_the_boundary(mesh: Mesh, tops: t
     assert (sampled <= result.distance + 1.5 * spacing).all()
 
 
-@settings(max_examples=60, deadline=None)
 @given(clean_areas(4), st.integers(0, 2**32))
 def test_outlines_know_inside_from_outside_and_how_far(areas: Areas, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -224,7 +224,7 @@ def test_the_distance_to_a_segment_is_that_of_its_nearest_point(numbers: list[in
 # --- moved about ---
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15))
 @given(st.sampled_from(BODIES), st.integers(0, 3), st.tuples(st.integers(-200, 200), st.integers(-200, 200)))
 def test_moving_and_turning_the_part_changes_nothing(mesh: Mesh, quarters: int, by: tuple[int, int]) -> None:
     plan = LayerPlan.from_tops(np.array([0.35, 0.8, 1.7, 2.3, 3.3, 4.1]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import pi
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
+from tests.effort import crossed
 from tests.parts import (
     box,
     box_with_hole,
@@ -41,13 +43,16 @@ MESHES = [
     step_pyramid([14, 9, 5], [0.9, 0.4, 0.9]),
 ]
 each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
-each_printer = pytest.mark.parametrize("printer", ["marlin_220", "corexy_klipper"])
+PRINTERS = ["marlin_220", "corexy_klipper"]
+each_printer = pytest.mark.parametrize("printer", PRINTERS)
+each_mesh_and_printer = pytest.mark.parametrize(("mesh", "printer"), crossed(MESHES, PRINTERS))
 
 
 def usual(printer: str = "marlin_220", **changes: Any) -> Profile:
     return profile(printer, **changes)
 
 
+@cache
 def made(mesh: Mesh, wanted: Profile) -> Stages:
     return slice_stages(mesh, wanted, plan=UNEVEN)
 
@@ -64,8 +69,7 @@ def travelled(program: Program) -> Float:
 # --- where ---
 
 
-@each_printer
-@each_mesh
+@each_mesh_and_printer
 def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh) -> None:
     stages = made(mesh, usual(printer))
     paths, program = stages.toolpaths, stages.program
@@ -109,8 +113,7 @@ def test_steps_too_short_to_be_written_are_no_moves() -> None:
     assert program.xyz[is_bead(program), 0].tolist() == [10, 20]
 
 
-@each_printer
-@each_mesh
+@each_mesh_and_printer
 def test_beads_lie_at_the_top_of_their_layer(printer: str, mesh: Mesh) -> None:
     program = made(mesh, usual(printer)).program
     beads = is_bead(program)
@@ -119,8 +122,7 @@ def test_beads_lie_at_the_top_of_their_layer(printer: str, mesh: Mesh) -> None:
     assert np.array_equal(program.start[beads, 2], UNEVEN.top[program.layer[beads]])
 
 
-@each_printer
-@each_mesh
+@each_mesh_and_printer
 def test_layers_ascend_and_no_move_goes_below_its_layer_or_far_above(printer: str, mesh: Mesh) -> None:
     wanted = usual(printer)
     program = made(mesh, wanted).program
@@ -154,8 +156,7 @@ def test_the_nozzle_never_moves_in_the_plane_of_a_layer_before_it_is_lifted_onto
 # --- how much ---
 
 
-@each_printer
-@each_mesh
+@each_mesh_and_printer
 def test_every_bead_gets_the_filament_of_its_width_and_its_layers_height(printer: str, mesh: Mesh) -> None:
     wanted = usual(printer, flow_ratio=0.97)
     program = made(mesh, wanted).program
@@ -204,8 +205,7 @@ def pulled_back(program: Program) -> Float:
     return -np.cumsum(np.where(is_bead(program), 0.0, program.filament))
 
 
-@each_printer
-@each_mesh
+@each_mesh_and_printer
 def test_what_is_pulled_back_is_pushed_forward_before_the_next_bead(printer: str, mesh: Mesh) -> None:
     wanted = usual(printer)
     program = made(mesh, wanted).program
@@ -300,8 +300,7 @@ def test_a_printer_that_does_not_retract_never_turns_the_extruder_back() -> None
 # --- how fast ---
 
 
-@each_printer
-@each_mesh
+@each_mesh_and_printer
 def test_the_first_layer_is_slow(printer: str, mesh: Mesh) -> None:
     wanted = usual(printer, min_layer_time=0)
     program = made(mesh, wanted).program
@@ -330,8 +329,7 @@ def test_every_role_has_its_speed_above_the_first_layer() -> None:
         assert np.unique(program.speed[here]).tolist() == [speed]
 
 
-@pytest.mark.parametrize("max_flow", [0.5, 2.0, 5.0])
-@each_mesh
+@pytest.mark.parametrize(("mesh", "max_flow"), crossed(MESHES, [0.5, 2.0, 5.0]))
 def test_no_bead_asks_for_more_plastic_than_the_nozzle_melts(mesh: Mesh, max_flow: float) -> None:
     wanted = usual(max_flow=max_flow, min_layer_time=0, flow_ratio=1.1)
     program = made(mesh, wanted).program
@@ -366,14 +364,18 @@ def layer_seconds(program: Program, wanted: Profile) -> Float:
     return seconds.astype(np.float64)
 
 
-@each_printer
-@pytest.mark.parametrize(("wait", "slowest"), [(8, 12), (8, 2), (20, 5), (3, 30)])
 @pytest.mark.parametrize(
-    "mesh", [box((6, 6, 2.2)), box((15, 15, 2.2)), sphere(3)], ids=["small", "middle", "sphere"]
+    ("printer", "limits", "mesh"),
+    crossed(
+        PRINTERS,
+        [(8, 12), (8, 2), (20, 5), (3, 30)],
+        [box((6, 6, 2.2)), box((15, 15, 2.2)), sphere(3)],
+    ),
 )
 def test_layers_take_their_time_unless_beads_are_as_slow_as_allowed(
-    printer: str, wait: float, slowest: float, mesh: Mesh
+    printer: str, limits: tuple[float, float], mesh: Mesh
 ) -> None:
+    wait, slowest = limits
     wanted = usual(printer, min_layer_time=wait, min_speed=slowest)
     program = made(mesh, wanted).program
     seconds, beads = layer_seconds(program, wanted), is_bead(program)

@@ -117,7 +117,6 @@ def assert_same(told: LinkRun, counted: Report) -> None:
 
 
 @given(PROGRAMS, LINKS, PROFILES)
-@settings(max_examples=60, deadline=None)
 def test_model_and_simulated_printer_starve_alike(
     commands: list[bytes], link: SerialLink, profile: Profile
 ) -> None:
@@ -137,7 +136,6 @@ def test_examples_starve_and_do_not_and_are_batched() -> None:
 
 
 @given(PROGRAMS, LINKS, PROFILES, st.integers(1, 6))
-@settings(max_examples=60, deadline=None)
 def test_lines_at_once_take_the_times_of_lines_one_by_one(
     commands: list[bytes], link: SerialLink, profile: Profile, window: int
 ) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.adhesion import adhesion_paths
@@ -19,6 +20,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
+from tests.effort import crossed
 from tests.parts import (
     box,
     box_with_hole,
@@ -36,6 +38,7 @@ from tests.parts import (
 PERIMETERS = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
 
 
+@cache
 def made(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, Toolpaths]:
     """All paths of a part as the stages before give them."""
     sections = cut(mesh, LayerPlan.from_tops(mesh.height * np.arange(1, n_layers + 1) / n_layers), 0.0125)
@@ -45,6 +48,7 @@ def made(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, Tool
     return sections, Toolpaths.joined(sections.plan, parts)
 
 
+@cache
 def ordered(mesh: Mesh, wanted: Profile, n_layers: int = 8) -> tuple[Sections, Toolpaths, Toolpaths]:
     sections, before = made(mesh, wanted, n_layers)
     return sections, before, order(before, sections, wanted)
@@ -86,16 +90,15 @@ MESHES = [
     nested(),
     posts(),
     sphere(4),
-    pyramid(40, 16),
+    pyramid(20, 8),
     step_pyramid([12, 8, 5], [1, 1, 2]),
 ]
 each_mesh = pytest.mark.parametrize("mesh", MESHES, ids=lambda mesh: mesh.name)
 SEAMS = ["aligned", "nearest", "rear", "direction", "random"]
-seams = pytest.mark.parametrize("seam", SEAMS)
+each_mesh_and_seam = pytest.mark.parametrize(("mesh", "seam"), crossed(MESHES, SEAMS))
 
 
-@seams
-@each_mesh
+@each_mesh_and_seam
 def test_every_path_is_there_once_and_unaltered(mesh: Mesh, seam: str) -> None:
     _, before, after = ordered(mesh, plain(seam=seam, skirt_loops=2, brim_width=1))
 
@@ -130,8 +133,7 @@ def islands(sections: Sections, paths: Toolpaths, layer: int) -> list[tuple[int,
     return list(zip(owner, paths.role[here].tolist(), strict=True))
 
 
-@seams
-@each_mesh
+@each_mesh_and_seam
 def test_an_island_is_finished_before_the_next_one_begins(mesh: Mesh, seam: str) -> None:
     sections, _, after = ordered(mesh, plain(seam=seam))
 
@@ -141,8 +143,7 @@ def test_an_island_is_finished_before_the_next_one_begins(mesh: Mesh, seam: str)
         assert len(runs) == len(set(runs)) == len(shapely.get_parts(shape(sections.solid, layer)))
 
 
-@pytest.mark.parametrize("infill_first", [False, True])
-@each_mesh
+@pytest.mark.parametrize(("mesh", "infill_first"), crossed(MESHES, [False, True]))
 def test_within_an_island_perimeters_come_before_infill_or_after_it(mesh: Mesh, infill_first: bool) -> None:
     sections, _, after = ordered(mesh, plain(infill_first=infill_first))
 
@@ -155,8 +156,7 @@ def test_within_an_island_perimeters_come_before_infill_or_after_it(mesh: Mesh, 
             assert roles[len(roles) - len(late) :] == late == sorted(late)
 
 
-@pytest.mark.parametrize("outer_first", [False, True])
-@each_mesh
+@pytest.mark.parametrize(("mesh", "outer_first"), crossed(MESHES, [False, True]))
 def test_an_outer_loop_follows_the_inner_ones_beside_it_or_leads_them(mesh: Mesh, outer_first: bool) -> None:
     _, _, after = ordered(mesh, plain(outer_perimeter_first=outer_first, perimeters=3))
 
@@ -359,7 +359,6 @@ def toolpaths(draw: st.DrawFn) -> tuple[Toolpaths, Sections]:
     return paths, Sections(plan, Areas.from_rings(squares))
 
 
-@settings(deadline=None, max_examples=60)
 @given(case=toolpaths(), seam=st.sampled_from(SEAMS))
 def test_no_paths_are_lost_or_altered_whatever_they_are(case: tuple[Toolpaths, Sections], seam: str) -> None:
     paths, sections = case

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Areas, Fan, LayerPlan, Mesh, Program, Sections, Toolpaths
@@ -63,7 +63,6 @@ def test_walls_that_stand_on_each_other_stay_as_they_are() -> None:
     assert (after.carried == 1).all()
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=clean_areas(3))
 def test_paths_keep_their_points_and_their_way(areas: Areas) -> None:
     paths, sections = beads(areas)
@@ -79,7 +78,6 @@ def test_paths_keep_their_points_and_their_way(areas: Areas) -> None:
         assert length == pytest.approx(np.hypot(*np.diff(ring, axis=0).T).sum())
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=clean_areas(3))
 def test_what_is_deep_over_the_layer_below_is_carried_and_what_is_far_out_is_not(areas: Areas) -> None:
     paths, sections = beads(areas)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.gcode_text import gcode_of
@@ -32,7 +32,6 @@ def loops(points: int, radius: float) -> Toolpaths:
     )
 
 
-@settings(deadline=None, max_examples=60)
 @given(points=st.integers(3, 60), length=st.floats(0.5, 30), begin=st.floats(0, 0.9))
 def test_slopes_lie_on_the_loop_and_make_up_the_whole_bead(points: int, length: float, begin: float) -> None:
     before = loops(points, 10)

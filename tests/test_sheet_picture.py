@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -159,7 +159,6 @@ def test_ways_of_the_nozzle_are_seen_if_they_are_asked_for() -> None:
 Corner = st.tuples(st.integers(-40, 60), st.integers(-40, 60))
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(Corner, min_size=2, max_size=12), Corner, Corner)
 def test_a_box_shows_what_a_cut_of_the_beads_shows(
     corners: list[tuple[int, int]], one: tuple[int, int], other: tuple[int, int]
@@ -178,7 +177,6 @@ def test_a_box_shows_what_a_cut_of_the_beads_shows(
     assert drawn / scale == pytest.approx(expected, abs=1e-3)
 
 
-@settings(max_examples=20, deadline=None)
 @given(clean_areas(1))
 def test_the_section_is_cut_to_the_box_with_its_holes(areas: Areas) -> None:
     sheet = laid(*path([(-30, -30), (30, 30)], 0.2, 0.2))

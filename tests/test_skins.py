@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -48,7 +48,6 @@ def check_monotonic(rows: Float, gap: float) -> None:
         assert not ((np.abs(step - 1) < 0.3).any() and (np.abs(step + 1) < 0.3).any())
 
 
-@settings(deadline=None, max_examples=60)
 @given(areas=clean_areas(2), degrees=st.integers(0, 90))
 def test_no_line_of_a_top_skin_is_laid_between_two_others(areas: Areas, degrees: int) -> None:
     # Round parts of 3 to 10 mm with holes, twice as large.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -153,7 +153,6 @@ def on_bed(triangles: Float) -> Mesh:
     return Mesh(triangles - np.array([0, 0, triangles[:, :, 2].min()]))
 
 
-@settings(deadline=None, max_examples=25)
 @given(
     body=st.sampled_from([0, 2, 3, 6, 8]), turn=st.tuples(angles, angles, angles), shift=st.floats(-300, 300)
 )
@@ -169,7 +168,6 @@ def test_turned_and_shifted_bodies_have_the_areas_that_trimesh_finds(
     assert areas_at(mesh, *heights) == pytest.approx(section_areas(mesh.triangles, heights), abs=5e-3)
 
 
-@settings(deadline=None, max_examples=25)
 @given(turn=angles, x=st.floats(-1000, 1000), y=st.floats(-1000, 1000))
 def test_sections_do_not_change_when_the_part_is_turned_about_z_and_shifted(
     turn: float, x: float, y: float
@@ -182,7 +180,6 @@ def test_sections_do_not_change_when_the_part_is_turned_about_z_and_shifted(
     )
 
 
-@settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 1000))
 def test_the_order_of_facets_and_of_their_corners_does_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)

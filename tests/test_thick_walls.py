@@ -28,6 +28,7 @@ from printer_slicer.regions import classify
 from printer_slicer.roles import Role
 from printer_slicer.thick_walls import SAME_PLACE, thickened
 from printer_slicer.thick_walls.stretches import cut, spans_between, spans_within
+from tests.effort import examples, few_of
 from tests.parts import box, box_with_hole, layers, plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import box as rectangle
 from tests.strategies import rectilinear_areas
@@ -110,7 +111,7 @@ def steps(draw: st.DrawFn) -> Sections:
     return Sections(LayerPlan.from_tops(np.array(list(accumulate(high)))), shapes.for_each(source))
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=examples(8))
 @given(sections=steps(), perimeters=st.integers(2, 4), varying=st.booleans())
 def test_every_column_holds_as_much_as_before(sections: Sections, perimeters: int, varying: bool) -> None:
     wanted = plain(inner_perimeters_every=LIMIT, perimeters=perimeters, varying_walls=varying)
@@ -124,7 +125,7 @@ def test_every_column_holds_as_much_as_before(sections: Sections, perimeters: in
         assert columns(after, window) == pytest.approx(columns(before, window), abs=0.05 * total)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=examples(10))
 @given(sections=steps(), limit=st.sampled_from([0.15, 0.2, 0.3, 2.0]))
 def test_thick_beads_keep_to_their_limit_and_stand_where_every_layer_has_a_perimeter(
     sections: Sections, limit: float
@@ -278,7 +279,6 @@ def test_perimeters_and_infill_share_their_groups() -> None:
         assert all(b < c or d < a for c, d in spans[Role.INNER_PERIMETER])
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     data=st.data(),
     closed=st.booleans(),
@@ -313,14 +313,14 @@ def test_what_is_cut_out_of_a_path_and_what_is_left_make_up_the_path(
 
 
 PARTS = {
-    "box": lambda: box((14, 14, 4)),
     "hole": lambda: box_with_hole((16, 16, 3), (5, 4)),
     "pyramid": lambda: step_pyramid([16, 10], [2.0, 2.0]),
+    "box": lambda: box((14, 14, 4)),
     "sphere": lambda: sphere(4),
 }
 
 
-@pytest.mark.parametrize("name", list(PARTS))
+@pytest.mark.parametrize("name", few_of(list(PARTS), 2))
 def test_the_ledger_finds_nothing_that_it_does_not_find_without(name: str) -> None:
     """The same volume, nothing uncovered, nothing in the air, printed in less time."""
     ledgers, seconds = [], []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -71,7 +71,6 @@ def test_what_is_in_front_hides_what_is_behind() -> None:
     shift=st.tuples(*[st.floats(-500, 500)] * 3),
     scale=st.sampled_from([0.01, 1.0, 30.0]),
 )
-@settings(max_examples=20, deadline=None)
 def test_place_size_and_order_of_facets_do_not_matter(
     turn: object, shift: tuple[float, float, float], scale: float
 ) -> None:
@@ -119,7 +118,6 @@ def covering(corner: Float, shape: tuple[int, int], slack: float) -> dict[tuple[
 
 
 @given(arrays(np.float64, (3, 3), elements=st.integers(0, 120).map(lambda n: n / 10 + 0.013)))
-@settings(max_examples=200, deadline=None)
 def test_a_facet_covers_the_pixels_whose_middle_it_holds(corner: Float) -> None:
     shape = (13, 13)
     x, y, depth = corner

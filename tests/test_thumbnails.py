@@ -8,7 +8,7 @@ from base64 import b64decode
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
@@ -38,7 +38,6 @@ SLOW = arrays(np.int8, st.tuples(st.integers(1, 60), st.just(4)), elements=st.in
 
 @each_format
 @given(picture=st.one_of(FREE, FEW, SLOW))
-@settings(max_examples=200)
 def test_any_picture_is_read_back_as_it_was(file_format: str, picture: Picture) -> None:
     assert (decoded(encode_image(picture, file_format)) == picture).all()
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -133,7 +133,6 @@ def test_far_apart_brims_are_laid_one_after_the_other() -> None:
 
 
 @given(clean_areas(1), st.sampled_from(["outer", "inner", "both", "ears"]), st.sampled_from([0.0, 0.3]))
-@settings(max_examples=60, deadline=None)
 def test_the_brim_never_lies_on_the_part_or_where_it_was_not_asked_for(
     areas: Areas, kind: str, gap: float
 ) -> None:
@@ -224,7 +223,6 @@ def test_one_ear_is_laid_after_the_other() -> None:
 
 
 @given(st.integers(3, 9), st.integers(20, 60), st.sampled_from([0.0, 0.2]), st.integers(0, 62))
-@settings(max_examples=25, deadline=None)
 def test_every_ear_holds_on_to_its_corner(points: int, inner: int, gap: float, turned: int) -> None:
     c, s = np.cos(turned / 10), np.sin(turned / 10)
     ring = star(points, 15, 15 * inner / 100) @ np.array([[c, -s], [s, c]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -43,7 +43,6 @@ def volume_of(stages: Stages, layer: int) -> float:
     st.integers(18, 400),
     st.sampled_from([(0.4, 0.09, 0.32), (0.6, 0.1, 0.4), (0.25, 0.05, 0.2), (0.4, 0.2, 0.3)]),
 )
-@settings(max_examples=80, deadline=None)
 def test_heights_of_the_raft_come_to_its_height_within_the_limits(
     steps: int, limits: tuple[float, float, float]
 ) -> None:
@@ -78,7 +77,6 @@ def test_without_a_raft_what_is_printed_are_the_sections() -> None:
 
 @pytest.mark.parametrize("engine", ["clipper", "planar"])
 @given(clean_areas(2), st.sampled_from([1.0, 3.0]))
-@settings(max_examples=20, deadline=None)
 def test_the_raft_covers_the_first_section_and_its_margin(engine: str, areas: Areas, margin: float) -> None:
     sections = standing(areas)
     setting = plain(raft_height=0.8, raft_margin=margin)

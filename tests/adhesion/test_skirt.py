@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -165,7 +165,6 @@ def test_a_draft_shield_around_a_part_that_turns_has_no_more_corners_than_it_nee
 
 
 @given(clean_areas(3), st.sampled_from([0.0, 0.25, 10000.0]), st.integers(1, 3))
-@settings(max_examples=40, deadline=None)
 def test_the_skirt_is_never_nearer_than_its_distance(areas: Areas, height: float, loops: int) -> None:
     sections = standing(areas)
     setting = plain(

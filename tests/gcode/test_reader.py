@@ -6,7 +6,7 @@ from math import hypot, pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.extrusion import move_seconds
@@ -162,7 +162,6 @@ def test_an_arc_that_ends_where_it_begins_is_a_full_circle(
     assert length(moves) - hypot(x, y) == pytest.approx(2 * pi * hypot(i, j), rel=2e-3)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     code=st.sampled_from(["G2", "G3"]),
     x=st.integers(0, 200_000),

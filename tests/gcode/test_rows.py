@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -180,7 +180,6 @@ def test_a_program_without_moves_is_empty_text() -> None:
 coordinates = st.floats(-300, 300).map(lambda v: round(v, 4))
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     points=st.lists(st.tuples(coordinates, coordinates, st.floats(0, 300)), min_size=1, max_size=12),
     fed=st.lists(st.floats(-6, 20), min_size=12, max_size=12),

@@ -9,15 +9,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, Polylines, anchor, hatch
 from tests.parts import shape
 from tests.strategies import box, clean_areas
-
-few = settings(max_examples=50, deadline=None)
 
 
 def hatched(areas: Areas, spacing: float, *angles: float) -> Polylines:
@@ -28,7 +26,6 @@ def path(lines: Polylines, i: int) -> Float:
     return np.asarray(lines.xy[lines.start[i] : lines.start[i + 1]])
 
 
-@few
 @given(
     areas=clean_areas(2),
     longest=st.sampled_from([0.0, 0.5, 2.0, 8.0, 1000.0]),
@@ -60,7 +57,6 @@ def test_every_line_is_laid_once_and_the_rest_runs_along_the_outline(
         assert whole.difference(bare).difference(border).length < 1e-6
 
 
-@few
 @given(areas=clean_areas(1), longest=st.sampled_from([1.0, 4.0, 50.0]))
 def test_ways_are_no_longer_than_asked_for(areas: Areas, longest: float) -> None:
     lines = hatched(areas, 1.7, 0.3)
@@ -83,7 +79,6 @@ def ring_of_ends(gaps: list[float]) -> tuple[Areas, Polylines]:
     return areas, Polylines.of(xy, np.full(len(at), 2), np.zeros(len(at), np.int64), edge)
 
 
-@few
 @given(st.lists(st.integers(5, 120), min_size=2, max_size=9))
 def test_there_is_no_way_to_join_more_ends_nor_as_many_by_less(parts: list[int]) -> None:
     """Against all sets of ways that share no end; where all may be taken and are odd, those without the longest way."""
@@ -135,7 +130,6 @@ SPUR = [
 
 
 @example(areas=Areas(np.array(SPUR), np.array([0, len(SPUR)]), np.array([1]), 2), longest=0.5, apart=1.2)
-@few
 @given(areas=clean_areas(2), longest=st.sampled_from([0.5, 8.0]), apart=st.sampled_from([0.3, 1.2]))
 def test_cut_corners_stay_inside_and_make_nothing_longer(areas: Areas, longest: float, apart: float) -> None:
     lines = hatched(areas, 2.3, 0.3, 1.4)

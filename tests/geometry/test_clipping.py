@@ -8,7 +8,7 @@ import clipper2
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -18,7 +18,6 @@ from printer_slicer.geometry.clipping import clipped, spans
 from tests.parts import shape
 from tests.strategies import box, clean_areas
 
-few = settings(max_examples=60, deadline=None)
 # Halves of millimetres, as the corners of areas: lines pass through corners and along sides all the time.
 lattice = st.tuples(st.integers(-40, 40), st.integers(-40, 40)).map(lambda p: (p[0] / 2, p[1] / 2))
 anywhere = st.tuples(st.floats(-20, 20), st.floats(-20, 20))
@@ -42,7 +41,6 @@ def paths(lines: Polylines, layer: int) -> list[Float]:
     return [lines.xy[lines.start[i] : lines.start[i + 1]] for i in np.flatnonzero(lines.layer == layer)]
 
 
-@few
 @given(areas=clean_areas(3), lines=some_lines(3))
 def test_spans_lie_along_their_lines_where_the_parts_do(areas: Areas, lines: Polylines) -> None:
     parts, line = clipped(areas, lines)
@@ -57,7 +55,6 @@ def test_spans_lie_along_their_lines_where_the_parts_do(areas: Areas, lines: Pol
         assert begin == pytest.approx(parts.xy[parts.start[i]].tolist(), abs=1e-4)
 
 
-@few
 @given(areas=clean_areas(3), lines=some_lines(3))
 def test_shapely_finds_parts_of_the_same_length(areas: Areas, lines: Polylines) -> None:
     """A line along an outline counts as inside for one and as outside for the other: the difference is its length."""
@@ -77,7 +74,6 @@ def test_shapely_finds_parts_of_the_same_length(areas: Areas, lines: Polylines) 
         assert found >= expected - along - 1e-3
 
 
-@few
 @given(areas=clean_areas(2), lines=some_lines(2))
 def test_every_part_lies_inside_and_ends_on_the_edge_it_names(areas: Areas, lines: Polylines) -> None:
     parts = clip_lines(areas, lines)

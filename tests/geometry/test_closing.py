@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
@@ -45,7 +45,6 @@ def pairs_of(chords: Chords) -> set[tuple[int, int]]:
     return set(zip(chords.tail.tolist(), chords.head.tolist(), strict=True))
 
 
-@settings(deadline=None, max_examples=60)
 @given(seed=seeds, n=st.integers(1, 40), extent=st.sampled_from([0.01, 1.0, 5.0, 50.0]))
 def test_near_ends_are_joined_the_shortest_first(seed: int, n: int, extent: float) -> None:
     xy, plane = scattered(seed, n, extent)
@@ -56,7 +55,6 @@ def test_near_ends_are_joined_the_shortest_first(seed: int, n: int, extent: floa
     assert chords.width == pytest.approx(np.hypot(*(xy[chords.tail] - xy[chords.head]).T))
 
 
-@settings(deadline=None, max_examples=40)
 @given(seed=seeds, n=st.integers(1, 30))
 def test_on_a_lattice_full_of_ties_the_order_of_the_ends_decides_nothing(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -72,7 +70,6 @@ def test_on_a_lattice_full_of_ties_the_order_of_the_ends_decides_nothing(seed: i
     assert places(second, xy[moved]) == places(first, xy)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seed=seeds, extent=st.sampled_from([0.3, 3.0, 30.0]), far=st.sampled_from([0.0, 1e5, -9e6]))
 def test_near_ends_are_found_wherever_the_part_stands(seed: int, extent: float, far: float) -> None:
     """Among many ends far from each other, on planes with any number, at coordinates up to 10 km."""

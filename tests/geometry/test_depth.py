@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, depths
@@ -13,7 +13,6 @@ from tests.parts import shape, shapely
 from tests.strategies import clean_areas
 
 
-@settings(deadline=None, max_examples=60)
 @given(areas=clean_areas(3), reach=st.sampled_from([0.1, 0.5, 3.0]), seed=st.integers(0, 999))
 def test_depths_are_distances_to_the_outline_with_the_sign_of_the_side(
     areas: Areas, reach: float, seed: int
@@ -45,7 +44,6 @@ def test_no_points_and_no_areas_have_no_depths() -> None:
     assert np.isnan(depths(none, np.zeros((3, 2)), np.zeros(3, np.int64), 1.0)).all()
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=clean_areas(3), reach=st.sampled_from([0.1, 0.5, 3.0]), seed=st.integers(0, 999))
 def test_no_point_beside_an_outline_is_taken_for_far_from_it(areas: Areas, reach: float, seed: int) -> None:
     rng = np.random.default_rng(seed)

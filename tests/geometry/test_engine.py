@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -31,7 +31,6 @@ from tests.parts import shape, shapely
 from tests.strategies import areas, box, clean_areas, rectilinear_areas
 
 engines = pytest.mark.parametrize("engine", list(ENGINES))
-few = settings(max_examples=25, deadline=None)
 
 # Corners are known to a step of the grid (1e-5 mm), so areas to a few times that by the length of outline.
 BLUR = 4e-5
@@ -122,7 +121,6 @@ def test_a_hole_takes_away_only_one_of_two_shells(engine: str) -> None:
 
 
 @engines
-@few
 @given(stack=areas(4))
 def test_what_is_normalized_stays_as_it_is(engine: str, stack: Areas) -> None:
     with using_engine(engine):
@@ -136,7 +134,6 @@ def test_what_is_normalized_stays_as_it_is(engine: str, stack: Areas) -> None:
 
 
 @engines
-@few
 @given(a=clean_areas(4), b=clean_areas(4))
 def test_union_and_intersection_together_hold_as_much_as_both(engine: str, a: Areas, b: Areas) -> None:
     with using_engine(engine):
@@ -148,7 +145,6 @@ def test_union_and_intersection_together_hold_as_much_as_both(engine: str, a: Ar
 
 
 @engines
-@few
 @given(a=clean_areas(4), b=clean_areas(4))
 def test_difference_and_intersection_make_up_the_whole(engine: str, a: Areas, b: Areas) -> None:
     with using_engine(engine):
@@ -259,7 +255,6 @@ def round_trip(stack: Areas, by: float, join: Join) -> Areas:
 
 
 @engines
-@few
 @given(stack=clean_areas(3), distance=st.integers(1, 12))
 def test_grown_then_shrunk_areas_hold_the_original(engine: str, stack: Areas, distance: int) -> None:
     by = distance / 8
@@ -272,7 +267,6 @@ def test_grown_then_shrunk_areas_hold_the_original(engine: str, stack: Areas, di
 
 
 @engines
-@few
 @given(
     stack=rectilinear_areas(3),
     distance=st.integers(1, 12),
@@ -283,7 +277,6 @@ def test_mitered_right_angles_survive_growing_and_shrinking(engine: str, stack: 
 
 
 @engines
-@few
 @given(stack=clean_areas(3), distances=st.lists(st.integers(-12, 12), min_size=3, max_size=3))
 def test_layers_do_not_know_each_other(engine: str, stack: Areas, distances: list[int]) -> None:
     by = np.array(distances) / 8
@@ -378,7 +371,6 @@ def test_spikes_without_area_are_dropped() -> None:
     assert len(simplify(Areas.from_rings([[spike]]), 0.0).xy) == 4
 
 
-@few
 @given(areas(3), st.integers(0, 10))
 def test_simplified_areas_change_by_at_most_the_tolerance_along_the_outline(stack: Areas, steps: int) -> None:
     tolerance = steps / 20
@@ -415,7 +407,6 @@ def one_by_one(stack: Areas, first: int, last: int) -> float:
 
 
 @engines
-@few
 @given(stack=clean_areas(6), data=st.data())
 def test_windows_equal_intersections_one_by_one(engine: str, stack: Areas, data: st.DataObject) -> None:
     first = data.draw(st.lists(st.integers(-2, 5), min_size=6, max_size=6))
@@ -462,7 +453,6 @@ def test_empty_windows_are_refused() -> None:
 # --- the twins ---
 
 
-@few
 @given(clean_areas(3), clean_areas(3))
 def test_the_twins_agree_on_what_areas_have_in_common(a: Areas, b: Areas) -> None:
     results = []
@@ -475,7 +465,6 @@ def test_the_twins_agree_on_what_areas_have_in_common(a: Areas, b: Areas) -> Non
         assert is_same(one, other)
 
 
-@few
 @given(areas(3))
 def test_the_twins_agree_on_what_rings_wind_around(stack: Areas) -> None:
     results = []
@@ -488,7 +477,6 @@ def test_the_twins_agree_on_what_rings_wind_around(stack: Areas) -> None:
 
 
 @pytest.mark.parametrize("join", ["miter", "round"])
-@few
 @given(stack=clean_areas(3), distances=st.lists(st.integers(-12, 12), min_size=3, max_size=3))
 def test_the_twins_agree_on_offsets(join: Join, stack: Areas, distances: list[int]) -> None:
     by = np.array(distances) / 8
@@ -503,7 +491,6 @@ def test_the_twins_agree_on_offsets(join: Join, stack: Areas, distances: list[in
     assert results[0].area() == pytest.approx(results[1].area(), abs=allowed)
 
 
-@few
 @given(stack=rectilinear_areas(3), sixteenths=st.sampled_from(range(1, 20, 2)))
 def test_the_twins_agree_on_what_is_wide_enough(stack: Areas, sixteenths: int) -> None:
     # No feature of the lattice is exactly twice as wide, where the last digit would decide over all of it.

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry.touching import entangled_layers
@@ -50,7 +50,6 @@ point = st.tuples(st.integers(0, 6), st.integers(0, 6))
 side = st.tuples(point, point).filter(lambda ends: ends[0] != ends[1])
 
 
-@settings(deadline=None, max_examples=300)
 @given(layers=st.lists(st.lists(side, min_size=1, max_size=4), min_size=1, max_size=3))
 def test_the_layers_found_are_those_another_library_finds(layers: list[list[Side]]) -> None:
     wanted = []

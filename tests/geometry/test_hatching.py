@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
@@ -15,7 +15,6 @@ from printer_slicer.geometry import Areas, Lines, chain_rows, hatch
 from printer_slicer.geometry.planar import load
 from tests.strategies import box, clean_areas
 
-few = settings(max_examples=40, deadline=None)
 # No side of the lattice lies along a row: there the last digit of a sine would decide.
 angles = st.integers(0, 60).map(lambda n: 0.0123 + n / 10)
 spacings = st.integers(2, 20).map(lambda n: n / 7.3)
@@ -101,7 +100,6 @@ def test_spacings_that_make_no_sense_are_refused(spacing: float | Float) -> None
         hatch(Areas.empty(2), angle=0.0, spacing=spacing)
 
 
-@few
 @given(stack=clean_areas(3), angle=angles, spacing=spacings, phase=st.integers(-10, 10).map(lambda n: n / 9))
 def test_lines_lie_on_their_rows_in_order(stack: Areas, angle: float, spacing: float, phase: float) -> None:
     lines = hatch(stack, angle=angle, spacing=spacing, phase=phase)
@@ -113,7 +111,6 @@ def test_lines_lie_on_their_rows_in_order(stack: Areas, angle: float, spacing: f
     assert np.array_equal(np.lexsort((lines.u[:, 0], lines.row, lines.layer)), np.arange(lines.n_lines))
 
 
-@few
 @given(stack=clean_areas(3), angle=angles, spacing=spacings)
 def test_lines_are_what_the_areas_have_in_common_with_the_rows(
     stack: Areas, angle: float, spacing: float
@@ -218,7 +215,6 @@ def pieces(lines: Lines, xy: Float) -> tuple[set[tuple[float, ...]], set[tuple[f
     return forth, {piece if piece in forth else (*piece[2:], *piece[:2]) for piece in run & (forth | back)}
 
 
-@few
 @given(stack=clean_areas(3), angle=angles, spacing=spacings, turn=st.integers(0, 40))
 def test_zigzags_hold_every_line_once_and_their_steps_are_short(
     stack: Areas, angle: float, spacing: float, turn: int
@@ -240,7 +236,6 @@ def test_zigzags_hold_every_line_once_and_their_steps_are_short(
     assert np.abs(along_and_across(step, angle)[1]) == pytest.approx(np.full(len(joint), spacing), abs=1e-9)
 
 
-@few
 @given(stack=clean_areas(3), angle=angles, spacing=spacings, turn=st.integers(0, 40))
 def test_steps_of_zigzags_stay_close_to_the_area(
     stack: Areas, angle: float, spacing: float, turn: int

@@ -6,7 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
@@ -27,7 +27,6 @@ def scattered(seed: int, count: int = 40) -> tuple[Float, Int]:
 # --- points in rings ---
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=stacks, seed=seeds)
 def test_the_smallest_ring_around_a_point_is_found(areas: Areas, seed: int) -> None:
     points, layer = scattered(seed)
@@ -68,7 +67,6 @@ def test_no_points_and_no_rings_are_nothing() -> None:
 # --- ways across rings ---
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=stacks, seed=seeds)
 def test_crossings_of_ways_and_rings_are_counted(areas: Areas, seed: int) -> None:
     begin, layer = scattered(seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -25,7 +25,6 @@ def same_partition(one: Int, other: Int) -> bool:
 SIGNS = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
 
 
-@settings(deadline=None, max_examples=60)
 @given(seed=seeds, n=st.integers(1, 3000), kinds=st.integers(1, 5000), shift=st.integers(0, 60))
 def test_equal_keys_get_one_number(seed: int, n: int, kinds: int, shift: int) -> None:
     """Also keys that differ only in their lowest or highest bits."""
@@ -55,7 +54,6 @@ def test_no_keys_have_no_numbers() -> None:
     assert number.size == firsts.size == 0
 
 
-@settings(deadline=None, max_examples=60)
 @given(seed=seeds, n=st.integers(1, 400), links=st.integers(0, 600), k=st.integers(2, 3))
 def test_linked_items_are_the_connected_components_of_a_graph(seed: int, n: int, links: int, k: int) -> None:
     members = np.random.default_rng(seed).integers(0, n, (k, links))
@@ -75,7 +73,6 @@ def test_a_long_chain_is_one_group() -> None:
     assert linked(np.stack([chain[1:], chain[:-1]]), len(chain)).max() == 0
 
 
-@settings(deadline=None, max_examples=40)
 @given(seed=seeds, n=st.integers(2, 60), reach=st.floats(1e-3, 0.5))
 def test_points_within_reach_are_together_and_far_ones_are_not(seed: int, n: int, reach: float) -> None:
     points = np.random.default_rng(seed).uniform(-2, 2, (n, 3))

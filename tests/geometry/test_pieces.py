@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from printer_slicer.geometry import Areas, Pieces, outlines_within, pieces_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
@@ -16,7 +16,6 @@ from tests.strategies import clean_areas
 engines = pytest.mark.parametrize("engine", list(ENGINES))
 
 
-@settings(deadline=None, max_examples=60)
 @given(areas=clean_areas(3))
 def test_pieces_are_the_polygons_of_each_layer(areas: Areas) -> None:
     pieces = pieces_of(areas)
@@ -28,7 +27,6 @@ def test_pieces_are_the_polygons_of_each_layer(areas: Areas) -> None:
         assert ours == pytest.approx(sorted(shapely.area(part) for part in parts[k]), abs=1e-6)
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=clean_areas(3))
 def test_pieces_put_back_are_what_they_were_taken_from(areas: Areas) -> None:
     pieces = pieces_of(areas)
@@ -46,7 +44,6 @@ def test_a_strip_is_as_wide_as_twice_its_area_over_its_outline() -> None:
 
 
 @engines
-@settings(deadline=None, max_examples=40)
 @given(outlines=clean_areas(2), areas=clean_areas(2))
 def test_the_parts_of_outlines_within_areas_are_as_long_as_they_should_be(
     engine: str, outlines: Areas, areas: Areas
@@ -65,7 +62,6 @@ def test_the_parts_of_outlines_within_areas_are_as_long_as_they_should_be(
         assert low - 0.01 * (1 + len(lines)) <= length <= high + 0.01 * (1 + len(lines))
 
 
-@settings(deadline=None, max_examples=40)
 @given(one=clean_areas(3), other=clean_areas(3))
 def test_pieces_of_several_stacks_are_those_of_each_by_layer(one: Areas, other: Areas) -> None:
     stacks = [pieces_of(one), pieces_of(other)]

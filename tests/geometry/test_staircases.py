@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, difference, hatch, normalize, offset
@@ -11,7 +11,6 @@ from printer_slicer.geometry.staircases import staircases
 from tests.strategies import clean_areas
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     areas=clean_areas(2),
     spacing=st.floats(0.3, 4.0),

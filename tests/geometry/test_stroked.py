@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, difference, stroked
@@ -91,7 +91,6 @@ place = st.tuples(st.integers(-40, 40), st.integers(-40, 40)).map(lambda p: (p[0
 line = st.lists(place, min_size=2, max_size=6, unique=True)
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     st.lists(st.tuples(line, st.sampled_from([0.2, 0.225, 0.5]), st.integers(0, 1)), min_size=1, max_size=6)
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, swept
@@ -14,7 +14,6 @@ from tests.strategies import box, clean_areas
 
 
 @pytest.mark.parametrize("engine", list(ENGINES))
-@settings(deadline=None, max_examples=30)
 @given(areas=clean_areas(2), turn=st.integers(0, 359), far=st.floats(0, 6))
 def test_swept_areas_are_all_the_places_on_the_way(engine: str, areas: Areas, turn: int, far: float) -> None:
     ways = far * np.array([[np.cos(turn), np.sin(turn)], [0.0, 1.0]])

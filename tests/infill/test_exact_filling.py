@@ -20,6 +20,7 @@ from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.regions import classify
 from printer_slicer.roles import Role
+from tests.effort import crossed, examples
 from tests.infill.stacks import solid_only
 from tests.parts import box, plain, sphere
 from tests.strategies import star_rings
@@ -74,7 +75,7 @@ def fills(paths: Toolpaths) -> Float:
 
 def outlines(test: Callable[..., None]) -> Callable[..., None]:
     """Any outline, with or without a hole, at any height."""
-    return settings(deadline=None, max_examples=20)(given(rings=star_rings(), height=HEIGHTS)(test))
+    return settings(max_examples=examples(8))(given(rings=star_rings(), height=HEIGHTS)(test))
 
 
 @outlines
@@ -125,8 +126,7 @@ def test_threads_of_a_bridge_leave_no_wedges_beside_a_slanting_wall() -> None:
     assert float(offset_open(bare, 0.05).area().max()) < 0.1
 
 
-@pytest.mark.parametrize("height", [0.1, 0.2, 0.32])
-@pytest.mark.parametrize("side", [20.0, 40.0])
+@pytest.mark.parametrize(("height", "side"), crossed([0.1, 0.2, 0.32], [20.0, 40.0]))
 def test_a_solid_cube_holds_as_much_as_the_model(side: float, height: float) -> None:
     wanted = plain(infill_density=1, layer_height=height, first_layer_height=height, planner__kind="uniform")
     stages = slice_stages(box((side, side, 5 * height)), wanted)
@@ -134,8 +134,7 @@ def test_a_solid_cube_holds_as_much_as_the_model(side: float, height: float) -> 
     assert fills(stages.toolpaths).sum() / (side**2 * 5 * height) == pytest.approx(1, abs=0.005)
 
 
-@pytest.mark.parametrize("height", [0.1, 0.2, 0.32])
-@pytest.mark.parametrize("degrees", [0, 20, 45, 70])
+@pytest.mark.parametrize(("degrees", "height"), crossed([0, 20, 45, 70], [0.1, 0.2, 0.32]))
 def test_nowhere_in_a_solid_box_do_turns_lie_on_rows_or_rows_on_walls(degrees: float, height: float) -> None:
     wanted = plain(
         infill_density=1,

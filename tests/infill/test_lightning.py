@@ -17,6 +17,7 @@ from printer_slicer.infill import infill_paths
 from printer_slicer.model import Mesh, Regions, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
+from tests.effort import examples, few_of
 from tests.infill.stacks import WIDTH, rectangle, sparse_stack, volumes
 from tests.parts import box, layers, plain, shape, sphere, step_pyramid
 from tests.strategies import star_rings
@@ -83,7 +84,7 @@ def test_every_branch_stands_on_a_branch_or_at_the_wall(rings: list[list[Float]]
     assert hanging(regions, paths) < 0.05
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=examples(6))
 @given(st.lists(star_rings(), min_size=4, max_size=4), st.sampled_from([0.1, 0.3]))
 def test_branches_stand_in_rooms_of_any_shape(shapes: list[list[Float]], height: float) -> None:
     rings = [one for one in shapes for _ in range(6)]
@@ -95,7 +96,7 @@ def test_branches_stand_in_rooms_of_any_shape(shapes: list[list[Float]], height:
     assert hanging(regions, paths, every=6) < WIDTH
 
 
-@pytest.mark.parametrize("density", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("density", few_of([0.2, 0.1, 0.4], 1))
 def test_no_place_under_a_roof_is_far_from_a_branch_or_wall(density: float) -> None:
     tops = layers(20, 0.2).top
     wide, narrow = rectangle(50, 40), rectangle(20, 40)
@@ -120,7 +121,9 @@ def test_trees_take_little_plastic_and_vanish_far_below_a_roof() -> None:
     assert (np.diff(laid[110:]) >= -0.02).all()  # downward there is ever less
 
 
-@pytest.mark.parametrize("mesh", [sphere(12), box((20, 20, 8)), step_pyramid([30, 20, 9], [4.0, 4.0, 4.0])])
+@pytest.mark.parametrize(
+    "mesh", few_of([step_pyramid([30, 20, 9], [4.0, 4.0, 4.0]), sphere(12), box((20, 20, 8))], 1)
+)
 def test_whole_parts_have_trees_below_their_roofs_only(mesh: Mesh) -> None:
     stages = slice_stages(mesh, plain(infill_density=0.2, **SETTINGS))
     usual = slice_stages(mesh, plain(infill_density=0.2, infill="grid"))

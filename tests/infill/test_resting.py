@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -21,6 +21,7 @@ from printer_slicer.model import LayerPlan, Mesh, Regions
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from tests.beads_over_air import beads_over_air
+from tests.effort import few_of
 from tests.infill.stacks import WIDTH, lengths, rectangle
 from tests.parts import plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import star_rings
@@ -60,12 +61,12 @@ def longest_in_the_air(mesh: Mesh, pattern: str) -> float:
 def test_no_bead_over_sparse_infill_ends_in_the_air(pattern: str) -> None:
     # Twigs of trees end in the middle of rooms: a bead may turn beside one.
     limit = 1.6 if pattern == "lightning" else 1.0
-    assert longest_in_the_air(step_pyramid([26, 17, 8], [2.0, 2.0, 2.0]), pattern) < limit
+    assert longest_in_the_air(step_pyramid([24, 12], [2.0, 2.0]), pattern) < limit
 
 
-@pytest.mark.parametrize("pattern", ["grid", "lightning"])
+@pytest.mark.parametrize("pattern", few_of(["grid", "lightning"], 1))
 def test_no_bead_under_a_round_top_ends_in_the_air(pattern: str) -> None:
-    assert longest_in_the_air(sphere(9), pattern) < 1.0
+    assert longest_in_the_air(sphere(7), pattern) < 1.0
 
 
 def test_one_bridge_is_enough_to_carry_the_next_layers() -> None:
@@ -144,7 +145,6 @@ ALONG_A_SIDE = np.array(
 """Over lines at 179°, 2 mm apart, some rows of the bridge end a step of the grid from others."""
 
 
-@settings(deadline=None, max_examples=40)
 @given(rings=star_rings(), angle=st.integers(0, 180), gap=st.floats(1.5, 9.0))
 @example(rings=[ALONG_A_SIDE], angle=179, gap=2.0)
 def test_bridges_take_from_solid_and_sparse_areas_and_nothing_is_lost(

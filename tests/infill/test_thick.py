@@ -6,7 +6,7 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -38,7 +38,6 @@ def height_of(made: Fillings) -> Float:
     return np.where(made.area.used, made.height, 0.0)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.data())
 def test_every_place_is_filled_once_but_for_strips_that_no_bead_fits_in(data: st.DataObject) -> None:
     tops = np.array(list(accumulate(data.draw(heights))))
@@ -74,7 +73,6 @@ def on_layer(areas: Areas, entry: int, layer: int, n_layers: int) -> Areas:
     return Areas(one.xy, one.ring_start, np.full(one.n_rings, layer), n_layers)
 
 
-@settings(deadline=None, max_examples=40)
 @given(heights=heights, limit=st.sampled_from([0.1, 0.2, 0.3, 0.32, 0.5]))
 def test_no_bead_is_higher_than_the_limit_unless_its_layer_is(heights: list[float], limit: float) -> None:
     tops = np.array(list(accumulate(heights)))
@@ -88,7 +86,6 @@ def test_no_bead_is_higher_than_the_limit_unless_its_layer_is(heights: list[floa
     assert high.sum() == pytest.approx(tops[-1])  # one column: every height once
 
 
-@settings(deadline=None, max_examples=40)
 @given(heights=heights)
 def test_an_upright_column_takes_as_few_beads_as_any_division(heights: list[float]) -> None:
     """Against the best of all divisions; the first layer is on its own."""

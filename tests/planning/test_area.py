@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.model import LayerPlan, Mesh
@@ -140,7 +140,6 @@ def blocks_area(sides: list[int], tops: list[float]) -> Callable[[float], float]
     return lambda z: float(next((s**2 for s, top in zip(sides, tops, strict=True) if z <= top + 1e-9), 0))
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     blocks=st.lists(st.integers(1, 60), min_size=1, max_size=4),
     thick=st.sampled_from([0.1, 0.2, 0.25, 0.3, 0.4]),
@@ -216,7 +215,6 @@ def test_guarded_thick_layers_hold_one_area_from_bottom_to_top(mesh: Mesh) -> No
 block_heights = st.lists(st.integers(4, 60), min_size=1, max_size=4)
 
 
-@settings(deadline=None, max_examples=40)
 @given(blocks=block_heights, first=st.sampled_from([0, 0.1, 0.2, 0.3]))
 def test_no_aligned_layer_crosses_a_flat(blocks: list[int], first: float) -> None:
     levels = [height / 10 for height in blocks]
@@ -228,7 +226,6 @@ def test_no_aligned_layer_crosses_a_flat(blocks: list[int], first: float) -> Non
     assert plan.top[-1] == pytest.approx(flats[-1])
 
 
-@settings(deadline=None, max_examples=40)
 @given(blocks=block_heights)
 def test_aligned_blocks_need_no_more_layers_than_thick_ones_and_one_for_the_rest(blocks: list[int]) -> None:
     levels = [height / 10 for height in blocks]

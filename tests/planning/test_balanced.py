@@ -18,6 +18,7 @@ from printer_slicer.planning.smoothness import STEP, STEP_RATIO
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.surface import certify, find_flats, read_surface
+from tests.effort import crossed, examples, few_of
 from tests.parts import box, cone, pyramid, sphere, step_pyramid
 from tests.planning.machines import MACHINES, machine, on_another_clock
 from tests.planning.plans import frusta
@@ -73,7 +74,7 @@ def beaten(mine: Float, theirs: Float) -> bool:
 
 
 @any_machine
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(3))
 @given(mesh=stacks())
 def test_no_uniform_plan_is_quicker_for_the_same_error_or_more_exact_in_the_same_time(
     name: str, mesh: Mesh
@@ -86,7 +87,7 @@ def test_no_uniform_plan_is_quicker_for_the_same_error_or_more_exact_in_the_same
 
 
 @any_machine
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(4))
 @given(part=st.sampled_from([*MOVED]), k=st.sampled_from([0.25, 0.5, 2.0, 4.0]))
 def test_a_machine_on_another_clock_has_the_same_plan(name: str, part: str, k: float) -> None:
     usual = machine(name)
@@ -103,7 +104,7 @@ def test_a_price_of_ones_own_is_in_seconds_whatever_the_machine() -> None:
     assert quick > slow * 1.3
 
 
-@any_machine
+@pytest.mark.parametrize("name", few_of(MACHINES, 1))
 def test_a_higher_price_ratio_never_gives_more_volume_error(name: str) -> None:
     for mesh in (MOVED["sphere"], MOVED["frusta"]):
         errors = [
@@ -132,7 +133,7 @@ def beside(planes: Float, plan: LayerPlan) -> Bool:
 
 
 @any_machine
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(10))
 @given(mesh=stacks())
 def test_neighbouring_layers_are_smooth_but_beside_flats(name: str, mesh: Mesh) -> None:
     plan = plan_layers(mesh, machine(name))
@@ -141,8 +142,7 @@ def test_neighbouring_layers_are_smooth_but_beside_flats(name: str, mesh: Mesh) 
     assert not (jumps(plan) & ~beside(flats, plan)).any(), plan.runs()
 
 
-@any_machine
-@pytest.mark.parametrize("part", MOVED)
+@pytest.mark.parametrize(("name", "part"), crossed(MACHINES, MOVED))
 def test_smooth_layers_cost_three_percent_at_most(name: str, part: str) -> None:
     usual, mesh = machine(name), MOVED[part]
     surface = read_surface(mesh)

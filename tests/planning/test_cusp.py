@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.model import Mesh
@@ -188,7 +188,6 @@ parts = st.lists(
 
 
 @pytest.mark.parametrize("listed", [(), (0.08, 0.16, 0.24)])
-@settings(deadline=None, max_examples=60)
 @given(mesh=parts, tolerance=st.floats(RELAXED, 0.2))
 def test_no_facet_exceeds_the_cusp_height(listed: tuple[float, ...], mesh: Mesh, tolerance: float) -> None:
     for metric, share in (("cusp", 1), ("triangle", 1), ("wasserfall", 1.112)):
@@ -201,7 +200,6 @@ def test_no_facet_exceeds_the_cusp_height(listed: tuple[float, ...], mesh: Mesh,
         assert not (over & (plan.height > 0.0801)).any()
 
 
-@settings(deadline=None, max_examples=40)
 @given(mesh=parts, tolerance=st.floats(0.005, RELAXED))
 def test_where_the_thinnest_layer_is_too_thick_only_a_few_below_the_top_are_thicker(
     mesh: Mesh, tolerance: float

@@ -20,6 +20,7 @@ from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.surface import certify, find_flats, read_surface
+from tests.effort import crossed, few_of
 from tests.parts import box, cone, profile, pyramid, sheared_prism, sphere, step_pyramid
 from tests.planning.plans import frusta
 from tests.waiting import comes_back
@@ -70,8 +71,7 @@ each_part = pytest.mark.parametrize("name", PARTS_OF_ALL_KINDS)
 # --- greatest step between neighbours ---
 
 
-@each_part
-@pytest.mark.parametrize("step", [0.01, 0.02, 0.05, 0.1])
+@pytest.mark.parametrize(("name", "step"), crossed(PARTS_OF_ALL_KINDS, [0.01, 0.02, 0.05, 0.1]))
 def test_neighbours_differ_by_no_more_than_the_greatest_step(name: str, step: float) -> None:
     plan = planned(PARTS_OF_ALL_KINDS[name], planner__max_step=step)
 
@@ -202,8 +202,7 @@ def shortest(name: str) -> float:
     return taken(placed(name), wanted, plan_part(placed(name), wanted))
 
 
-@each_part
-@pytest.mark.parametrize("share", [1.02, 1.15, 1.5])
+@pytest.mark.parametrize(("name", "share"), crossed(PARTS_OF_ALL_KINDS, [1.02, 1.15, 1.5]))
 def test_a_time_budget_is_kept_whenever_the_quickest_plan_keeps_it(name: str, share: float) -> None:
     part, budget = placed(name), shortest(name) * share
     wanted = optimal(planner__time_budget=budget)
@@ -213,7 +212,7 @@ def test_a_time_budget_is_kept_whenever_the_quickest_plan_keeps_it(name: str, sh
     assert taken(part, wanted, plan) <= budget + ROUNDING
 
 
-@pytest.mark.parametrize("name", ["sphere", "frusta", "cone"])
+@pytest.mark.parametrize("name", few_of(["sphere", "frusta", "cone"], 1))
 def test_more_time_is_spent_on_less_error(name: str) -> None:
     part, errors = placed(name), []
     for share in (1.02, 1.3, 3.0):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.model import LayerPlan, Mesh
@@ -112,7 +112,6 @@ parts = st.lists(
 
 
 @pytest.mark.parametrize("listed", [(), (0.08, 0.16, 0.24)])
-@settings(deadline=None, max_examples=25)
 @given(mesh=parts, tolerance=st.floats(RELAXED, 0.2), seed=st.integers(0, 100))
 def test_no_facet_exceeds_the_cusp_height(
     listed: tuple[float, ...], mesh: Mesh, tolerance: float, seed: int

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Bool
@@ -20,6 +21,7 @@ from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, find_flats, read_surface
+from tests.effort import crossed
 from tests.parts import (
     box,
     cone,
@@ -109,11 +111,9 @@ PARTS: Final[Mapping[str, Mesh]] = {
 each_part = pytest.mark.parametrize("name", PARTS)
 
 
-@each_part
-@each_objective
-@pytest.mark.parametrize("tolerance", [0.05, 0.12])
-def test_the_certified_error_is_within_the_tolerance(name: str, objective: str, tolerance: float) -> None:
-    mesh = PARTS[name]
+@pytest.mark.parametrize(("name", "asked"), crossed(PARTS, list(product(OBJECTIVES, [0.05, 0.12]))))
+def test_the_certified_error_is_within_the_tolerance(name: str, asked: tuple[str, float]) -> None:
+    mesh, (objective, tolerance) = PARTS[name], asked
     certificate = proven(mesh, planned(mesh, tolerance=tolerance, planner__objective=objective))
 
     assert certificate.max_error <= tolerance + ROUNDING
@@ -132,7 +132,6 @@ def test_no_point_that_is_tried_is_wrong_by_more_than_the_tolerance(name: str) -
 sizes = st.floats(2, 20).map(lambda size: round(size, 3))
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     sides=st.lists(sizes, min_size=2, max_size=5),
     seed=st.integers(0, 10**6),
@@ -196,18 +195,15 @@ def test_the_tolerance_comes_before_the_flats() -> None:
 # --- flats, top, list ---
 
 
-@each_part
-@each_objective
-@pytest.mark.parametrize("z_step", [0.01, 0.0025])
-def test_layers_end_on_every_flat_and_on_the_top(name: str, objective: str, z_step: float) -> None:
-    mesh = PARTS[name]
+@pytest.mark.parametrize(("name", "asked"), crossed(PARTS, list(product(OBJECTIVES, [0.01, 0.0025]))))
+def test_layers_end_on_every_flat_and_on_the_top(name: str, asked: tuple[str, float]) -> None:
+    mesh, (objective, z_step) = PARTS[name], asked
     plan = planned(mesh, z_step=z_step, planner__objective=objective)
 
     assert flats_missed(mesh, plan, z_step / 2) == []
     assert abs(plan.top[-1] - mesh.height) <= z_step / 2 + ROUNDING
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.lists(st.floats(0.17, 2), min_size=2, max_size=5), st.sampled_from(OBJECTIVES), st.booleans())
 def test_flats_anywhere_are_met_within_half_a_step(
     heights: list[float], objective: str, single: bool
@@ -242,8 +238,9 @@ def between(planes: list[float], plan: LayerPlan) -> Bool:
     return np.asarray((np.abs(ends - plan.bottom) > 0.006).all(0) & (np.abs(ends - plan.top) > 0.006).all(0))
 
 
-@each_objective
-@pytest.mark.parametrize("listed", [(0.1, 0.2, 0.3), (0.1, 0.3), (0.15,), (0.08, 0.32)])
+@pytest.mark.parametrize(
+    ("objective", "listed"), crossed(OBJECTIVES, [(0.1, 0.2, 0.3), (0.1, 0.3), (0.15,), (0.08, 0.32)])
+)
 def test_between_events_only_listed_heights_are_used(objective: str, listed: tuple[float, ...]) -> None:
     for mesh, planes in (
         (box((9, 9, 10.04)), [0, 10.04]),
@@ -294,8 +291,7 @@ def variants(mesh: Mesh) -> list[Mesh]:
     ]
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("objective", ["balanced", "layers"])
+@pytest.mark.parametrize(("name", "objective"), crossed(VARIANTS, ["balanced", "layers"]))
 def test_a_part_that_is_moved_turned_or_shuffled_has_the_same_plan(name: str, objective: str) -> None:
     expected = planned(PARTS[name], planner__objective=objective).runs()
 
@@ -303,8 +299,7 @@ def test_a_part_that_is_moved_turned_or_shuffled_has_the_same_plan(name: str, ob
         assert planned(mesh, planner__objective=objective).runs() == expected
 
 
-@pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("objective", ["time", "volume"])
+@pytest.mark.parametrize(("name", "objective"), crossed(VARIANTS, ["time", "volume"]))
 def test_ties_do_not_depend_on_where_the_part_stands_or_on_the_order_of_its_facets(
     name: str, objective: str
 ) -> None:
@@ -404,8 +399,10 @@ def beaten_by(mesh: Mesh, tolerance: float, changes: dict[str, Any]) -> list[str
     ]
 
 
-@pytest.mark.parametrize("name", ["sphere", "cone", "leaning", "frusta", "steps", "waist", "slot"])
-@pytest.mark.parametrize("first", [0, 0.2])
+@pytest.mark.parametrize(
+    ("name", "first"),
+    crossed(["sphere", "cone", "leaning", "frusta", "steps", "waist", "slot"], [0, 0.2]),
+)
 def test_no_other_planner_is_better_at_the_same_heights(name: str, first: float) -> None:
     changes = {"z_step": 0.01, "first_layer_height": first}
 
@@ -442,8 +439,7 @@ def test_a_tolerance_that_can_be_kept_is_not_reported() -> None:
     assert proven(mesh, planned(mesh, tolerance=0.05)).over(0.05) == []
 
 
-@pytest.mark.parametrize("tolerance", [0.001, 0.01, 0.02, 0.03])
-@pytest.mark.parametrize("height", [2.0, 2.05, 3.17])
+@pytest.mark.parametrize(("tolerance", "height"), crossed([0.001, 0.01, 0.02, 0.03], [2.0, 2.05, 3.17]))
 def test_a_tolerance_that_cannot_be_kept_is_broken_no_more_than_by_the_thinnest_layers(
     tolerance: float, height: float
 ) -> None:
@@ -459,10 +455,12 @@ def test_a_tolerance_that_cannot_be_kept_is_broken_no_more_than_by_the_thinnest_
 # --- degenerate parts ---
 
 
-@each_objective
-@pytest.mark.parametrize("height", [0.08, 0.1, 0.15, 0.16, 0.25, 0.32, 0.33, 0.5])
-@pytest.mark.parametrize("first", [0, 0.2])
-def test_low_parts_are_covered(objective: str, height: float, first: float) -> None:
+@pytest.mark.parametrize(
+    ("height", "asked"),
+    crossed([0.08, 0.1, 0.15, 0.16, 0.25, 0.32, 0.33, 0.5], list(product(OBJECTIVES, [0, 0.2]))),
+)
+def test_low_parts_are_covered(height: float, asked: tuple[str, float]) -> None:
+    objective, first = asked
     for mesh in (box((8, 8, height)), pyramid(8, height)):
         plan = planned(mesh, first_layer_height=first, planner__objective=objective)
         assert plan.top[-1] == pytest.approx(height)

@@ -27,6 +27,7 @@ from printer_slicer.planning.path import (
 from printer_slicer.planning.steps import Steps
 from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
+from tests.effort import crossed, examples, few_of
 from tests.parts import profile, pyramid, sheared_prism, sphere, step_pyramid
 from tests.planning.plans import frusta
 
@@ -116,7 +117,7 @@ def is_a_plan(plan: Int, table: Table) -> bool:
     return int(plan.sum()) == table.n and bool(np.isin(plan, table.heights).all())
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(gaps=True))
 def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> None:
     plan, best = table.found(cheapest), least(table)
@@ -127,7 +128,7 @@ def test_the_cheapest_plan_costs_as_little_as_the_best_of_all(table: Table) -> N
         assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(), st.integers(0, 5), st.sampled_from([0.0, 0.5, 1.0, 1e6]))
 def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
     table: Table, change: int, fine: float
@@ -141,7 +142,7 @@ def test_the_cheapest_even_plan_pays_for_uneven_neighbours_and_no_more(
         assert price(plan, table, change, fine) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(), st.integers(0, 4), st.integers(0, 10**6), st.sampled_from([0.0, 0.7, 3.0]))
 def test_beside_some_nodes_uneven_neighbours_cost_less(
     table: Table, change: int, seed: int, lesser: float
@@ -165,7 +166,7 @@ def test_beside_some_nodes_uneven_neighbours_cost_less(
         assert paid(tuple(graph.height[layers].tolist())) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(gaps=True), st.integers(1, 15))
 def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table: Table, most: int) -> None:
     plan, best = table.found(cheapest_few, most), least(table, most=most)
@@ -177,7 +178,7 @@ def test_the_cheapest_plan_of_few_layers_is_the_best_of_those_with_so_few(table:
         assert price(plan, table) == pytest.approx(best, rel=ROUNDING)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(40))  # tables are small, and so is the search
 @given(tables(gaps=True), st.integers(0, 10**6), st.floats(0, 1))
 def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
     table: Table, seed: int, share: float
@@ -206,7 +207,6 @@ def test_within_a_budget_no_plan_is_better_at_the_price_that_is_found(
         assert min(beyond) == pytest.approx(min(costs), rel=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
 @given(tables())
 def test_without_a_fine_or_with_layers_enough_all_three_cost_the_same(table: Table) -> None:
     found = (
@@ -419,8 +419,7 @@ EXTRAS: Final[Mapping[str, dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("extra", EXTRAS)
-@pytest.mark.parametrize("name", TINY)
+@pytest.mark.parametrize(("name", "extra"), crossed(TINY, EXTRAS))
 def test_no_plan_at_all_is_better(name: str, extra: str) -> None:
     mesh = TINY[name]
     changes = COARSE | {"tolerance": 0.08} | EXTRAS[extra]
@@ -452,7 +451,7 @@ def cheapest_of_all(rules: Rules) -> tuple[float, ...]:
     return best[rules.steps.part][1]
 
 
-@pytest.mark.parametrize("name", ["frusta", "steps", "sphere"])
+@pytest.mark.parametrize("name", few_of(["frusta", "steps", "sphere"], 1))
 def test_on_a_fine_lattice_no_chain_of_layers_is_better(name: str) -> None:
     mesh = TINY[name]
     rules = Rules(mesh, optimal(tolerance=0.06))

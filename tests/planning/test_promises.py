@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning import PLANNERS, plan_layers
 from printer_slicer.profile import Profile
 from printer_slicer.slicing import cut
+from tests.effort import crossed, examples
 from tests.parts import (
     box,
     box_with_hole,
@@ -74,10 +76,9 @@ def is_kept(plan: LayerPlan, mesh: Mesh, wanted: Profile, *, marches: bool) -> N
     assert plan.top[-1] <= mesh.height + (printer.max_layer if marches else printer.z_step * 0.501)
 
 
-@each_planner
-@pytest.mark.parametrize("mesh", PARTS, ids=lambda mesh: f"{mesh.name} {mesh.height:g}")
-@pytest.mark.parametrize("first", [0, 0.2])
-def test_a_plan_increases_within_limits_and_covers_the_part(variant: str, mesh: Mesh, first: float) -> None:
+@pytest.mark.parametrize(("mesh", "asked"), crossed(PARTS, list(product(VARIANTS, [0, 0.2]))))
+def test_a_plan_increases_within_limits_and_covers_the_part(mesh: Mesh, asked: tuple[str, float]) -> None:
+    variant, first = asked
     wanted = chosen(variant, first_layer_height=first)
 
     is_kept(plan_layers(mesh, wanted), mesh, wanted, marches=variant in MARCHES)
@@ -152,7 +153,7 @@ heights = st.floats(0.02, 6.0).map(lambda z: round(z, 4))
 
 
 @each_planner
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=examples(10))
 @given(
     levels=st.lists(heights, min_size=1, max_size=4),
     limits=st.tuples(st.integers(4, 20), st.integers(0, 20)),

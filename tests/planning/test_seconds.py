@@ -19,6 +19,7 @@ from printer_slicer.planning import plan_layers
 from printer_slicer.planning.seconds import LayerTimes
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.surface import read_surface
+from tests.effort import crossed, examples
 from tests.parts import box, box_with_hole, cone, prism, sphere, step_pyramid, two_boxes
 from tests.planning.machines import MACHINES, machine, on_another_clock
 
@@ -55,8 +56,7 @@ def modelled(mesh: Mesh, profile: Profile, plan: LayerPlan) -> Float:
     return np.array([times.seconds(np.array([i]), float(h))[0] for i, h in enumerate(plan.height)])
 
 
-@any_machine
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize(("name", "part"), crossed(MACHINES, PARTS))
 def test_modelled_minutes_are_those_of_the_moves(part: str, name: str) -> None:
     wanted = machine(name, planner__kind="uniform", layer_height=0.2)
     mesh = place(PARTS[part], wanted.printer)
@@ -67,7 +67,7 @@ def test_modelled_minutes_are_those_of_the_moves(part: str, name: str) -> None:
 
 
 @any_machine
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(8))
 @given(k=st.floats(0.3, 3.0), part=st.sampled_from([*PARTS]), height=st.sampled_from([0.1, 0.2, 0.28]))
 def test_a_machine_on_another_clock_takes_the_time_of_that_clock(
     name: str, k: float, part: str, height: float

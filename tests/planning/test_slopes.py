@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
@@ -29,7 +29,6 @@ def one_by_one(mesh: Mesh, bottom: Int, top: Int, size: float) -> Float:
     return np.asarray(np.where(inside, slope[:, None], 0.0).max(axis=0))
 
 
-@settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 60), coarse=st.booleans())
 def test_the_largest_slope_of_any_interval_is_that_of_its_steepest_facet(
     seed: int, count: int, coarse: bool

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.model import LayerPlan, Mesh
@@ -139,7 +139,6 @@ parts = st.lists(
 
 
 @pytest.mark.parametrize("listed", [(), (0.08, 0.16, 0.24)])
-@settings(deadline=None, max_examples=60)
 @given(mesh=parts, tolerance=st.floats(RELAXED, 0.2))
 def test_no_facet_exceeds_the_cusp_height(listed: tuple[float, ...], mesh: Mesh, tolerance: float) -> None:
     plan = planned(mesh, tolerance=tolerance, layer_heights=listed)
@@ -148,7 +147,6 @@ def test_no_facet_exceeds_the_cusp_height(listed: tuple[float, ...], mesh: Mesh,
     assert not (over & (plan.height > 0.0801)).any()
 
 
-@settings(deadline=None, max_examples=40)
 @given(mesh=parts, tolerance=st.floats(0.005, RELAXED))
 def test_where_the_thinnest_layer_is_too_thick_only_those_of_the_last_slab_are_thicker(
     mesh: Mesh, tolerance: float

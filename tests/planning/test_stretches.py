@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Int
@@ -86,7 +86,6 @@ def can_be_met(limits: Int, start: int, end: int, allowed: list[int]) -> bool:
     return end in reached
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     listed=st.lists(st.integers(8, 32), min_size=1, max_size=5, unique=True),
     inner=st.lists(st.integers(8, 290), max_size=3, unique=True),

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.model import LayerPlan, Mesh
@@ -126,7 +126,6 @@ def test_planners_that_measure_errors_in_another_way_say_so() -> None:
     assert thick == {"planner 'cusp' measures the error of a layer in another way"}
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.floats(0.02, 1.5), min_size=1, max_size=4),
     st.sampled_from([0.0, 0.2]),

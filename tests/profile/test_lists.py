@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -269,13 +269,11 @@ def test_lists_may_be_text_in_files(tmp_path: Path) -> None:
 lengths = st.integers(0, 2_000_000).map(lambda steps: steps / 10_000)  # to 0.0001 mm, up to 200 mm
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(100, 16_000).map(lambda steps: steps / 10_000), max_size=5))
 def test_heights_are_written_as_they_are_read(heights: list[float]) -> None:
     assert list_from_text(HEIGHTS, list_as_text(heights)) == heights
 
 
-@settings(max_examples=50, deadline=None)
 @given(
     st.lists(
         st.fixed_dictionaries(
@@ -313,7 +311,7 @@ def test_the_settings_of_a_profile_as_text_make_the_same_profile_again() -> None
 # --- as flags ---
 
 USUAL = ("--printer", "marlin_220", "--material", "pla", "--quality", "adaptive", "--set", "z_step=0.01")
-SPHERE = PARTS / "sphere.stl"
+SPHERE = PARTS / "cone.stl"
 
 
 def plan_command(*flags: str, model: object = BOX) -> Outcome:

@@ -22,6 +22,7 @@ from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, read_surface
+from tests.effort import examples
 from tests.parts import box, joined, layers, loft, pyramid, sheared_prism, sphere
 from tests.surface.distances import (
     distance_to_mesh,
@@ -263,7 +264,6 @@ def worst_excess(mesh: Mesh, stack: LayerPlan | Sections, n: int, rng: Rng, *, r
 # --- the helpers ---
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from(["any", "needle", "point", "line"]))
 def test_the_distance_to_a_triangle_is_that_of_its_nearest_point(seed: int, kind: str) -> None:
     rng = np.random.default_rng(seed)
@@ -335,7 +335,6 @@ def test_points_in_line_with_an_edge_or_on_the_surface_are_left_open() -> None:
     assert winding(points, box(), points[:, 2], points[:, 2])[2].tolist() == [False, False, False, True]
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.sampled_from(KINDS), st.integers(0, 10**6))
 def test_sections_and_mesh_agree_on_what_the_stack_holds(kind: Callable[[Rng], Float], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -393,7 +392,6 @@ def test_a_lost_flange_is_wrongly_empty_up_to_its_middle() -> None:
 # --- the certificate ---
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(KINDS), st.integers(0, 10**6))
 def test_no_wrong_point_of_any_part_lies_over_the_bound(kind: Callable[[Rng], Float], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -403,7 +401,7 @@ def test_no_wrong_point_of_any_part_lies_over_the_bound(kind: Callable[[Rng], Fl
 
 
 @pytest.mark.parametrize("containment", ["positive", "negative"])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15))
 @given(kind=st.sampled_from(KINDS), seed=st.integers(0, 10**6))
 def test_no_wrong_point_lies_over_the_bound_when_layers_hold_all_or_only_what_is_common(
     containment: str, kind: Callable[[Rng], Float], seed: int
@@ -434,7 +432,7 @@ def test_no_wrong_point_of_the_sections_as_cut_lies_over_the_bound(name: str) ->
     assert worst_excess(mesh, sections, 2000, rng, rounds=2) <= ROUNDING + CONTOUR_ROUNDING
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15))
 @given(st.sampled_from(KINDS), st.integers(0, 10**6))
 def test_no_more_than_the_certified_volume_is_wrong(kind: Callable[[Rng], Float], seed: int) -> None:
     rng = np.random.default_rng(seed)

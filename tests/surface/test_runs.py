@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
@@ -70,7 +70,6 @@ def runs_over(seed: int, n: int, top: float = 2.2) -> tuple[Float, Float]:
     return borders[:, 0], borders[:, 1]
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 8), st.sampled_from([0.0, 0.1]))
 def test_the_bound_of_a_run_is_the_integral_of_the_steepest_rise_so_far(
     seed: int, n: int, lattice: float
@@ -105,7 +104,6 @@ def test_no_runs_and_no_contacts_have_no_bounds() -> None:
     assert steepest(contacts_of(nothing, nothing, nothing), 0.0, 1.0) == -1
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
 def test_no_bound_is_longer_than_its_run_and_longer_runs_have_no_smaller_ones(seed: int) -> None:
     contacts = some_contacts(seed)
@@ -129,7 +127,6 @@ def test_what_ends_where_a_run_begins_does_not_count_and_what_begins_there_does(
     assert run_bounds(flat, np.array([0.5]), np.array([1.0]))[0] == 0
 
 
-@settings(max_examples=80, deadline=None)
 @given(st.integers(0, 10**6))
 def test_the_steepest_contact_of_a_run_is_one_that_weighs_most(seed: int) -> None:
     contacts, start, end = some_contacts(seed), 0.3, 1.4
@@ -151,7 +148,6 @@ def single(contacts: Contacts) -> list[tuple[Float, Float, Float]]:
     ]
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([0.00125, 0.005, 0.02]), st.sampled_from([0.0, -0.13]))
 def test_tables_lie_over_the_bounds_and_by_less_than_a_cell(seed: int, cell: float, bottom: float) -> None:
     contacts = some_contacts(seed)
@@ -168,7 +164,6 @@ def test_tables_lie_over_the_bounds_and_by_less_than_a_cell(seed: int, cell: flo
         assert (more <= cell + 1e-9).all()
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([0.005, 0.02]))
 def test_tables_are_exact_where_no_two_contacts_begin_in_a_cell(seed: int, cell: float) -> None:
     rng = np.random.default_rng(seed)
@@ -183,7 +178,6 @@ def test_tables_are_exact_where_no_two_contacts_begin_in_a_cell(seed: int, cell:
         assert row[: 80 - cells] == pytest.approx(exact, abs=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([1e-7, 1e-6, 4e-6]))
 def test_the_rounding_of_files_changes_neither_tables_nor_what_they_promise(seed: int, noise: float) -> None:
     """Contacts that should lie on borders of cells lie a little beside them."""
@@ -223,7 +217,6 @@ def test_runs_that_leave_the_cells_end_with_the_last_one() -> None:
     assert table[0] == pytest.approx(0.5 * 0.1 * np.array([2] * 9 + [1, 0]))
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 400))
 def test_what_lies_under_the_envelope_adds_nothing_to_any_run(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -245,7 +238,6 @@ def test_what_lies_under_the_envelope_adds_nothing_to_any_run(seed: int, n: int)
     )
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 40))
 def test_painting_gives_every_place_the_largest_value_over_it(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

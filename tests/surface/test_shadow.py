@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -132,7 +132,6 @@ def test_the_integral_over_a_closed_part_is_its_volume() -> None:
         assert (down.integral(top) - up.integral(top))[0] == pytest.approx(mesh.volume, rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from(["any", "tied", "far", "on the lattice"]))
 def test_many_planes_at_once_are_the_same_as_one_by_one(seed: int, n: int, kind: str) -> None:
     rng = np.random.default_rng(seed)
@@ -199,7 +198,6 @@ def test_on_a_finer_lattice_the_integral_comes_as_near_as_one_likes(name: str) -
         assert errors[2] <= errors[0] + 1e-9
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6))
 def test_what_lies_between_two_planes_of_the_lattice_is_exact_on_it(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -155,7 +155,6 @@ def test_areas_and_perimeters_of_models_elsewhere_agree(path: Path, turned: bool
         assert length == pytest.approx(their_length, abs=2e-3, rel=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(body=st.sampled_from(range(len(SOUND))), seed=seeds)
 def test_areas_and_perimeters_of_turned_bodies_agree(body: int, seed: int) -> None:
     mesh = turned_body(SOUND[body], seed)
@@ -170,7 +169,6 @@ def test_areas_and_perimeters_of_turned_bodies_agree(body: int, seed: int) -> No
     assert length == pytest.approx(their_length, abs=2e-3)
 
 
-@settings(deadline=None, max_examples=20)
 @given(first=st.sampled_from(range(len(SOUND))), second=st.sampled_from(range(len(SOUND))), seed=seeds)
 def test_overlapping_bodies_have_the_sections_of_their_union(first: int, second: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

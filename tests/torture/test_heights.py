@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -40,7 +40,6 @@ def areas_at(mesh: Mesh, cuts: Float) -> Float:
     return sections.solid.area()
 
 
-@settings(deadline=None, max_examples=40)
 @given(body=bodies, seed=seeds, turn=st.booleans(), rounded=st.booleans())
 def test_planes_through_corners_have_the_section_just_below(
     body: int, seed: int, turn: bool, rounded: bool
@@ -56,7 +55,6 @@ def test_planes_through_corners_have_the_section_just_below(
     assert areas_at(mesh, levels) == pytest.approx(below, abs=2e-3)
 
 
-@settings(deadline=None, max_examples=30)
 @given(body=bodies, seed=seeds, far=st.tuples(*[st.floats(-1e5, 1e5)] * 2))
 def test_parts_far_from_the_origin_have_the_same_sections(
     body: int, seed: int, far: tuple[float, float]

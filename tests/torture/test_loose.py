@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.errors import MeshError
@@ -22,7 +22,6 @@ def loose_facets(n: int, size: float, seed: int) -> Mesh:
     return Mesh(rng.uniform(0, 20, (n, 1, 3)) + rng.uniform(-size, size, (n, 3, 3)) + [0, 0, 5])
 
 
-@settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), far=st.sampled_from([0.0, -500.0, 3e4]))
 def test_corners_are_joined_as_if_all_were_compared(seed: int, far: float) -> None:
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -134,7 +134,6 @@ HARMLESS: Final[Mapping[str, Damage]] = {
 
 
 @pytest.mark.parametrize("damage", HARMLESS.values(), ids=HARMLESS.keys())
-@settings(deadline=None, max_examples=25)
 @given(body=one_sided, seed=seeds)
 def test_damage_that_loses_nothing_does_not_change_the_sections(damage: Damage, body: int, seed: int) -> None:
     whole, cuts, rng = start(body, seed)
@@ -147,7 +146,6 @@ def test_damage_that_loses_nothing_does_not_change_the_sections(damage: Damage, 
     )
 
 
-@settings(deadline=None, max_examples=80)
 @given(body=st.sampled_from(range(len(BODIES))), seed=seeds, share=st.floats(0, 0.5))
 def test_any_damage_is_sliced_or_refused_and_what_is_off_was_told(body: int, seed: int, share: float) -> None:
     """Facets deleted, turned, copied and moved; areas that differ from those of the whole body come with a repair."""
@@ -169,7 +167,6 @@ def test_any_damage_is_sliced_or_refused_and_what_is_off_was_told(body: int, see
     assert off <= 1e-3 * (float(np.prod(whole.size[:2])) + 1.0) or repairs.count
 
 
-@settings(deadline=None, max_examples=40)
 @given(seed=seeds, n=st.integers(1, 60))
 def test_facets_anywhere_are_sliced_or_refused(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
@@ -181,7 +178,6 @@ def test_facets_anywhere_are_sliced_or_refused(seed: int, n: int) -> None:
     assert result is None or np.isfinite(result[0].solid.area()).all()
 
 
-@settings(deadline=None, max_examples=30)
 @given(body=st.sampled_from(range(len(BODIES))), seed=seeds)
 def test_the_order_of_facets_decides_nothing(body: int, seed: int) -> None:
     whole, cuts, rng = start(body, seed)
@@ -196,7 +192,6 @@ def test_the_order_of_facets_decides_nothing(body: int, seed: int) -> None:
         assert second[0].solid.area() == pytest.approx(first[0].solid.area(), abs=1e-3)
 
 
-@settings(deadline=None, max_examples=30)
 @given(body=st.sampled_from(range(len(BODIES))), seed=seeds)
 def test_repaired_meshes_need_no_repair(body: int, seed: int) -> None:
     whole, _, rng = start(body, seed)
@@ -208,7 +203,6 @@ def test_repaired_meshes_need_no_repair(body: int, seed: int) -> None:
     assert np.array_equal(again.triangles, mended.triangles)
 
 
-@settings(deadline=None, max_examples=30)
 @given(body=st.sampled_from(range(len(BODIES))), seed=seeds)
 def test_a_sound_mesh_is_left_as_it_is(body: int, seed: int) -> None:
     whole, _, _ = start(body, seed)
@@ -219,7 +213,6 @@ def test_a_sound_mesh_is_left_as_it_is(body: int, seed: int) -> None:
     assert repairs.count == 0
 
 
-@settings(deadline=None, max_examples=25)
 @given(body=st.sampled_from(range(len(BODIES))), seed=seeds)
 def test_the_sections_have_the_volume_of_the_mesh(body: int, seed: int) -> None:
     """Between two levels of corners the area is a quadratic in z, which two planes per slab integrate exactly."""

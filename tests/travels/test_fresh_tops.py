@@ -13,6 +13,7 @@ from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
+from tests.effort import examples
 from tests.parts import box, joined, plain, profile, shapely
 from tests.travels.places import sections_of, way
 
@@ -55,7 +56,7 @@ def unretracted_over_tops(stages: Stages, shortest: float) -> Iterator[str]:
 corners = st.tuples(st.integers(3, 30), st.integers(3, 20))
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=examples(12))
 @given(
     bosses=st.lists(corners, min_size=1, max_size=3).map(tuple),
     size=st.integers(3, 9),

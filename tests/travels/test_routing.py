@@ -8,7 +8,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -31,7 +31,6 @@ BOX = np.full(2, -50.0), np.full(2, 50.0)
 # --- graphs ---
 
 
-@settings(deadline=None, max_examples=60)
 @given(seed=seeds)
 def test_the_shortest_ways_through_graphs_are_found(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -92,7 +91,6 @@ def within(areas: Areas, seed: int, count: int) -> Float:
     return np.asarray(points[:count], np.float64)
 
 
-@settings(deadline=None, max_examples=40)
 @given(areas=clean_areas(1), seed=seeds)
 def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
     points = within(areas, seed, 6)
@@ -118,7 +116,6 @@ def test_ways_in_rooms_are_the_shortest(areas: Areas, seed: int) -> None:
         assert brute(area, begin[one], end[one]) == np.inf
 
 
-@settings(deadline=None, max_examples=25)
 @given(areas=clean_areas(1), seed=seeds)
 def test_ways_are_hardly_longer_than_the_shortest_inside(areas: Areas, seed: int) -> None:
     """They keep away from the outlines, which costs something at every corner."""

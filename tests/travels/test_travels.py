@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas
@@ -282,7 +282,6 @@ def test_slivers_and_rings_that_touch_do_no_harm() -> None:
 # --- what always holds ---
 
 
-@settings(deadline=None, max_examples=60)
 @given(areas=clean_areas(2), seed=seeds, detour=st.sampled_from([0.0, 10.0, 1000.0]))
 def test_ways_keep_their_promises(areas: Areas, seed: int, detour: float) -> None:
     rng = np.random.default_rng(seed)
@@ -315,7 +314,6 @@ def test_ways_keep_their_promises(areas: Areas, seed: int, detour: float) -> Non
         assert travels.retract[index] == (hits > 0)
 
 
-@settings(deadline=None, max_examples=30)
 @given(areas=clean_areas(1), seed=seeds)
 def test_avoiding_never_crosses_more(areas: Areas, seed: int) -> None:
     points = np.random.default_rng(seed).uniform(-15, 15, (24, 2))
@@ -328,7 +326,6 @@ def test_avoiding_never_crosses_more(areas: Areas, seed: int) -> None:
     assert (np.diff(avoiding.start)[unchanged] == 0).all()
 
 
-@settings(deadline=None, max_examples=20)
 @given(areas=clean_areas(1), seed=seeds, by=st.tuples(st.integers(-90, 90), st.integers(-90, 90)))
 def test_ways_move_with_the_part(areas: Areas, seed: int, by: tuple[int, int]) -> None:
     points = np.random.default_rng(seed).uniform(-15, 15, (12, 2))

@@ -18,6 +18,7 @@ from printer_slicer.inspection.coverage.matching import moved
 from printer_slicer.inspection.coverage.measurement import CoverageRules, coverage_of
 from printer_slicer.inspection.coverage.stack import Stack, stacked
 from printer_slicer.inspection.deposition.purposes import Purpose
+from tests.effort import examples
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid
 from tests.parts import shape, shapely
 from tests.strategies import star_rings
@@ -45,7 +46,6 @@ def loops(side: float, deep: float, count: int = 1) -> Extrusions:
     return joined(*found)
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     st.integers(3, 40),
     st.floats(3, 25),
@@ -70,7 +70,6 @@ def test_beads_that_tile_a_rectangle_leave_nothing_open_and_nothing_twice(
     assert coverage.fill.shell[0] == pytest.approx(1, abs=0.03)
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.floats(12, 30), st.floats(12, 30), st.floats(-0.35, 0.35), st.floats(0, 90))
 def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
     side: float, deep: float, by: float, degrees: float
@@ -92,7 +91,6 @@ def test_a_layer_shifted_across_its_sides_is_off_by_the_shift(
     )
 
 
-@settings(max_examples=25, deadline=None)
 @given(star_rings(), st.floats(0.5, 1.5))
 def test_flow_is_volume(rings: list[Float], share: float) -> None:
     beads = joined(*(beads_along([*map(tuple, ring), tuple(ring[0])]) for ring in rings))
@@ -110,7 +108,6 @@ def test_flow_is_volume(rings: list[Float], share: float) -> None:
     assert order[0].uncovered.area()[0] >= order[1].uncovered.area()[0] - 1e-3
 
 
-@settings(max_examples=20, deadline=None)
 @given(star_rings(), st.floats(-90, 90), st.floats(-90, 90), st.floats(0, 180))
 def test_it_does_not_matter_where_and_how_a_layer_lies(
     rings: list[Float], x: float, y: float, degrees: float
@@ -141,7 +138,6 @@ def without_slits(area: object, slit: float) -> object:
     return shapely.intersection(shapely.buffer(gone, slit / 2, join_style="mitre"), area)
 
 
-@settings(max_examples=25, deadline=None)
 @given(star_rings(), st.floats(0.3, 0.9), st.floats(0.4, 2.0))
 def test_areas_are_those_of_another_engine(rings: list[Float], width: float, depth: float) -> None:
     section = normalize(sections(rings))
@@ -167,7 +163,6 @@ def test_areas_are_those_of_another_engine(rings: list[Float], width: float, dep
     assert least - slack <= coverage.uncovered.area()[0] <= most + slack
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.floats(1.2, 30), st.floats(1.2, 30))
 @example(2.25, 2.25)
 def test_round_corners_count_by_their_length(side: float, deep: float) -> None:
@@ -211,7 +206,7 @@ def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> t
     return stack, sections(*[[(10 + slope * z) * unit] for z in ((stack.top + stack.bottom) / 2).tolist()])
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10))
 @given(st.floats(-0.7, 0.7), st.floats(0.9, 1.1))
 def test_a_spiral_holds_what_its_wall_needs_however_it_slopes(slope: float, share: float) -> None:
     stack, around = spiral(slope, share)

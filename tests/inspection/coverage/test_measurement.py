@@ -18,6 +18,7 @@ from printer_slicer.inspection.coverage.matching import first_guess, fitted, mov
 from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of, overlapping
 from printer_slicer.inspection.coverage.stack import stacked
 from printer_slicer.inspection.deposition.purposes import Purpose
+from tests.effort import examples
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid, square
 
 HEIGHT = 0.2
@@ -271,7 +272,7 @@ def test_a_void_inside_does_not_change_the_outline() -> None:
 # --- matching ---
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15))
 @given(
     st.floats(-50, 150),
     st.floats(-50, 150),

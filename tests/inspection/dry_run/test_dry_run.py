@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.cli.verdicts import verdict_facts
@@ -361,7 +361,6 @@ COMMANDS = st.lists(
 )
 
 
-@settings(max_examples=30, deadline=None)
 @given(COMMANDS)
 def test_whatever_is_sent_is_executed_once_and_in_order(
     tmp_path_factory: pytest.TempPathFactory, lines: list[str]

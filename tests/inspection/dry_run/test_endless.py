@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from random import Random  # noqa: TID251 - seeded
 
@@ -11,22 +12,26 @@ from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.faults import Fault, Faults
 from printer_slicer.slice_jobs import job_from
+from tests.effort import crossed
 
 PROFILE = load_profile("marlin_220", "pla", "standard", {})
 
 
-@pytest.mark.parametrize("every_byte", [False, True])
 @pytest.mark.parametrize(
-    ("lines", "at"),
-    [
-        (["G28", "G4 S99999999999", "M104 S0"], 2),
-        (["G28", "G1 X200 F6000", "M203 X0.002", "G1 X0", "M400"], 5),
-        (["M0 S999999999"], 1),
-    ],
+    ("every_byte", "job"),
+    crossed(
+        [False, True],
+        [
+            (["G28", "G4 S99999999999", "M104 S0"], 2),
+            (["G28", "G1 X200 F6000", "M203 X0.002", "G1 X0", "M400"], 5),
+            (["M0 S999999999"], 1),
+        ],
+    ),
 )
 def test_what_is_not_done_after_a_day_is_given_up(
-    lines: list[str], at: int, every_byte: bool, tmp_path: Path
+    every_byte: bool, job: tuple[list[str], int], tmp_path: Path
 ) -> None:
+    lines, at = job
     path = tmp_path / "job.gcode"
     path.write_text("\n".join(lines) + "\n")
     verdict = dry_run(job_from(path, PROFILE), PROFILE, every_byte=every_byte)
@@ -45,8 +50,14 @@ def test_waits_of_less_than_a_day_add_up_to_a_month_at_most(tmp_path: Path) -> N
     assert "after 30" in verdict.problems[0]
 
 
-@pytest.mark.parametrize("heater", ["bed", "E0"])
-@pytest.mark.parametrize("off", [-5.0, -0.5, 0.0, 0.5, 5.0])
+@pytest.mark.parametrize(
+    ("heater", "off"),
+    [
+        pytest.param("bed", -5.0, marks=pytest.mark.thorough),  # the host asks for a day, as with the hotend
+        ("E0", -5.0),
+        *product(["bed", "E0"], [-0.5, 0.0, 0.5, 5.0]),
+    ],
+)
 def test_a_sensor_stuck_near_its_target_ends_in_a_verdict(heater: str, off: float, tmp_path: Path) -> None:
     path = tmp_path / "job.gcode"
     path.write_text("M140 S60\nM104 S200\nM190 S60\nM109 S200\nM104 S0\nM140 S0\n")

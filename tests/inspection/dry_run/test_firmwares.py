@@ -16,7 +16,7 @@ from tests.parts import box
 @pytest.fixture(scope="module")
 def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("firmwares") / "part.stl"
-    export_stl(box((12.0, 12.0, 3.0)), path)
+    export_stl(box((8.0, 8.0, 1.0)), path)
     return path
 
 

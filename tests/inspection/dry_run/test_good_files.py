@@ -20,6 +20,11 @@ from tests.waiting import LAST_RESORT
 
 PARTS = Path(__file__).parents[3] / "sample_parts"
 PROFILE = load_profile("marlin_220", "pla", "standard")
+BRIDGE, VASE = (
+    Mesh(mesh.triangles / 2, name)
+    for name, mesh in ((name, load_mesh(PARTS / f"{name}.stl")) for name in ("bridge", "vase"))
+)
+"""Half as large as the sample parts."""
 
 
 def sound(verdict: Verdict) -> None:
@@ -41,17 +46,17 @@ def placed(mesh: Mesh) -> Mesh:
 @pytest.mark.parametrize(
     ("part", "changes"),
     [
-        (load_mesh(PARTS / "bridge.stl"), {}),
-        (load_mesh(PARTS / "vase.stl"), {"spiral": True}),
-        (cone(8, 6), {"relative_extrusion": False}),
-        (cone(8, 6), {"flavour": "klipper"}),
-        (cone(8, 6), {"firmware_retraction": True}),
-        (cone(8, 6), {"arc_tolerance": 0.02}),
-        (cone(8, 6), {"planner.kind": "uniform", "printer.z_hop": 0.4}),
-        (two_boxes((8, 8, 5), gap=10), {}),
-        (step_pyramid((20.0, 12.0), (3.0, 6.0)), {"infill": "gyroid"}),
-        (box((20, 20, 6)), {"raft_height": 0.6}),
-        (box((20, 20, 6)), {"ironing": True, "infill_density": 1}),
+        (BRIDGE, {}),
+        (VASE, {"spiral": True}),
+        (cone(5, 3), {"relative_extrusion": False}),
+        (cone(5, 3), {"flavour": "klipper"}),
+        (cone(5, 3), {"firmware_retraction": True}),
+        (cone(5, 3), {"arc_tolerance": 0.02}),
+        (cone(5, 3), {"planner.kind": "uniform", "printer.z_hop": 0.4}),
+        (two_boxes((8, 8, 2), gap=10), {}),
+        (step_pyramid((20.0, 12.0), (2.0, 2.0)), {"infill": "gyroid"}),
+        (box((15, 15, 2)), {"raft_height": 0.6}),
+        (box((15, 15, 2)), {"ironing": True, "infill_density": 1}),
     ],
     ids=str,
 )
@@ -80,21 +85,21 @@ def sliced_by(
 
 
 PRUSA: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
-    "plain": ([sphere(8)], ()),
-    "bridge": ([load_mesh(PARTS / "bridge.stl")], ()),
-    "supports": ([sphere(8)], ("--support-material",)),
-    "soluble supports": ([sphere(8)], ("--support-material", "--support-material-contact-distance", "0")),
+    "plain": ([sphere(4)], ()),
+    "bridge": ([BRIDGE], ()),
+    "supports": ([sphere(4)], ("--support-material",)),
+    "soluble supports": ([sphere(4)], ("--support-material", "--support-material-contact-distance", "0")),
     "vase": (
-        [load_mesh(PARTS / "vase.stl")],
+        [VASE],
         ("--spiral-vase", "--perimeters", "1", "--top-solid-layers", "0", "--fill-density", "0"),
     ),
-    "relative": ([cone(8, 6)], ("--use-relative-e-distances", "--layer-gcode", "G92 E0")),
-    "firmware retraction": ([cone(8, 6)], ("--use-firmware-retraction",)),
-    "marlin 2": ([cone(8, 6)], ("--gcode-flavor", "marlin2")),
-    "raft": ([box((20, 20, 4))], ("--raft-layers", "3")),
-    "several parts": ([cone(8, 6), box((10, 10, 4))], ("--merge",)),
-    "lift and wipe": ([step_pyramid((20.0, 12.0), (3.0, 6.0))], ("--retract-lift", "0.4", "--wipe")),
-    "variable widths": ([sphere(8)], ("--perimeter-generator", "arachne", "--fill-pattern", "gyroid")),
+    "relative": ([cone(5, 3)], ("--use-relative-e-distances", "--layer-gcode", "G92 E0")),
+    "firmware retraction": ([cone(5, 3)], ("--use-firmware-retraction",)),
+    "marlin 2": ([cone(5, 3)], ("--gcode-flavor", "marlin2")),
+    "raft": ([box((15, 15, 2))], ("--raft-layers", "3")),
+    "several parts": ([cone(5, 3), box((10, 10, 4))], ("--merge",)),
+    "lift and wipe": ([step_pyramid((20.0, 12.0), (2.0, 2.0))], ("--retract-lift", "0.4", "--wipe")),
+    "variable widths": ([sphere(4)], ("--perimeter-generator", "arachne", "--fill-pattern", "gyroid")),
 }
 
 
@@ -109,25 +114,25 @@ def test_files_for_other_firmwares_pass_on_printers_with_these(flavour: str, tmp
     profile = load_profile("marlin_220", "pla", "standard", {"flavour": flavour})
     flags = ("--export-gcode", "--center", "110,110", "--gcode-flavor", flavour)
 
-    sound(sliced_by("prusa-slicer", tmp_path, [cone(8, 6)], *flags, profile=profile))
+    sound(sliced_by("prusa-slicer", tmp_path, [cone(5, 3)], *flags, profile=profile))
 
 
 def test_a_file_for_another_firmware_is_found_out(tmp_path: Path) -> None:
     """RepRapFirmware heats with G10, which Marlin takes for a retraction."""
     flags = ("--export-gcode", "--center", "110,110", "--gcode-flavor", "reprapfirmware")
-    verdict = sliced_by("prusa-slicer", tmp_path, [cone(8, 6)], *flags)
+    verdict = sliced_by("prusa-slicer", tmp_path, [cone(5, 3)], *flags)
 
     assert {fault.code for fault in verdict.faults if fault.is_error} == {"cold"}
 
 
 SLIC3R: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
-    "plain": ([sphere(8)], ()),
-    "bridge": ([load_mesh(PARTS / "bridge.stl")], ()),
-    "supports": ([sphere(8)], ("--support-material",)),
-    "relative": ([cone(8, 6)], ("--use-relative-e-distances", "--layer-gcode", "G92 E0")),
-    "firmware retraction": ([cone(8, 6)], ("--use-firmware-retraction",)),
+    "plain": ([sphere(4)], ()),
+    "bridge": ([BRIDGE], ()),
+    "supports": ([sphere(4)], ("--support-material",)),
+    "relative": ([cone(5, 3)], ("--use-relative-e-distances", "--layer-gcode", "G92 E0")),
+    "firmware retraction": ([cone(5, 3)], ("--use-firmware-retraction",)),
     "vase": (
-        [load_mesh(PARTS / "vase.stl")],
+        [VASE],
         ("--spiral-vase", "--perimeters", "1", "--top-solid-layers", "0"),
     ),
 }
@@ -142,14 +147,14 @@ def test_files_of_slic3r_pass(name: str, tmp_path: Path) -> None:
 # CuraEngine's
 
 CURA: dict[str, tuple[Mesh, dict[str, object]]] = {
-    "plain": (sphere(8), {}),
-    "bridge": (load_mesh(PARTS / "bridge.stl"), {}),
-    "supports": (sphere(8), {"support_enable": True}),
-    "tree supports": (sphere(8), {"support_enable": True, "support_structure": "tree"}),
-    "vase": (load_mesh(PARTS / "vase.stl"), {"magic_spiralize": True}),
-    "relative": (cone(8, 6), {"relative_extrusion": True}),
-    "firmware retraction": (cone(8, 6), {"machine_firmware_retract": True}),
-    "raft": (box((20, 20, 4)), {"adhesion_type": "raft"}),
+    "plain": (sphere(4), {}),
+    "bridge": (BRIDGE, {}),
+    "supports": (sphere(4), {"support_enable": True}),
+    "tree supports": (sphere(4), {"support_enable": True, "support_structure": "tree"}),
+    "vase": (VASE, {"magic_spiralize": True}),
+    "relative": (cone(5, 3), {"relative_extrusion": True}),
+    "firmware retraction": (cone(5, 3), {"machine_firmware_retract": True}),
+    "raft": (box((15, 15, 2)), {"adhesion_type": "raft"}),
 }
 
 

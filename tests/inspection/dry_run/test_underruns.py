@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from math import cos, pi, sin
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.gcode import read_moves
@@ -23,6 +24,7 @@ from printer_slicer.sim.tally import Report
 from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
+from tests.effort import crossed
 
 PARTS = Path(__file__).parents[3] / "sample_parts"
 
@@ -80,13 +82,14 @@ def assert_same(told: UnderrunReport, counted: Report, share: float = 0.02) -> N
     assert told.moving_seconds == pytest.approx(counted.motion_seconds, rel=share)
 
 
-@pytest.mark.parametrize("profile", [PROFILE, ABRUPT], ids=["gentle", "abrupt"])
-@pytest.mark.parametrize("baud", [57_600, 115_200, 250_000])
-@pytest.mark.parametrize("latency", [0.001, 0.016])
-@pytest.mark.parametrize("window", [1, 2])
+@pytest.mark.parametrize(
+    ("profile", "baud", "wire"),
+    crossed([PROFILE, ABRUPT], [57_600, 115_200, 250_000], list(product([0.001, 0.016], [1, 2]))),
+)
 def test_it_tells_what_the_simulated_printer_counts(
-    profile: Profile, baud: int, latency: float, window: int
+    profile: Profile, baud: int, wire: tuple[float, int]
 ) -> None:
+    latency, window = wire
     link = both_ways(baud, latency, window)
     commands = circle(0.2, 60, 1500)
 
@@ -114,7 +117,6 @@ def test_there_are_cases_of_every_kind() -> None:
     latency=st.sampled_from([0.0, 0.001, 0.008]),
     profile=st.sampled_from([PROFILE, ABRUPT]),
 )
-@settings(max_examples=25, deadline=None)
 def test_they_agree_on_any_circle(
     chord: float, speed: int, baud: int, latency: float, profile: Profile
 ) -> None:
@@ -131,7 +133,7 @@ def vase() -> Job:
 
 @pytest.mark.parametrize("baud", [9600, 38_400])
 def test_they_agree_on_a_sliced_part(vase: Job, baud: int) -> None:
-    link, commands = both_ways(baud, 0.002), list(vase.commands[:4000])
+    link, commands = both_ways(baud, 0.002), list(vase.commands[:1500])
     profile = load_profile()
     told, counted = expected(commands, link, profile), simulated(commands, link, profile)
 
@@ -156,7 +158,6 @@ def test_a_stretch_knows_where_it_is_and_what_would_be_enough() -> None:
 
 
 @given(st.integers(9600, 1_000_000), st.floats(0, 0.02))
-@settings(max_examples=20, deadline=None)
 def test_a_quicker_link_is_never_worse(baud: int, latency: float) -> None:
     commands = circle(0.2, 80, 300)
     link = both_ways(baud, latency)
