@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -44,9 +46,17 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 os.environ["PRINTER_SLICER_PROFILES"] = ""
 
 
+@pytest.fixture(scope="session")
+def shelves(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folders of one parent, one after the other: pytest would look through all it ever made for the next number."""
+    parent = tmp_path_factory.mktemp("shelves")
+    return (parent / str(number) for number in count())
+
+
 @pytest.fixture(autouse=True)
-def shelf_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+def shelf_of_its_own(shelves: Iterator[Path], monkeypatch: pytest.MonkeyPatch) -> Path:
     """Prints that a test leaves unfinished are nobody else's."""
-    state = tmp_path_factory.mktemp("state")
+    state = next(shelves)
+    state.mkdir()
     monkeypatch.setenv("PRINTER_SLICER_STATE", str(state))
     return state
