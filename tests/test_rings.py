@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -22,7 +22,8 @@ from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
-from tests.geometry.test_engine import engines, few, is_clean
+from tests.effort import examples
+from tests.geometry.test_engine import engines, is_clean
 from tests.infill.test_resting import ALONG_A_SIDE, bridged_over
 from tests.parts import loft, plain
 from tests.strategies import star_rings
@@ -101,7 +102,6 @@ def stages_of(mesh: Mesh) -> list[object]:
 
 
 @engines
-@few
 @given(pair=almost_alike())
 def test_no_operation_on_outlines_that_almost_coincide_leaves_rings_without_area(
     engine: str, pair: tuple[Areas, Areas]
@@ -121,7 +121,7 @@ def test_no_operation_on_outlines_that_almost_coincide_leaves_rings_without_area
 
 
 @engines
-@few
+@settings(max_examples=examples(6))
 @given(mesh=bodies())
 def test_no_stage_hands_on_rings_without_area(engine: str, mesh: Mesh) -> None:
     with using_engine(engine):

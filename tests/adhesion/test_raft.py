@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
@@ -24,6 +24,7 @@ from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_of
 from printer_slicer.stages import Stages
 from tests.adhesion.plates import foot, lines, plastic, plate, ring_of, standing
+from tests.effort import examples
 from tests.parts import box, case_study, cone, plain, profile, shapely, two_boxes
 from tests.strategies import clean_areas
 
@@ -76,6 +77,7 @@ def test_without_a_raft_what_is_printed_are_the_sections() -> None:
 
 
 @pytest.mark.parametrize("engine", ["clipper", "planar"])
+@settings(max_examples=examples(6))
 @given(clean_areas(2), st.sampled_from([1.0, 3.0]))
 def test_the_raft_covers_the_first_section_and_its_margin(engine: str, areas: Areas, margin: float) -> None:
     sections = standing(areas)
@@ -145,7 +147,9 @@ def test_lines_of_each_layer_cross_those_below_and_the_parts_first_layer_crosses
 # The part on it
 
 
-@pytest.mark.parametrize("mesh", [box((20, 20, 3)), cone(10, 6), two_boxes()], ids=lambda mesh: mesh.name)
+@pytest.mark.parametrize(
+    "mesh", [box((20, 20, 1)), cone(6, 4), two_boxes((8, 8, 1))], ids=lambda mesh: mesh.name
+)
 def test_the_part_is_printed_as_on_the_bed_only_higher(mesh: Mesh) -> None:
     changes = {"skirt_loops": 0, "raft_gap": 0.2}
     bare, raised = (slice_stages(mesh, plain(raft_height=height, **changes)) for height in (0, 0.8))

@@ -26,6 +26,7 @@ from printer_slicer.printing.objects import LiveJob
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.board import Board
 from printer_slicer.stream.script import Script
+from tests.effort import examples
 
 START = [b"G28", b"G90", b"G1 X10 Y20 Z30 F6000", b"G92 E0"]
 DIALECT = {flavour_of(dialect): dialect for dialect in WIRE_DIALECTS.values()}
@@ -102,7 +103,7 @@ def assert_lint_reads(command: bytes) -> None:
 
 
 @pytest.mark.parametrize("flavour", FRONT_ENDS)
-@settings(max_examples=40)  # long ones: what a command does shows only in what comes behind it
+@settings(max_examples=examples(12))  # long ones: what a command does shows only in what comes behind it
 @given(data=st.data())
 def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject) -> None:
     commands = [*START, *program_of(data.draw(programs(flavour)))]

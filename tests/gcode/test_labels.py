@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_from, job_of
 from printer_slicer.stages import Stages
+from tests.effort import crossed
 from tests.mesh_io.tiny_files import item, mesh_xml, model_xml, three_mf, write
 from tests.parts import box, box_with_hole, cone, plain, profile
 from tests.tiny_gcode import commands
@@ -90,11 +92,10 @@ def commands_of(lines: list[str]) -> list[str]:
     return [line for line in lines if line and not line.startswith(";")]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("relative", [True, False])
-@pytest.mark.parametrize("given_up", NAMES)
-def test_a_thing_given_up_leaves_the_others_as_they_are(kind: str, relative: bool, given_up: str) -> None:
+@pytest.mark.parametrize(("how", "given_up"), crossed(list(product(KINDS, [True, False])), NAMES))
+def test_a_thing_given_up_leaves_the_others_as_they_are(how: tuple[str, bool], given_up: str) -> None:
     """The printer passes over the moves between the marks, as Marlin does; all other commands it obeys."""
+    kind, relative = how
     lines = text_of(labels=kind, relative_extrusion=relative)
     owner = marked(lines)
     both = list(zip(lines, owner, strict=True))
@@ -265,8 +266,7 @@ def test_the_command_line_marks_its_models(tmp_path: Path) -> None:
     assert [line for line in commands("\n".join(lines).encode()) if len(line) > 80] == []
 
 
-@pytest.mark.parametrize("labels", KINDS)
-@pytest.mark.parametrize("gone", NAMES)
+@pytest.mark.parametrize(("labels", "gone"), crossed(KINDS, NAMES))
 def test_a_thing_that_is_given_up_takes_no_temperature_fan_or_acceleration_with_it(
     labels: str, gone: str
 ) -> None:

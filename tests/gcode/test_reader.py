@@ -16,6 +16,7 @@ from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.model import Mesh
 from printer_slicer.motion.machine import limits_of
 from printer_slicer.pipeline import slice_part
+from tests.effort import crossed
 from tests.parts import box, plain, profile, sphere, two_boxes
 from tests.tiny_gcode import commands
 
@@ -240,10 +241,13 @@ def test_nothing_takes_no_time() -> None:
     assert len(read().end) == 0
 
 
-@pytest.mark.parametrize("printer", ["marlin_220", "marlin_220_06", "corexy_klipper"])
-@pytest.mark.parametrize("relative", [True, False], ids=["relative", "absolute"])
 @pytest.mark.parametrize(
-    "mesh", [box((12, 12, 3)), two_boxes((5, 5, 2)), sphere(4)], ids=lambda mesh: mesh.name
+    ("printer", "relative", "mesh"),
+    crossed(
+        ["marlin_220", "marlin_220_06", "corexy_klipper"],
+        [True, False],
+        [box((12, 12, 3)), two_boxes((5, 5, 2)), sphere(4)],
+    ),
 )
 def test_the_text_of_a_program_takes_as_long_as_the_program(printer: str, relative: bool, mesh: Mesh) -> None:
     wanted = profile(printer, relative_extrusion=relative, start_gcode="", end_gcode="")

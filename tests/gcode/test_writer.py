@@ -21,6 +21,7 @@ from printer_slicer.profile import Profile, profile_with, settings_table
 from printer_slicer.roles import Role
 from printer_slicer.texts import spoken
 from printer_slicer.version import VERSION
+from tests.effort import crossed
 from tests.parts import box, joined, profile, sphere, two_boxes
 from tests.tiny_gcode import Step, body, commands, steps
 
@@ -58,8 +59,7 @@ def visible(program: Program) -> Bool:
     return np.asarray(moves | ((program.role == Role.TRAVEL) & (np.diff(fed, prepend=0) != 0)))
 
 
-@each_printer
-@either
+@pytest.mark.parametrize(("printer", "relative"), crossed(PRINTERS, [True, False]))
 def test_positions_filament_and_speeds_are_those_of_the_program(printer: str, relative: bool) -> None:
     program, moves = sliced(printer), read(printer, relative)
     seen = visible(program)
@@ -98,8 +98,7 @@ def test_travels_extrude_nothing_and_say_so(printer: str, relative: bool) -> Non
 # --- the whole file ---
 
 
-@each_printer
-@either
+@pytest.mark.parametrize(("printer", "relative"), crossed(PRINTERS, [True, False]))
 def test_two_runs_give_the_same_bytes(printer: str, relative: bool) -> None:
     first = gcode_of(sliced(printer), wanted(printer, relative))
     again = slice_part(

@@ -206,7 +206,7 @@ def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> t
     return stack, sections(*[[(10 + slope * z) * unit] for z in ((stack.top + stack.bottom) / 2).tolist()])
 
 
-@settings(max_examples=examples(10))
+@settings(max_examples=examples(5))
 @given(st.floats(-0.7, 0.7), st.floats(0.9, 1.1))
 def test_a_spiral_holds_what_its_wall_needs_however_it_slopes(slope: float, share: float) -> None:
     stack, around = spiral(slope, share)

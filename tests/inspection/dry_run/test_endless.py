@@ -60,11 +60,11 @@ def test_waits_of_less_than_a_day_add_up_to_a_month_at_most(tmp_path: Path) -> N
 )
 def test_a_sensor_stuck_near_its_target_ends_in_a_verdict(heater: str, off: float, tmp_path: Path) -> None:
     path = tmp_path / "job.gcode"
-    path.write_text("M140 S60\nM104 S200\nM190 S60\nM109 S200\nM104 S0\nM140 S0\n")
+    path.write_text("M113 S60\nM140 S60\nM104 S200\nM190 S60\nM109 S200\nM104 S0\nM140 S0\n")
     reads = {"bed": 60.0, "E0": 200.0}[heater] + off
     fault = Fault("sensor", heater=heater, reads=reads, line=2)
     faults = Faults([fault], Random(0))
     verdict = dry_run(job_from(path, PROFILE), PROFILE, faults=faults)
 
     # Firmware takes what it reads for true; a reading that never comes nearer is waited for.
-    assert (verdict.executed == 6) == (off > -5.0)
+    assert (verdict.executed == 7) == (off > -5.0)

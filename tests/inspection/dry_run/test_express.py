@@ -151,7 +151,7 @@ def test_most_of_a_curve_is_reckoned_at_once(tmp_path: Path) -> None:
 )
 def test_a_sliced_part_is_executed_as_over_the_wire(changes: dict[str, object]) -> None:
     profile = profile_with(PROFILE, changes)
-    job = job_of(cone(5.0, 1.5), profile_with(profile, {"thinnest_layer": 0.3, "infill_density": 0.05}))
+    job = job_of(cone(4.0, 1.0), profile_with(profile, {"thinnest_layer": 0.3, "infill_density": 0.05}))
     quick, slow = (dry_run(job, profile, every_byte=every) for every in (False, True))
 
     same(quick, slow, seconds=1e-3)

@@ -21,10 +21,10 @@ from tests.waiting import LAST_RESORT
 PARTS = Path(__file__).parents[3] / "sample_parts"
 PROFILE = load_profile("marlin_220", "pla", "standard")
 BRIDGE, VASE = (
-    Mesh(mesh.triangles / 2, name)
+    Mesh(mesh.triangles / 3, name)
     for name, mesh in ((name, load_mesh(PARTS / f"{name}.stl")) for name in ("bridge", "vase"))
 )
-"""Half as large as the sample parts."""
+"""A third as large as the sample parts."""
 
 
 def sound(verdict: Verdict) -> None:
