@@ -106,7 +106,7 @@ def overhang(check: Check, reach: float) -> Areas:
     return difference(solid, offset(solid.raised(1), reach))
 
 
-@pytest.mark.parametrize("seed", few_of(SEEDS, 2))
+@pytest.mark.parametrize("seed", few_of(SEEDS, 3))
 def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
     check = checked(seed)
 
@@ -114,27 +114,28 @@ def test_slices_of_shapes_with_slender_tips_pass(seed: int) -> None:
     assert [(one.layer, one.message) for one in own(check)] == []
 
 
-@pytest.mark.parametrize(("fault", "seed"), crossed(FAULTS, SEEDS[:3]))
-def test_planted_faults_are_found_in_the_middle_and_near_the_tips(fault: str, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("fault", "seed", "where"), crossed(FAULTS, SEEDS[:3], ["lowest tip", "widest", "highest tip"])
+)
+def test_planted_faults_are_found_in_the_middle_and_near_the_tips(fault: str, seed: int, where: str) -> None:
     mesh, text = sliced(seed)
     area = checked(seed).coverage.sections.area()
     # Where sections grow fast, beads of the walls lie in the air, which is another finding.
     carried = overhang(checked(seed), WIDTH / 2).area() == 0
     small = [k for k in range(1, len(area) - 1) if 2.5 < area[k] < 20.0 and carried[k]]
-    layers = {int(np.argmax(area[:-1])), *(small[:1] or []), *(small[-1:] or [])}
-    for layer in layers:
-        check = check_gcode(with_layer(text, layer, FAULTS[fault]), mesh)
+    assert small
+    layer = {"widest": int(np.argmax(area[:-1])), "lowest tip": small[0], "highest tip": small[-1]}[where]
+    check = check_gcode(with_layer(text, layer, FAULTS[fault]), mesh)
 
-        near = {
-            k
-            for one in check.findings
-            for k in range(one.first - 2, one.last + 1)
-            if one.code != "unsupported"
-        }
-        assert layer in near or check.problems, (layer, float(area[layer]))
+    near = {
+        k for one in check.findings for k in range(one.first - 2, one.last + 1) if one.code != "unsupported"
+    }
+    assert layer in near or check.problems, (layer, float(area[layer]))
 
 
-@pytest.mark.parametrize(("side", "height"), [(3.0, 20.0), (2.0, 12.0)])
+@pytest.mark.parametrize(
+    ("side", "height"), [(2.0, 12.0), pytest.param(3.0, 20.0, marks=pytest.mark.thorough)]
+)
 def test_the_tip_of_a_needle_that_no_bead_fits_into_is_not_missed(side: float, height: float) -> None:
     mesh = needle(side, height)
     text = gcode_of(slice_stages(mesh, DENSE).program, DENSE).decode()

@@ -146,8 +146,7 @@ def letter(name: str, stroke: float) -> list[Float]:
     return [np.asarray(ring.coords)[:-1] for ring in shapely.get_rings(polygons)]
 
 
-@pytest.mark.parametrize("stroke", [0.4, 0.7, 1.1, 1.6])
-@pytest.mark.parametrize("name", list(LETTERS))
+@pytest.mark.parametrize(("name", "stroke"), crossed(LETTERS, [0.4, 0.7, 1.1, 1.6]))
 def test_strokes_of_letters_are_filled_and_crossings_hold_no_heap(name: str, stroke: float) -> None:
     sections = stack(letter(name, stroke))
     walls = lay_walls(sections, plain(perimeters=2))

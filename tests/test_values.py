@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from itertools import product
 from math import pi
 
 import numpy as np
@@ -13,6 +14,7 @@ from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import load_profile
 from printer_slicer.slicing import contours, mesh_faults
+from tests.effort import crossed
 from tests.parts import box, two_boxes
 
 
@@ -37,12 +39,17 @@ def test_every_array_of_every_stage_is_read_only() -> None:
     assert [name for name, array in found if array.flags.writeable] == []
 
 
-@pytest.mark.parametrize("quality", ["standard", "adaptive"])
-@pytest.mark.parametrize("angle", [0, 30, 45, 90])
-@pytest.mark.parametrize("size", [(10, 10, 10), (20, 20, 10), (100, 7, 5), (4, 40, 10), (3, 30, 10)])
+@pytest.mark.parametrize(
+    ("size", "how"),
+    crossed(
+        [(10, 10, 10), (20, 20, 10), (100, 7, 5), (4, 40, 10), (3, 30, 10)],
+        list(product([0, 30, 45, 90], ["standard", "adaptive"])),
+    ),
+)
 def test_a_solid_box_takes_its_volume_at_any_angle(
-    size: tuple[float, float, float], angle: float, quality: str
+    size: tuple[float, float, float], how: tuple[float, str]
 ) -> None:
+    angle, quality = how
     solid = {"infill_density": 1, "skirt_loops": 0, "infill_angle_deg": angle}
     profile = load_profile("marlin_220", "pla", quality, solid)
 

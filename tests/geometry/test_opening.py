@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas, intersection, normalize, offset, offset_open
 from printer_slicer.geometry.engine import using_engine
-from tests.geometry.test_engine import engines, few, is_clean, is_within
+from tests.geometry.test_engine import engines, is_clean, is_within
 from tests.strategies import box, clean_areas
 
 
@@ -33,7 +33,6 @@ def test_opening_leaves_the_points_of_what_is_wide_enough_alone(engine: str) -> 
 
 
 @engines
-@few
 @given(stack=clean_areas(3), distance=st.integers(0, 12))
 def test_opened_areas_lie_within_the_original(engine: str, stack: Areas, distance: int) -> None:
     with using_engine(engine):
@@ -49,7 +48,6 @@ def test_openings_do_not_go_backward() -> None:
 
 
 @engines
-@few
 @given(stack=clean_areas(3), distance=st.integers(1, 12))
 def test_opened_areas_are_those_that_were_shrunk_and_grown_again(
     engine: str, stack: Areas, distance: int

@@ -11,6 +11,7 @@ from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile
 from printer_slicer.roles import Role
 from printer_slicer.stages import Stages
+from tests.effort import crossed
 from tests.parts import box_with_hole, plain, shapely
 
 WIDTH = 0.45
@@ -35,8 +36,10 @@ def test_ends_of_all_infill_reach_a_quarter_into_the_perimeter_by_default() -> N
     assert (quality.infill_overlap, quality.sparse_overlap) == (0.25, 0.25)
 
 
-@pytest.mark.parametrize("pattern", [name for name in PATTERNS if name not in ("concentric", "lightning")])
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize(
+    ("pattern", "share"),
+    crossed([name for name in PATTERNS if name not in ("concentric", "lightning")], [0.0, 0.25, 0.5]),
+)
 def test_only_ends_reach_into_the_perimeter(pattern: str, share: float) -> None:
     stages = slice_stages(MESH, plain(infill=pattern, sparse_overlap=share, layer_height=0.2))
 

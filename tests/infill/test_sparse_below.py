@@ -11,6 +11,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.model import Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
+from tests.effort import crossed
 from tests.parts import box, plain
 
 
@@ -22,8 +23,7 @@ def direction(paths: Toolpaths, role: Role, layer: int) -> Float:
     return np.asarray(longest / np.hypot(*longest))
 
 
-@pytest.mark.parametrize("every", [0.0, 0.2, 0.3])
-@pytest.mark.parametrize("height", [3.0, 3.1, 3.2, 3.3, 3.4])
+@pytest.mark.parametrize(("every", "height"), crossed([0.0, 0.2, 0.3], [3.0, 3.1, 3.2, 3.3, 3.4]))
 def test_beads_over_parallel_lines_cross_them(every: float, height: float) -> None:
     wanted = plain(layer_height=0.1, first_layer_height=0.1, infill="rectilinear", sparse_every=every)
     paths = slice_stages(box((30, 30, height)), wanted).toolpaths

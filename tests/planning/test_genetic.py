@@ -14,6 +14,7 @@ from printer_slicer.planning.cusp import plan_cusp
 from printer_slicer.planning.genetic import plan_genetic
 from printer_slicer.profile import Profile
 from printer_slicer.surface.flats import find_flats
+from tests.effort import crossed
 from tests.parts import box, cone, profile, sheared_prism, sphere, step_pyramid
 from tests.planning.plans import RELAXED, cusp_heights, freely_chosen, frusta
 from tests.planning.test_promises import PARTS, is_kept
@@ -28,11 +29,9 @@ def planned(mesh: Mesh, **changes: Any) -> LayerPlan:
     return plan_genetic(mesh, wanted(**changes))
 
 
-@pytest.mark.parametrize("mesh", PARTS, ids=lambda mesh: f"{mesh.name} {mesh.height:g}")
 @pytest.mark.parametrize(
-    "changes",
-    [{"first_layer_height": 0.2}, {"layer_heights": (0.1, 0.2, 0.3)}, {"tolerance": 0.02}],
-    ids=["first", "list", "fine"],
+    ("mesh", "changes"),
+    crossed(PARTS, [{"first_layer_height": 0.2}, {"layer_heights": (0.1, 0.2, 0.3)}, {"tolerance": 0.02}]),
 )
 def test_a_plan_keeps_the_promises_and_the_list(mesh: Mesh, changes: dict[str, Any]) -> None:
     asked = wanted(**changes)

@@ -56,6 +56,6 @@ def test_facets_rounded_on_their_own_are_one_surface_again() -> None:
 def test_thousands_of_loose_facets_are_refused_with_a_remedy(size: float) -> None:
     heights = np.arange(0.5, 29.5, 4.0)
     with pytest.raises(MeshError, match=r"the surface is open: the .* at x .* y .* z ") as caught:
-        cut(repair(loose_facets(5000, size, 1))[0], LayerPlan(heights + 0.2, heights), 0.0125)
+        cut(repair(loose_facets(3000, size, 1))[0], LayerPlan(heights + 0.2, heights), 0.0125)
 
     assert caught.value.remedy

@@ -53,8 +53,8 @@ def test_waits_of_less_than_a_day_add_up_to_a_month_at_most(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("heater", "off"),
     [
-        pytest.param("bed", -5.0, marks=pytest.mark.thorough),  # the host asks for a day, as with the hotend
-        ("E0", -5.0),
+        # The host asks for a day, as it does in the test above.
+        *(pytest.param(heater, -5.0, marks=pytest.mark.thorough) for heater in ("bed", "E0")),
         *product(["bed", "E0"], [-0.5, 0.0, 0.5, 5.0]),
     ],
 )

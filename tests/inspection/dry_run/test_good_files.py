@@ -15,6 +15,7 @@ from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.slice_jobs import job_from, job_of
+from tests.effort import few_of
 from tests.parts import box, cone, sphere, step_pyramid, two_boxes
 from tests.waiting import LAST_RESORT
 
@@ -85,25 +86,25 @@ def sliced_by(
 
 
 PRUSA: dict[str, tuple[list[Mesh], tuple[str, ...]]] = {
-    "plain": ([sphere(4)], ()),
-    "bridge": ([BRIDGE], ()),
     "supports": ([sphere(4)], ("--support-material",)),
-    "soluble supports": ([sphere(4)], ("--support-material", "--support-material-contact-distance", "0")),
     "vase": (
         [VASE],
         ("--spiral-vase", "--perimeters", "1", "--top-solid-layers", "0", "--fill-density", "0"),
     ),
     "relative": ([cone(5, 3)], ("--use-relative-e-distances", "--layer-gcode", "G92 E0")),
     "firmware retraction": ([cone(5, 3)], ("--use-firmware-retraction",)),
-    "marlin 2": ([cone(5, 3)], ("--gcode-flavor", "marlin2")),
     "raft": ([box((15, 15, 2))], ("--raft-layers", "3")),
     "several parts": ([cone(5, 3), box((10, 10, 4))], ("--merge",)),
     "lift and wipe": ([step_pyramid((20.0, 12.0), (2.0, 2.0))], ("--retract-lift", "0.4", "--wipe")),
     "variable widths": ([sphere(4)], ("--perimeter-generator", "arachne", "--fill-pattern", "gyroid")),
+    "plain": ([sphere(4)], ()),
+    "bridge": ([BRIDGE], ()),
+    "soluble supports": ([sphere(4)], ("--support-material", "--support-material-contact-distance", "0")),
+    "marlin 2": ([cone(5, 3)], ("--gcode-flavor", "marlin2")),
 }
 
 
-@pytest.mark.parametrize("name", PRUSA)
+@pytest.mark.parametrize("name", few_of(list(PRUSA), 8))
 def test_files_of_prusaslicer_pass(name: str, tmp_path: Path) -> None:
     parts, flags = PRUSA[name]
     sound(sliced_by("prusa-slicer", tmp_path, parts, "--export-gcode", "--center", "110,110", *flags))
