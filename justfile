@@ -33,9 +33,13 @@ portable *ARGS:
 random *ARGS:
     python -m pytest {{workers}} -m hypothesis --hypothesis-profile thorough {{ARGS}}
 
-# the geometry and everything that stands on it once more, with the shapely engine
+# what the engine decides once more, with the shapely engine: operations, regions, walls, solid infill, whole slices
 twin:
-    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
+    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill/test_exact_filling.py
+
+# the geometry and everything that stands on it once more, with the shapely engine: every case, many examples
+twin-all:
+    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} -m "" --hypothesis-profile thorough tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
 
 # what stands on libraries once more, with the oldest versions of them that pyproject.toml allows
 lowest:
