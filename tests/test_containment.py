@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -16,6 +17,7 @@ from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.planning import plan_layers
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, read_surface
+from tests.effort import crossed
 from tests.parts import box, cone, joined, profile, pyramid, sheared_prism, sphere, step_pyramid, two_boxes
 from tests.planning.plans import frusta
 from tests.surface.distances import distance_to_mesh, winding, wrong_points
@@ -64,7 +66,8 @@ PLANNERS: Final[Mapping[str, dict[str, Any]]] = {
 }
 each_planner = pytest.mark.parametrize("planner", PLANNERS)
 each_part = pytest.mark.parametrize("name", PARTS)
-one_sided = pytest.mark.parametrize("containment", ["positive", "negative"])
+SIDES = ["positive", "negative"]
+one_sided = pytest.mark.parametrize("containment", SIDES)
 
 
 class Tried(NamedTuple):
@@ -107,10 +110,9 @@ def tried(mesh: Mesh, sections: Sections, n: int = 500) -> Tried:
     )
 
 
-@each_part
-@each_planner
-@one_sided
-def test_nothing_lies_on_the_wrong_side(name: str, planner: str, containment: str) -> None:
+@pytest.mark.parametrize(("name", "how"), crossed(PARTS, list(product(PLANNERS, SIDES))))
+def test_nothing_lies_on_the_wrong_side(name: str, how: tuple[str, str]) -> None:
+    planner, containment = how
     mesh = PARTS[name]
     plan, sections = sliced(mesh, planner, containment)
     found = tried(mesh, sections)
@@ -125,8 +127,7 @@ def test_nothing_lies_on_the_wrong_side(name: str, planner: str, containment: st
     assert found.over <= ASIDE
 
 
-@pytest.mark.parametrize("name", SAMPLE_PARTS)
-@one_sided
+@pytest.mark.parametrize(("name", "containment"), crossed(SAMPLE_PARTS, SIDES))
 def test_nothing_of_the_sample_parts_lies_on_the_wrong_side(name: str, containment: str) -> None:
     mesh = sample(name)
     _, sections = sliced(mesh, "optimal", containment, tolerance=0.2)
@@ -137,8 +138,7 @@ def test_nothing_of_the_sample_parts_lies_on_the_wrong_side(name: str, containme
     assert found.over <= ASIDE
 
 
-@each_part
-@each_planner
+@pytest.mark.parametrize(("name", "planner"), crossed(PARTS, PLANNERS))
 def test_layers_cut_in_the_middle_are_wrong_on_both_sides_within_the_bound(name: str, planner: str) -> None:
     mesh = PARTS[name]
     plan, sections = sliced(mesh, planner, "mid", resolution=0)
@@ -159,8 +159,7 @@ def test_contained_volumes_lie_around_that_of_the_middle(name: str) -> None:
     assert volumes["mid"] <= volumes["positive"] + 1e-6
 
 
-@each_part
-@one_sided
+@pytest.mark.parametrize(("name", "containment"), crossed(PARTS, SIDES))
 def test_the_optimal_plan_keeps_the_tolerance_contained(name: str, containment: str) -> None:
     mesh = PARTS[name]
     plan, sections = sliced(mesh, "optimal", containment, tolerance=0.11)
