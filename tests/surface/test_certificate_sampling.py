@@ -22,7 +22,7 @@ from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Sections
 from printer_slicer.slicing import cut
 from printer_slicer.surface import Certificate, certify, read_surface
-from tests.effort import examples
+from tests.effort import crossed, examples
 from tests.parts import box, joined, layers, loft, pyramid, sheared_prism, sphere
 from tests.surface.distances import (
     distance_to_mesh,
@@ -401,7 +401,7 @@ def test_no_wrong_point_of_any_part_lies_over_the_bound(kind: Callable[[Rng], Fl
 
 
 @pytest.mark.parametrize("containment", ["positive", "negative"])
-@settings(max_examples=examples(15))
+@settings(max_examples=examples(8))
 @given(kind=st.sampled_from(KINDS), seed=st.integers(0, 10**6))
 def test_no_wrong_point_lies_over_the_bound_when_layers_hold_all_or_only_what_is_common(
     containment: str, kind: Callable[[Rng], Float], seed: int
@@ -413,8 +413,7 @@ def test_no_wrong_point_lies_over_the_bound_when_layers_hold_all_or_only_what_is
     assert worst_excess(mesh, plan, 800, rng) <= ROUNDING
 
 
-@pytest.mark.parametrize("path", sorted(SAMPLES.glob("*.stl")), ids=lambda path: path.stem)
-@pytest.mark.parametrize("height", [0.0, 0.31])
+@pytest.mark.parametrize(("path", "height"), crossed(sorted(SAMPLES.glob("*.stl")), [0.0, 0.31]))
 def test_no_wrong_point_of_a_sample_part_lies_over_the_bound(path: Path, height: float) -> None:
     rng = np.random.default_rng(7)
     mesh = on_the_bed(path)
