@@ -11,6 +11,7 @@ import pytest
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import typed
+from tests.crosses import crossed
 from tests.parts import box
 
 Lines = list[str]
@@ -62,7 +63,7 @@ FAULTS: dict[str, tuple[Callable[[Lines], Lines], str]] = {
 @cache
 def part(folder: Path) -> Path:
     path = folder / "part.stl"
-    export_stl(box((10.0, 10.0, 2.4)), path)
+    export_stl(box((6.0, 6.0, 1.5)), path)
     return path
 
 
@@ -79,10 +80,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("agreement")
 
 
-def told(folder: Path, flavour: str, plant: Callable[[Lines], Lines]) -> dict[str, tuple[int, str]]:
-    """Exit code and words of each tool about a file with a fault in it."""
+def planted(folder: Path, flavour: str, plant: Callable[[Lines], Lines]) -> Path:
+    """A file with a fault in it."""
     path = folder / "planted.gcode"
     path.write_text("\n".join(plant(list(sliced(folder, flavour)))) + "\n")
+    return path
+
+
+def told(folder: Path, flavour: str, plant: Callable[[Lines], Lines]) -> dict[str, tuple[int, str]]:
+    """Exit code and words of each tool about a file with a fault in it."""
+    path = planted(folder, flavour, plant)
     machine = ("--set", f"printer.flavour={flavour}")
     runs = {
         "check": typed("check", path, *machine),
@@ -116,8 +123,7 @@ LOWER_CASE = {
 FREE_TEXT = ("M117 printing layer 4 of x 8", 'M117 "x 4"')
 
 
-@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
-@pytest.mark.parametrize("case", LOWER_CASE)
+@pytest.mark.parametrize(("case", "flavour"), crossed(LOWER_CASE, sorted(FLAVOURS)))
 def test_every_tool_takes_lower_case_as_the_firmware_does(case: str, flavour: str, folder: Path) -> None:
     line, capitals = LOWER_CASE[case]
     found = told(folder, flavour, with_line(line)) | printed(folder, flavour)
@@ -130,8 +136,7 @@ def test_every_tool_takes_lower_case_as_the_firmware_does(case: str, flavour: st
         assert f"write {capitals}" in text, name
 
 
-@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
-@pytest.mark.parametrize("line", FREE_TEXT)
+@pytest.mark.parametrize(("line", "flavour"), crossed(FREE_TEXT, sorted(FLAVOURS)))
 def test_no_tool_minds_lower_case_in_a_text(line: str, flavour: str, folder: Path) -> None:
     found = told(folder, flavour, with_line(line))
 
@@ -140,15 +145,14 @@ def test_no_tool_minds_lower_case_in_a_text(line: str, flavour: str, folder: Pat
 
 @pytest.mark.parametrize("flavour", sorted(FLAVOURS))
 def test_the_simulator_takes_lower_case_where_it_is_allowed(flavour: str, folder: Path) -> None:
-    told(folder, flavour, with_line("g1 x100 y100"))
+    planted(folder, flavour, with_line("g1 x100 y100"))
 
     _, text = printed(folder, flavour, "--allow", "unreadable")["print"]
 
     assert ("nknown command" in text) == (flavour not in TAKES_LOWER_CASE), text
 
 
-@pytest.mark.parametrize("flavour", sorted(FLAVOURS))
-@pytest.mark.parametrize("fault", NUMBERS)
+@pytest.mark.parametrize(("fault", "flavour"), crossed(NUMBERS, sorted(FLAVOURS), laps=2))
 def test_every_tool_refuses_words_that_hold_no_number(fault: str, flavour: str, folder: Path) -> None:
     line, words = NUMBERS[fault]
     found = told(folder, flavour, with_line(line))
@@ -158,8 +162,7 @@ def test_every_tool_refuses_words_that_hold_no_number(fault: str, flavour: str, 
         assert words in text or "cannot be parsed" in text, name
 
 
-@pytest.mark.parametrize("flavour", ["klipper", "marlin", "reprapfirmware"])
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(("fault", "flavour"), crossed(FAULTS, ["klipper", "marlin", "reprapfirmware"]))
 def test_every_tool_refuses_the_same_faults(fault: str, flavour: str, folder: Path) -> None:
     plant, words = FAULTS[fault]
     found = told(folder, flavour, plant)
@@ -194,6 +197,6 @@ READS = {
 
 @pytest.mark.parametrize(("flavour", "line"), READS)
 def test_what_a_firmware_makes_of_a_word_is_said(flavour: str, line: str, folder: Path) -> None:
-    _, text = told(folder, flavour, with_line(line))["check"]
+    path = planted(folder, flavour, with_line(line))
 
-    assert READS[flavour, line] in text
+    assert READS[flavour, line] in typed("check", path, "--set", f"printer.flavour={flavour}").err
