@@ -11,7 +11,7 @@ import pytest
 if TYPE_CHECKING:
     from _pytest.mark import ParameterSet
 
-__all__ = ["crossed"]
+__all__ = ["crossed", "some"]
 
 
 def crossed(*axes: Iterable[object], laps: int = 1) -> list[ParameterSet]:
@@ -34,4 +34,12 @@ def crossed(*axes: Iterable[object], laps: int = 1) -> list[ParameterSet]:
             marks=() if places in tried else pytest.mark.thorough,
         )
         for places in product(*(range(len(axis)) for axis in values))
+    ]
+
+
+def some(values: Iterable[object], few: int) -> list[ParameterSet]:
+    """Values of which `just check` tries the first few, `just thorough` all: seeds, where more are only more."""
+    return [
+        pytest.param(value, marks=() if nth < few else pytest.mark.thorough)
+        for nth, value in enumerate(values)
     ]

@@ -28,6 +28,7 @@ from printer_slicer.stream.events import (
     Resumed,
     Temperature,
 )
+from tests.crosses import crossed
 
 LINES = "G28\nG90\nM83\nG1 Z1 F600\n" + "".join(
     f"G1 X{10 + i % 60} Y{10 + i % 7} F6000\n" for i in range(400)
@@ -152,8 +153,7 @@ def seconds_of(rig: Rig, *, quiet: bool = False) -> float:
 NO_REPORTS = replace(MARLIN_2_0_AVR, name="without reports")
 
 
-@pytest.mark.parametrize("baud", [115_200, 250_000])
-@pytest.mark.parametrize("reports", [True, False], ids=["reported", "asked for"])
+@pytest.mark.parametrize(("reports", "baud"), crossed([True, False], [115_200, 250_000]))
 def test_temperatures_cost_less_than_2_percent(
     reports: bool, baud: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,7 +33,7 @@ from printer_slicer.slice_jobs import job_from
 from printer_slicer.stream.serial_port import open_port
 from tests.waiting import Halting, hosts, until
 
-MOVES = [f"G1 X{10 + i % 90} Y{10 + i % 7} E0.01 F600" for i in range(4000)]
+MOVES = [f"G1 X{10 + i % 90} Y{10 + i % 7} E0.01 F600" for i in range(300)]
 JOB = ["G28", "G90", "M83", "M302 S0", "G1 Z0.3 F600", "M140 S60", "M104 S200", *MOVES]
 OFF = ["M104 S0", "M140 S0", "M107"]
 NEVER = "3600"
@@ -83,7 +83,7 @@ def test_when_the_host_is_killed_and_nobody_comes_back_the_printer_is_made_cold(
 ) -> None:
     executed = Halting(printing)
     with served(tmp_path / "port", 20.0, executed=executed):
-        kill(begin("print", "--guard", "1"), executed)
+        kill(begin("print", "--guard", "0.2"), executed)
         until(lambda: "M107" in executed)
         left = the_print(tmp_path)
         until(lambda: read_story(left).states.get(HEATERS_OFF))
@@ -144,7 +144,7 @@ def test_heat_that_a_macro_asked_for_goes_off_too(begin: Begin, tmp_path: Path) 
     (tmp_path / "job.gcode").write_text("\n".join(["G28", "G90", "M83", "M302 S0", *MOVES]), encoding="utf-8")
     executed = Halting(printing)
     with served(tmp_path / "port", 20.0, executed=executed):
-        kill(begin("print", "--guard", "1"), executed)
+        kill(begin("print", "--guard", "0.2"), executed)
         until(lambda: set(OFF) <= set(executed))
 
 

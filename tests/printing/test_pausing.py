@@ -24,6 +24,7 @@ from printer_slicer.sim.front_end import (
 )
 from printer_slicer.stream.events import Finished, Paused, Resumed
 from printer_slicer.stream.states import State
+from tests.crosses import crossed
 
 
 def printed(text: str) -> Rig:
@@ -55,10 +56,11 @@ def paused_at(text: str, entries: list[int], pause: wishes.Pause, **given: Any) 
     return rig
 
 
-@pytest.mark.parametrize("relative", [True, False], ids=["relative E", "absolute E"])
-@pytest.mark.parametrize("now", [False, True], ids=["behind the plan", "now"])
-@pytest.mark.parametrize(("seed", "pauses"), [(0, 10), (1, 10), (2, 50)])
-def test_the_part_is_the_same_after_all_pauses(seed: int, pauses: int, now: bool, relative: bool) -> None:
+@pytest.mark.parametrize(
+    ("run", "now", "relative"), crossed([(0, 10), (1, 10), (2, 50)], [False, True], [True, False], laps=2)
+)
+def test_the_part_is_the_same_after_all_pauses(run: tuple[int, int], now: bool, relative: bool) -> None:
+    seed, pauses = run
     text = scribble(seed, 200, relative=relative)
     whole = printed(text)
     chance = Random(seed)

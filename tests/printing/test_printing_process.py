@@ -16,6 +16,8 @@ from threading import Thread
 import pytest
 from printed import tower
 
+from tests.cli.command_line import Outcome, typed
+from tests.crosses import some
 from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":
@@ -117,7 +119,7 @@ def control(folder: Path, *words: str) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-def test_another_process_sees_and_steers_the_print(tmp_path: Path) -> None:
+def test_another_process_sees_and_steers_the_print(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long = LINES + "G4 S5\n" * 600
     with served(tmp_path / "port", speed=1.0) as executed:
         printing = Background(job_in(tmp_path, long), tmp_path / "port", tmp_path / "prints")
@@ -125,19 +127,20 @@ def test_another_process_sees_and_steers_the_print(tmp_path: Path) -> None:
         code, out, err = control(tmp_path, "status", "--json")
         assert code == 0, err
         assert json.loads(out)["job"] == "job.gcode"
-        assert control(tmp_path, "say", "M117 hello")[0] == 0
-        assert control(tmp_path, "speed", "900")[0] == 2
-        assert control(tmp_path, "object", "7")[0] == 2
-        assert control(tmp_path, "pause", "--job", "other.gcode")[0] == 2
+        monkeypatch.setenv("PRINTER_SLICER_STATE", str(tmp_path))
+        assert typed("control", "say", "M117 hello").code == 0
+        assert typed("control", "speed", "900").code == 2
+        assert typed("control", "object", "7").code == 2
+        assert typed("control", "pause", "--job", "other.gcode").code == 2
         code, out, err = control(tmp_path, "cancel")
         assert code == 0, err
         printing.ended()
 
     assert isinstance(printing.error, Cancelled)
     assert {"M117 hello", "M104 S0", "M140 S0", "M84"} <= set(executed)
-    code, _, err = control(tmp_path, "status")
-    assert code == 2
-    assert "no running print" in err
+    gone = typed("control", "status")
+    assert gone.code == 2
+    assert "no running print" in gone.err
 
 
 def test_only_its_owner_can_open_the_door_and_a_stale_one_is_replaced(tmp_path: Path) -> None:
@@ -391,7 +394,7 @@ def test_a_place_where_nothing_can_be_written_is_refused_before_the_first_byte(t
 # A host that is killed
 
 
-@pytest.mark.parametrize("seed", [7, 8])
+@pytest.mark.parametrize("seed", some([7, 8], 1))
 def test_a_killed_host_is_taken_up_exactly(seed: int, tmp_path: Path) -> None:
     """More of this: benchmarks/killing.py."""
     outcome = one_job(seed, 3, tmp_path)
@@ -400,23 +403,20 @@ def test_a_killed_host_is_taken_up_exactly(seed: int, tmp_path: Path) -> None:
     assert all(0 <= ahead <= 3 for ahead in outcome.ahead)
 
 
-def test_what_is_left_can_be_listed_and_forgotten(tmp_path: Path) -> None:
+def test_what_is_left_can_be_listed_and_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with served(tmp_path / "port", executed=(executed := after(30))):
         printing = Background(job_in(tmp_path), tmp_path / "port", tmp_path / "prints")
         executed.reached()
     printing.ended()
-    env = {**os.environ, "PRINTER_SLICER_STATE": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    monkeypatch.setenv("PRINTER_SLICER_STATE", str(tmp_path))
 
-    def resume(*words: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "printer_slicer", "resume", *words]
-        return subprocess.run(
-            command, env=env, capture_output=True, text=True, timeout=LAST_RESORT, check=False
-        )
+    def resume(*words: str) -> Outcome:
+        return typed("resume", *words)
 
-    (row,) = json.loads(resume("--list", "--json").stdout)
+    (row,) = json.loads(resume("--list", "--json").out)
     (folder,) = (tmp_path / "prints").iterdir()
     assert row["job"] == "job.gcode"
     assert row["accepted"] == read_story(folder).entries
-    assert resume("--discard").returncode == 0
-    assert resume().returncode == 2
-    assert "no print is unfinished" in resume("--list").stdout
+    assert resume("--discard").code == 0
+    assert resume().code == 2
+    assert "no print is unfinished" in resume("--list").out
