@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
-from itertools import count
+import sys
 from pathlib import Path
 
 import pytest
@@ -42,21 +41,17 @@ settings.load_profile("check")  # --hypothesis-profile thorough, as in `just tho
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Else every process that a test starts would compile all that it imports.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # Nobody's own profiles; set before test modules ask what there is.
 os.environ["PRINTER_SLICER_PROFILES"] = ""
 
 
-@pytest.fixture(scope="session")
-def shelves(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Folders of one parent, one after the other: pytest would look through all it ever made for the next number."""
-    parent = tmp_path_factory.mktemp("shelves")
-    return (parent / str(number) for number in count())
-
-
 @pytest.fixture(autouse=True)
-def shelf_of_its_own(shelves: Iterator[Path], monkeypatch: pytest.MonkeyPatch) -> Path:
+def shelf_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Prints that a test leaves unfinished are nobody else's."""
-    state = next(shelves)
-    state.mkdir()
+    state = tmp_path_factory.mktemp("state")
     monkeypatch.setenv("PRINTER_SLICER_STATE", str(state))
     return state

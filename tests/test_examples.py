@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import chdir
+from math import cos, pi, sin
 from pathlib import Path
 from typing import Final
 
@@ -22,8 +23,8 @@ import pytest
 from printer_slicer.cli import main
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
-from printer_slicer.placing import transformed
 from printer_slicer.profile.folders import VARIABLE
+from tests.parts import cone, loft
 from tests.waiting import LAST_RESORT
 
 ROOT: Final = Path(__file__).parents[1]
@@ -56,6 +57,13 @@ def lines(block: str) -> Iterator[str]:
             yield line.strip()
 
 
+def vase() -> Mesh:
+    """A belly, a neck and a lip around the z axis, of a few facets."""
+    angles = [2 * pi * corner / 12 for corner in range(12)]
+    circle = np.array([(cos(angle), sin(angle)) for angle in angles])
+    return Mesh(loft([radius * circle for radius in (7.0, 8.0, 6.0, 8.0)], (0.0, 4.0, 9.0, 14.0)), "vase")
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """With what the examples take for granted."""
@@ -63,9 +71,9 @@ def folder(tmp_path: Path) -> Path:
     box = load_mesh(ROOT / "sample_parts" / "box.stl")
     for name, left in {"part": 0, "lid": 0, "can": 40}.items():
         export_stl(Mesh(box.triangles + np.array([left, 0.0, 0.0]), name), tmp_path / f"{name}.stl")
-    # The vase is sliced ten times: a lower one shows as much, sooner.
-    vase = transformed(load_mesh(ROOT / "sample_parts" / "vase.stl"), scale=np.array([1.0, 1.0, 0.4]))
-    export_stl(vase, tmp_path / "sample_parts" / "vase.stl")
+    # Some are sliced ten times: smaller ones with fewer facets show as much, sooner.
+    for name, small in {"vase": vase(), "cone": cone(7.0, 8.0, 16)}.items():
+        export_stl(small, tmp_path / "sample_parts" / f"{name}.stl")
     script = tmp_path / "bin" / "printer-slicer"
     script.parent.mkdir()
     script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m printer_slicer "$@"\n')

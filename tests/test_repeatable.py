@@ -71,7 +71,7 @@ def test_every_run_tries_the_same_examples_and_says_how_to_repeat_a_failure(tmp_
 
 
 def test_random_runs_try_others_and_keep_what_fails_where_git_does_not_look() -> None:
-    random = settings.get_profile("random")
+    random = settings.get_profile("thorough")
     ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
 
     assert not random.derandomize
