@@ -21,6 +21,7 @@ from printer_slicer.sim.pty_server import serve
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
+from tests.crosses import crossed
 from tests.waiting import LAST_RESORT
 
 if TYPE_CHECKING:
@@ -33,13 +34,17 @@ if TYPE_CHECKING:
 SEEDS = 2
 LINES = 150
 CASES = [(row, firmware) for row in ROWS for firmware in suits(row)]
+"""Each is tried with one of the seeds in check, with all of them in thorough."""
 
 
-@pytest.mark.parametrize(("row", "firmware"), CASES, ids=lambda text: text.replace(" ", "-"))
-def test_lines_are_executed_once_in_order_or_the_print_ends_with_a_reason(row: str, firmware: str) -> None:
-    for seed in range(SEEDS):
-        _, verdict = trial_of(row, firmware, seed, LINES)
-        assert not verdict.startswith("WRONG"), (seed, verdict)
+@pytest.mark.parametrize(("case", "seed"), crossed(CASES, range(SEEDS)))
+def test_lines_are_executed_once_in_order_or_the_print_ends_with_a_reason(
+    case: tuple[str, str], seed: int
+) -> None:
+    row, firmware = case
+    _, verdict = trial_of(row, firmware, seed, LINES)
+
+    assert not verdict.startswith("WRONG"), (case, verdict)
 
 
 def test_every_dialect_of_the_host_is_spoken_by_a_simulated_firmware() -> None:

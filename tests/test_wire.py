@@ -29,6 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
 from printer_slicer.stream.states import State
+from tests.crosses import crossed, some
 from tests.waiting import LAST_RESORT
 
 if TYPE_CHECKING:
@@ -115,8 +116,7 @@ def wanted(job: Sequence[bytes]) -> list[str]:
 # Damage.
 
 
-@pytest.mark.parametrize("name", ["2.1", "2.0 AVR"])
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize(("seed", "name"), crossed(range(200), ["2.1", "2.0 AVR"]))
 def test_every_line_runs_exactly_once_and_in_order(seed: int, name: str) -> None:
     chance = Random(seed)
     damage = OneByte(chance, share=(0.02, 0.05, 0.1, 0.2)[seed % 4])
@@ -137,7 +137,7 @@ def test_every_line_runs_exactly_once_and_in_order(seed: int, name: str) -> None
     assert bad.end.acknowledged == len(job)
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", some(range(50), 20))
 def test_it_also_does_on_firmware_that_numbers_its_oks(seed: int) -> None:
     chance = Random(seed)
     job = random_job(chance)
@@ -200,9 +200,9 @@ LONG_JOB = [
 ]
 
 
-@pytest.mark.parametrize("knows_limits", [True, False])
-@pytest.mark.parametrize("latency", [0.0, 0.001, 0.016, 0.2])
-@pytest.mark.parametrize("name", FRONT_ENDS)
+@pytest.mark.parametrize(
+    ("name", "latency", "knows_limits"), crossed(FRONT_ENDS, [0.0, 0.001, 0.016, 0.2], [True, False], laps=2)
+)
 def test_a_clean_cable_sees_no_repeat_and_no_question(name: str, latency: float, knows_limits: bool) -> None:
     clean = Print(LONG_JOB, FRONT_ENDS[name], latency=latency, knows_limits=knows_limits).run()
 
