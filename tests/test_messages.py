@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import struct
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -182,6 +183,7 @@ def test_an_announced_number_of_facets_beyond_all_limits_is_told(tmp_path: Path)
 # All of them
 
 
+@cache
 def made_errors() -> list[tuple[str, ast.Call]]:
     """Every place where one of our errors is made."""
     return [
