@@ -6,12 +6,13 @@ import gzip
 import os
 import socket
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import BOX, PARTS, QUICK, Outcome, is_message, process, typed
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.mesh_io import export_stl, load_mesh
@@ -511,7 +512,6 @@ def test_gcode_cannot_be_sliced(tmp_path: Path) -> None:
 # Anything at all
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.binary(max_size=300), st.sampled_from(["x.stl", "x.gcode", "x.obj", "x.ply", "x.off", "x.toml", "x"])
 )
@@ -529,7 +529,6 @@ def test_no_file_whatever_makes_a_traceback(
     assert outcome.code == 0 or is_message(outcome, name)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Zl", "Zp")), max_size=20))
 def test_no_setting_whatever_makes_a_traceback(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     outcome = typed("slice", BOX, "-o", tmp_path_factory.getbasetemp() / "x.gcode", f"--set={text}")
@@ -548,10 +547,14 @@ def test_no_setting_whatever_makes_a_traceback(tmp_path_factory: pytest.TempPath
     ],
     ids=["usage", "part", "port", "verification"],
 )
-def test_exit_codes_reach_the_shell(arguments: list[str], code: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("run", [typed, pytest.param(process, marks=pytest.mark.thorough)])
+def test_exit_codes_are_those_of_what_went_wrong(
+    run: Callable[..., Outcome], arguments: list[str], code: int, tmp_path: Path
+) -> None:
+    """That they reach the shell, a process tells for one of them, in `test_cli.py`."""
     (tmp_path / "empty.stl").touch()
     (tmp_path / "x.gcode").write_text(f"G1 X{500 if code == 7 else 50}\n", encoding="utf-8")
-    outcome = process(*arguments, "-q", cwd=tmp_path)
+    outcome = run(*arguments, "-q", cwd=tmp_path)
 
     refused(outcome, code) if code != 7 else is_message(outcome, "x.gcode")
     assert outcome.code == code

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import BOX, PARTS, QUICK, Outcome, is_message, process, typed
+from command_line import BOX, PARTS, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.values import attached
 from printer_slicer.mesh_io import export_stl, load_mesh
@@ -227,7 +227,7 @@ def test_objects_of_one_3mf_may_touch_but_not_occupy_the_same_space(tmp_path: Pa
 
 def test_a_factor_that_leads_nowhere_is_refused_without_noise(tmp_path: Path) -> None:
     for factor in ("1e300", "1e150", "1,1,1e9"):
-        outcome = process("slice", BOX, "--scale", factor, *QUICK, cwd=tmp_path)
+        outcome = typed("slice", BOX, "--scale", factor, *QUICK, cwd=tmp_path)  # warnings are errors
 
         assert outcome.code == 2
         assert is_message(outcome, "takes box to", "choose a smaller factor")

@@ -6,6 +6,7 @@ import json
 import os
 import socket
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from threading import Thread
 
@@ -23,12 +24,18 @@ def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PRINTER_SLICER_KEY", raising=False)
 
 
+@cache
+def many_moves() -> bytes:
+    """So many that they are sent in more than twenty pieces."""
+    lines = (b"G1 X%d Y%d E%.2f F1800\n" % (i % 200, i % 180, i / 20) for i in range(60_000))
+    return b"G28\nM109 S210\n" + b"".join(lines)
+
+
 @pytest.fixture
 def gcode(tmp_path: Path) -> Path:
     """A file that is sent in many pieces."""
     path = tmp_path / "a part.gcode"
-    lines = (b"G1 X%d Y%d E%.2f F1800\n" % (i % 200, i % 180, i / 20) for i in range(100_000))
-    path.write_bytes(b"G28\nM109 S210\n" + b"".join(lines))
+    path.write_bytes(many_moves())
     return path
 
 
