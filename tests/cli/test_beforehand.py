@@ -74,14 +74,14 @@ def test_latency_and_window_count(dense: Path) -> None:
 
 def test_slicing_for_the_link_that_was_told_is_enough(tmp_path: Path) -> None:
     """The advice works: what is sliced for the rate of the link never waits on it."""
-    out, link = tmp_path / "vase.gcode", ["--link", "9600", "--latency", "1"]
-    assert typed("slice", PARTS / "vase.stl", "-o", out, "--set", "labels=none").code == 0
+    out, link = tmp_path / "cylinder.gcode", ["--link", "9600", "--latency", "1"]
+    assert typed("slice", PARTS / "cylinder.stl", "-o", out, "--set", "labels=none").code == 0
     told = json.loads(typed("check", out, *link, "--json").out)
     assert told["ok"] is False
 
     rate = told["link"]["advice"].partition("per_second=")[2].partition(";")[0]
     slow = f"printer.link_lines_per_second={rate}"
-    assert typed("slice", PARTS / "vase.stl", "-o", out, "--set", slow).code == 0
+    assert typed("slice", PARTS / "cylinder.stl", "-o", out, "--set", slow).code == 0
     again = json.loads(typed("check", out, *link, "--json").out)
 
     lost = [sum(one["seconds"] for one in facts["link"]["stretches"]) for facts in (told, again)]

@@ -8,8 +8,9 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from printer_slicer.mesh_io import export_stl, load_mesh
-from tests.cli.command_line import BOX, PARTS, QUICK, is_message, typed
+from printer_slicer.mesh_io import export_stl
+from tests.cli.command_line import BOX, QUICK, is_message, typed
+from tests.parts import box
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +114,8 @@ def test_limits_that_make_no_sense_are_refused(gcode: Path, limit: str) -> None:
 
 
 def test_the_model_may_be_turned_and_scaled_as_it_was_sliced(tmp_path: Path) -> None:
-    gcode, model = tmp_path / "wall.gcode", PARTS / "bridge.stl"
+    gcode, model = tmp_path / "wall.gcode", tmp_path / "wall.stl"
+    export_stl(box((20.0, 8.0, 4.0)), model)
     changes = ["--rotate", "30", "--scale", "80%"]
     assert typed("slice", model, "-o", gcode, *changes, "--planner", "uniform", *QUICK).code == 0
 
@@ -123,7 +125,7 @@ def test_the_model_may_be_turned_and_scaled_as_it_was_sliced(tmp_path: Path) -> 
 
 def test_several_models_lie_as_their_files_place_them(tmp_path: Path) -> None:
     plate, other = tmp_path / "plate.gcode", tmp_path / "other.stl"
-    export_stl(load_mesh(PARTS / "cylinder.stl").moved((40, 5, 0)), other)
+    export_stl(box((9.0, 6.0, 4.0), at=(40.0, 5.0, 0.0)), other)
     assert typed("slice", BOX, other, "-o", plate, "--planner", "uniform", *QUICK).code == 0
 
     assert typed("check", plate, "--model", BOX, other).code == 0

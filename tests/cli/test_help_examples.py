@@ -37,7 +37,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the examples name."""
     folder = tmp_path_factory.mktemp("shop")
     shutil.copytree(PARTS, folder / "sample_parts")
-    (folder / "part.stl").write_bytes(binary_stl(box((14, 12, 12)).triangles))
+    (folder / "part.stl").write_bytes(binary_stl(box((6, 6, 12)).triangles))
     (folder / "lid.stl").write_bytes(binary_stl(box((8, 8, 2), at=(40, 0, 0)).triangles))
     (folder / "box.3mf").write_bytes(three_mf(model_xml({1: mesh_xml()}, item(1))))
     shutil.copytree(ROOT / "profiles", folder / "profiles")

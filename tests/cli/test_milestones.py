@@ -7,12 +7,14 @@ import signal
 from pathlib import Path
 
 import pytest
-from command_line import BOX, QUICK, heard, started, typed
+from command_line import QUICK, heard, started, typed
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.killing import served
 from printer_slicer.cli.output import Milestones
+from printer_slicer.mesh_io import export_stl
+from tests.parts import box
 from tests.waiting import LAST_RESORT
 
 
@@ -52,9 +54,10 @@ def test_a_print_that_nobody_watches_tells_every_5_percent(tmp_path: Path) -> No
     assert {number // 5 for number in percent} == set(range(1, 21))
 
 
-def test_plans_that_are_compared_are_told_one_by_one() -> None:
-    usual = typed("plan", BOX, "--compare", *QUICK)
-    quiet = typed("plan", BOX, "--compare", "-q", *QUICK)
+def test_plans_that_are_compared_are_told_one_by_one(tmp_path: Path) -> None:
+    export_stl(box((6.0, 6.0, 2.0)), tmp_path / "part.stl")
+    usual = typed("plan", tmp_path / "part.stl", "--compare", *QUICK)
+    quiet = typed("plan", tmp_path / "part.stl", "--compare", "-q", *QUICK)
     lines = usual.err.splitlines()
     plans = usual.out.count(" %", 0, usual.out.index("Certificate")) // 2
 

@@ -8,21 +8,30 @@ from pathlib import Path
 
 import pytest
 
+from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import BOX, PARTS, QUICK, typed
+from tests.parts import box, cone
 
 CONE = PARTS / "cone.stl"
 
 
+def small_parts(folder: Path) -> None:
+    """`box.stl` and `cone.stl`."""
+    export_stl(box((6.0, 6.0, 2.0)), folder / "box.stl")
+    export_stl(cone(4.0, 3.0, 12), folder / "cone.stl")
+
+
 @pytest.mark.parametrize("flags", [("-o", "made/here/"), ("--output-dir", "made/here")])
 def test_each_model_has_its_file_in_a_folder_that_is_made(flags: tuple[str, str], tmp_path: Path) -> None:
-    outcome = typed("slice", BOX, CONE, *flags, "--json", *QUICK, cwd=tmp_path)
+    small_parts(tmp_path)
+    outcome = typed("slice", "box.stl", "cone.stl", *flags, "--json", *QUICK, cwd=tmp_path)
 
     assert outcome.code == 0, outcome.err
     assert sorted(path.name for path in (tmp_path / "made" / "here").iterdir()) == ["box.gcode", "cone.gcode"]
     told = [json.loads(line) for line in outcome.out.splitlines()]
     assert [one["output"] for one in told] == ["made/here/box.gcode", "made/here/cone.gcode"]
     assert [len(one["models"]) for one in told] == [1, 1]
-    typed("slice", CONE, "-o", "alone.gcode", *QUICK, cwd=tmp_path)
+    typed("slice", "cone.stl", "-o", "alone.gcode", *QUICK, cwd=tmp_path)
     assert (tmp_path / "made/here/cone.gcode").read_bytes() == (tmp_path / "alone.gcode").read_bytes()
 
 

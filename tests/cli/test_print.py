@@ -417,7 +417,7 @@ def test_the_served_printer_judges_what_it_was_to_print(expected: str, code: int
 @pytest.mark.parametrize("json_", [False, True], ids=["for people", "json"])
 def test_a_print_over_a_bad_cable_says_so_while_it_runs_and_at_its_end(tmp_path: Path, json_: bool) -> None:
     job = tmp_path / "dance.gcode"
-    job.write_text("G28\n" + DANCE[: len(DANCE) // 2], encoding="utf-8")
+    job.write_text("G28\n" + DANCE[: len(DANCE) // 6], encoding="utf-8")
 
     def bad(printer: SimulatedPrinter) -> Cable:
         return Cable(printer, damage=Damage(Random(3), flip=1e-3))
