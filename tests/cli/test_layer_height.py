@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.command_line import BOX, Outcome, typed
+from tests.crosses import crossed
 
 QUALITY = """
 name = "own"
@@ -47,9 +48,15 @@ def test_a_layer_height_that_is_typed_is_the_height_of_all_layers(
     assert [height for _, height in runs] == [0.25]
 
 
-@pytest.mark.parametrize("height", [("--layer-height", "0.25"), ("--set", "layer_height=0.25")])
-@pytest.mark.parametrize("planner", [("--planner", "cusp"), ("--set", "quality.planner.kind=cusp")])
-@pytest.mark.parametrize("command", ["slice", "plan", "dry-run"])
+@pytest.mark.parametrize(
+    ("command", "height", "planner"),
+    crossed(
+        ["slice", "plan", "dry-run"],
+        [("--layer-height", "0.25"), ("--set", "layer_height=0.25")],
+        [("--planner", "cusp"), ("--set", "quality.planner.kind=cusp")],
+        laps=2,
+    ),
+)
 def test_another_planner_and_a_layer_height_contradict_each_other(
     command: str, height: tuple[str, str], planner: tuple[str, str]
 ) -> None:
@@ -97,10 +104,14 @@ def test_a_layer_height_and_a_setting_of_planners_that_choose_heights_are_both_n
     assert "leave out the layer height, or all the others" in also.err
 
 
-@pytest.mark.parametrize("flag", [("--layer-height", "0.2"), ("--set", "layer_height=0.2")])
-@pytest.mark.parametrize("planner", [(), ("--planner", "optimal")], ids=["no planner", "optimal"])
 @pytest.mark.parametrize(
-    "between", [("--range", "1:3:layer_height=0.1"), ("--set", "planner.ranges=1:3:layer_height=0.1")]
+    ("flag", "planner", "between"),
+    crossed(
+        [("--layer-height", "0.2"), ("--set", "layer_height=0.2")],
+        [(), ("--planner", "optimal")],
+        [("--range", "1:3:layer_height=0.1"), ("--set", "planner.ranges=1:3:layer_height=0.1")],
+        laps=2,
+    ),
 )
 def test_a_layer_height_holds_but_where_a_range_has_another(
     flag: tuple[str, str], planner: tuple[str, ...], between: tuple[str, str], tmp_path: Path

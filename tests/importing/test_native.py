@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,10 +25,16 @@ CHANGES: dict[str, object] = {
 }
 
 
-def written(folder: Path, **load: str) -> tuple[Path, Profile]:
-    profile = load_profile(changes=CHANGES, **load)  # type: ignore[arg-type]
+@cache
+def sliced(printer: str) -> tuple[bytes, Profile]:
+    profile = load_profile(printer, changes=CHANGES)
+    return job_of(load_mesh(PART), profile).text, profile
+
+
+def written(folder: Path, printer: str = "marlin_220") -> tuple[Path, Profile]:
+    text, profile = sliced(printer)
     path = folder / "box.gcode"
-    path.write_bytes(job_of(load_mesh(PART), profile).text)
+    path.write_bytes(text)
     return path, profile
 
 
