@@ -6,7 +6,7 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Bool, Float, Int
@@ -19,7 +19,6 @@ def way(begin: Float, end: Float, order: Int, turned: Bool) -> float:
     return float(np.hypot(*(into[1:] - out[:-1]).T).sum())
 
 
-@settings(deadline=None, max_examples=80)
 @given(seed=st.integers(0, 10**6), n=st.integers(0, 60), groups=st.integers(1, 5), free=st.floats(0, 1))
 def test_every_unit_is_visited_once_in_its_group_and_the_way_is_no_longer(
     seed: int, n: int, groups: int, free: float

@@ -16,6 +16,7 @@ from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.states import ENDED, State
+from tests.effort import examples
 
 if TYPE_CHECKING:
     from printer_slicer.sim.link import Direction
@@ -159,5 +160,5 @@ def test_an_ok_too_many_before_the_count_is_told_does_no_harm() -> None:
 
 TestWire = Wire.TestCase
 TestWire.settings = settings(
-    max_examples=60, stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=examples(60), stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)
 )

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.exports import write_cli
@@ -71,7 +71,6 @@ def test_solids_run_counter_clockwise_with_direction_1_and_holes_clockwise_with_
     assert [round(closed_area([ring]), 9) for _, ring in polylines] == [100, -16, 4]
 
 
-@settings(max_examples=40, deadline=None)
 @given(stack=sections())
 def test_both_kinds_hold_exactly_the_same_numbers(stack: Sections) -> None:
     text, binary = (read_cli(write_cli(stack, binary=kind)) for kind in (False, True))

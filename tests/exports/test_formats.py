@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from printer_slicer.arrays import Float
 from printer_slicer.exports import in_float32, on_grid, write_cli, write_slc, write_svg, write_svgs
@@ -105,7 +105,6 @@ def test_holes_islands_empty_layers_and_uneven_heights_are_read_back(name: str) 
 
 
 @each_format
-@settings(max_examples=40, deadline=None)
 @given(stack=sections())
 def test_any_stack_is_read_back_with_the_areas_it_has(name: str, stack: Sections) -> None:
     read = FORMATS[name](stack)

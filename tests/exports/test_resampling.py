@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float
@@ -83,13 +83,11 @@ def check(new: Areas, old: Areas, bound: float) -> None:
 # Any contours
 
 
-@settings(max_examples=60, deadline=None)
 @given(areas=clean_areas(2), bound=BOUNDS)
 def test_smoothed_contours_keep_to_the_bound_and_their_topology(areas: Areas, bound: float) -> None:
     check(smooth(areas, bound), areas, bound)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     areas=clean_areas(2),
     bound=st.one_of(st.just(0.0), BOUNDS),
@@ -101,7 +99,6 @@ def test_resampled_contours_keep_to_the_bound_and_their_topology(
     check(resample(areas, spacing, bound), areas, bound)
 
 
-@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6), bound=BOUNDS, size=st.sampled_from([0.01, 0.2, 1.0]))
 def test_rough_contours_that_nearly_touch_keep_to_the_bound_and_their_topology(
     seed: int, bound: float, size: float
@@ -116,7 +113,6 @@ def test_rough_contours_that_nearly_touch_keep_to_the_bound_and_their_topology(
     check(resample(areas, 0.7, bound), areas, bound)
 
 
-@settings(max_examples=30, deadline=None)
 @given(areas=clean_areas(1), spacing=st.floats(0.05, 5), bound=st.sampled_from([0.0, 0.01, 0.2]))
 def test_points_are_no_farther_apart_than_asked_for(areas: Areas, spacing: float, bound: float) -> None:
     made = resample(areas, spacing, bound)
@@ -125,7 +121,6 @@ def test_points_are_no_farther_apart_than_asked_for(areas: Areas, spacing: float
     assert step.max(initial=0.0) <= spacing + ROUNDING
 
 
-@settings(max_examples=30, deadline=None)
 @given(areas=clean_areas(1), spacing=st.floats(0.05, 5))
 def test_points_of_a_resampled_contour_lie_on_the_old_one(areas: Areas, spacing: float) -> None:
     made = resample(areas, spacing, 0.1)
@@ -181,7 +176,6 @@ def test_walls_thinner_than_the_bound_stay_whole() -> None:
     assert made.area()[0] > 0
 
 
-@settings(max_examples=20, deadline=None)
 @given(
     thickness=st.sampled_from([0.002, 0.02, 0.1]),
     bound=st.sampled_from([0.05, 0.3, 2.0]),
@@ -258,7 +252,6 @@ def test_distances_that_make_no_sense_are_refused(spacing: float) -> None:
 # What they are built on
 
 
-@settings(max_examples=40, deadline=None)
 @given(areas=clean_areas(2), reach=st.sampled_from([0.01, 0.6, 4.0]))
 def test_the_distance_to_other_rings_is_that_of_another_library(areas: Areas, reach: float) -> None:
     found = clearance(areas, reach)
@@ -273,7 +266,6 @@ def test_the_distance_to_other_rings_is_that_of_another_library(areas: Areas, re
         assert found[i] == pytest.approx(min(nearest, reach), abs=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(3, 90))
 def test_where_a_long_ring_meets_itself_is_what_another_library_says(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from printer_slicer.errors import ProfileError
 from printer_slicer.macros import Value, escaped, read_template, text_of, with_other_names
 from printer_slicer.texts import number
+from tests.effort import examples
 
 KNOWN: dict[str, Value] = {
     "a": 3.0,
@@ -129,7 +130,7 @@ NUMBERS = st.recursive(LITERALS, more_numbers, max_leaves=12)
 
 
 @given(st.one_of(NUMBERS, conditions(NUMBERS)))
-@settings(max_examples=300)
+@settings(max_examples=examples(100))
 def test_an_expression_has_the_value_that_another_evaluator_finds(case: Case) -> None:
     if case.value is None or len(case.text) > 400:
         return  # no value, or longer than what is read
@@ -151,7 +152,7 @@ PIECES = st.sampled_from(
 
 
 @given(st.one_of(st.lists(PIECES, max_size=40).map("".join), st.text(max_size=60)))
-@settings(max_examples=500)
+@settings(max_examples=examples(100))
 def test_garbage_gives_text_or_an_error_that_says_where(text: str) -> None:
     try:
         lines = read_template(text, "start_gcode").filled(KNOWN)

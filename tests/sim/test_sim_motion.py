@@ -16,6 +16,7 @@ from printer_slicer.motion.rules import Block, make_block, plan
 from printer_slicer.sim.front_end import KLIPPER, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.tally import Tally
+from tests.effort import examples
 
 LIMITS = Machine().limits
 
@@ -33,7 +34,7 @@ def place(console: Console) -> dict[str, float]:
     return {word[0]: float(word[2:]) for word in words}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(
     points=st.lists(st.tuples(st.floats(0.0, 200.0), st.floats(0.0, 200.0)), min_size=1, max_size=40),
     speed=st.sampled_from([20.0, 60.0, 200.0]),
@@ -245,7 +246,6 @@ def test_a_larger_junction_deviation_makes_corners_faster() -> None:
     clockwise=st.booleans(),
     turn=st.sampled_from(["half", "full"]),
 )
-@settings(max_examples=25, deadline=None)
 def test_an_arc_is_as_long_as_the_circle_it_follows(radius: float, clockwise: bool, turn: str) -> None:
     code = "G2" if clockwise else "G3"
     console = Console(machine=NIMBLE)
