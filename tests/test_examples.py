@@ -24,7 +24,7 @@ from printer_slicer.cli import main
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.profile.folders import VARIABLE
-from tests.parts import cone, loft
+from tests.parts import cone, loft, prism
 from tests.waiting import LAST_RESORT
 
 ROOT: Final = Path(__file__).parents[1]
@@ -72,7 +72,9 @@ def folder(tmp_path: Path) -> Path:
     for name, left in {"part": 0, "lid": 0, "can": 40}.items():
         export_stl(Mesh(box.triangles + np.array([left, 0.0, 0.0]), name), tmp_path / f"{name}.stl")
     # Some are sliced ten times: smaller ones with fewer facets show as much, sooner.
-    for name, small in {"vase": vase(), "cone": cone(7.0, 8.0, 16)}.items():
+    angles = [2 * pi * corner / 24 for corner in range(24)]
+    cylinder = prism([(8 * cos(angle), 8 * sin(angle)) for angle in angles], 8.0)
+    for name, small in {"vase": vase(), "cone": cone(6.0, 6.0, 12), "cylinder": cylinder}.items():
         export_stl(small, tmp_path / "sample_parts" / f"{name}.stl")
     script = tmp_path / "bin" / "printer-slicer"
     script.parent.mkdir()

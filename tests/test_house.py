@@ -97,6 +97,7 @@ def public_list(tree: ast.Module) -> list[str]:
 
 
 TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in SOURCES}
+PARSER = build_parser()
 BY_NAME = {name_of(path): tree for path, tree in TREES.items()}
 
 
@@ -398,7 +399,7 @@ def shell_texts() -> list[tuple[str, str]]:
 def test_the_commands_of_the_documents_can_be_typed(place: str, text: str) -> None:
     for arguments in commands_in(text):
         try:
-            parsed = build_parser().parse_args(arguments)
+            parsed = PARSER.parse_args(arguments)
         except SystemExit as error:
             if error.code:  # 0: it asked for help or the version
                 pytest.fail(f"{place}: printer-slicer {shlex.join(arguments)}")

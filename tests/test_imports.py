@@ -101,40 +101,32 @@ def test_serving_the_simulated_printer_needs_no_serial_library(tmp_path: Path) -
     assert "serial" not in loaded(code, "sim", "--pty", str(tmp_path / "taken"))
 
 
-def test_slicing_an_stl_imports_neither_trimesh_nor_the_serial_library(tmp_path: Path) -> None:
-    taken = after_command("slice", str(BOX), "-o", str(tmp_path / "box.gcode"), "--json")
+def after_slicing(folder: Path, *flags: str) -> list[str]:
+    """All modules that slicing imports."""
+    code = (
+        "import sys\nfrom printer_slicer.cli import main\nassert main(sys.argv[1:]) == 0\n"
+        "print('loaded:', *sys.modules)"
+    )
+    said = python(code, "slice", str(BOX), "-o", str(folder / "box.gcode"), *flags)
+    return said.rpartition("loaded:")[2].split()
+
+
+def test_slicing_an_stl_imports_neither_trimesh_nor_pillow_nor_the_serial_library_nor_a_ledger(
+    tmp_path: Path,
+) -> None:
+    names = after_slicing(tmp_path, "--json", "--set", "thumbnails=")
+    taken = {name.partition(".")[0] for name in names}
 
     assert "numpy" in taken
-    assert taken & {"trimesh", "scipy", "networkx", "serial", "rich"} == set()
+    assert taken & {"trimesh", "scipy", "networkx", "serial", "rich", "PIL"} == set()
+    assert [name for name in names if "ledger" in name or "checking" in name] == []
 
 
-@pytest.mark.parametrize(("wanted", "fewest", "most"), [("", 0, 0), ("16x16, 16x16/QOI", 2, 9)])
-def test_slicing_imports_pillow_only_for_thumbnails(
-    tmp_path: Path, wanted: str, fewest: int, most: int
-) -> None:
-    """And not all of the formats that Pillow knows, which are more than 40."""
-    code = (
-        "import sys\nfrom printer_slicer.cli import main\nassert main(sys.argv[1:]) == 0\n"
-        "print('loaded:', *[name for name in sys.modules if name.startswith('PIL')])"
-    )
-    arguments = ["slice", str(BOX), "-o", str(tmp_path / "box.gcode"), "-q", "--set", f"thumbnails={wanted}"]
-    names = python(code, *arguments).rpartition("loaded:")[2].split()
+def test_slicing_with_thumbnails_imports_not_all_of_the_formats_of_pillow(tmp_path: Path) -> None:
+    """They are more than 40."""
+    names = after_slicing(tmp_path, "-q", "--set", "thumbnails=16x16, 16x16/QOI")
 
-    assert fewest <= len([name for name in names if name.endswith("Plugin")]) <= most
-    assert bool(names) == bool(wanted)
-
-
-def test_slicing_imports_no_ledger(tmp_path: Path) -> None:
-    code = (
-        "import sys\nfrom printer_slicer.cli import main\nassert main(sys.argv[1:]) == 0\n"
-        "print([name for name in sys.modules if 'ledger' in name or 'checking' in name])"
-    )
-
-    assert python(code, "slice", str(BOX), "-o", str(tmp_path / "box.gcode"), "-q").strip() == "[]"
-
-
-def test_every_module_can_be_imported_without_a_warning() -> None:
-    python("\n".join(f"import {name}" for name in MODULES))
+    assert 2 <= len([name for name in names if name.startswith("PIL") and name.endswith("Plugin")]) <= 9
 
 
 @pytest.mark.parametrize("name", printer_slicer.__all__)
@@ -152,7 +144,7 @@ def test_the_public_names_are_listed() -> None:
     assert set(printer_slicer.__all__) <= set(dir(printer_slicer))
 
 
-def test_no_public_name_is_hidden_by_a_module_whatever_was_imported_before() -> None:
+def test_every_module_imports_without_a_warning_and_hides_no_public_name() -> None:
     imports = "\n".join(f"import {name}" for name in MODULES)
     said = python(
         f"{imports}\nimport printer_slicer as ps\nfor name in ps.__all__: print(type(getattr(ps, name)).__name__)"

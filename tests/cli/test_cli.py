@@ -268,7 +268,7 @@ def test_plans_as_json_hold_every_layer() -> None:
     assert 0 < chosen["time_saved"] < 1
 
 
-@pytest.mark.parametrize("name", ["cone", "sheared_prism"])
+@pytest.mark.parametrize("name", [pytest.param("cone", marks=pytest.mark.thorough), "sheared_prism"])
 def test_every_part_can_be_planned(name: str, tmp_path: Path) -> None:
     outcome = typed("plan", PARTS / f"{name}.stl", "--picture", tmp_path / "p.svg", "--json", *QUICK)
 

@@ -311,18 +311,18 @@ CASES: Final = [
     ("printer-slicer sli", {"slice"}, {"plan"}),
     ("printer-slicer slice --mat", {"--material"}, {"--printer"}),
     ("printer-slicer slice --material pe", {"petg"}, {"pla"}),
-    ("printer-slicer slice --quality ad", {"adaptive"}, {"standard"}),
+    pytest.param("printer-slicer slice --quality ad", {"adaptive"}, {"standard"}, marks=pytest.mark.thorough),
     ("printer-slicer slice --set infill_den", {"infill_density="}, {"perimeters="}),
     ("printer-slicer dry-run --set quality.infill_den", {"quality.infill_density="}, {"infill_density="}),
-    ("printer-slicer slice --planner op", {"optimal"}, {"uniform"}),
-    ("printer-slicer slice --units in", {"inch"}, {"mm"}),
+    pytest.param("printer-slicer slice --planner op", {"optimal"}, {"uniform"}, marks=pytest.mark.thorough),
+    pytest.param("printer-slicer slice --units in", {"inch"}, {"mm"}, marks=pytest.mark.thorough),
     ("printer-slicer check --allow ee", {"eeprom"}, {"temperature"}),
     ("printer-slicer slice --allow ", {"unsupported"}, {"eeprom"}),
     ("printer-slicer print --port si", {"sim:"}, set()),
     ("printer-slicer slice p", {"part.stl", "parts/"}, {"picture.png"}),
     ("printer-slicer check p", {"part.gcode", "parts/"}, {"part.stl"}),
     ("printer-slicer send part.gcode --to moon", {"moonraker"}, {"duet"}),
-    ("printer-slicer completion f", {"fish"}, {"bash"}),
+    pytest.param("printer-slicer completion f", {"fish"}, {"bash"}, marks=pytest.mark.thorough),
 ]
 
 
