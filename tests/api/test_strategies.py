@@ -15,7 +15,7 @@ import printer_slicer as ps
 from tests.parts import box, cone
 
 PROFILE = ps.load_profile("marlin_220", "pla", "standard", {"skirt_loops": 0})
-PART = box((30, 20, 4))
+PART = box((20, 15, 4))
 
 
 def sliced(**strategies: Any) -> ps.Stages:

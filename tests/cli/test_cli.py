@@ -424,6 +424,7 @@ def test_quiet_still_says_what_is_wrong(command: list[str], tmp_path: Path) -> N
     assert is_message(outcome, "nowhere.stl")
 
 
+@pytest.mark.thorough  # what each says to stderr is looked at above, too
 @pytest.mark.parametrize("command", MODEL_COMMANDS, ids=lambda words: words[0])
 def test_there_is_no_progress_when_stderr_is_no_terminal(command: list[str], tmp_path: Path) -> None:
     target = ["-o", tmp_path / "v.gcode"] if command == ["slice"] else []

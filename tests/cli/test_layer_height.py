@@ -80,20 +80,23 @@ def test_a_layer_height_beside_a_list_of_heights_is_an_error(tmp_path: Path) -> 
     assert "--heights 0.1,0.15" in outcome.err
 
 
+CHOOSING = {
+    "--objective": ("--objective", "time"),
+    "--time-budget": ("--time-budget", "45m"),
+    "--range 1:3:tolerance=0.03": ("--range", "1:3:tolerance=0.03"),
+    "--set planner.max_step": ("--set", "planner.max_step=0.05"),
+    "--set smooth": ("--set", "smooth=false"),
+}
+
+
 @pytest.mark.parametrize(
-    ("flags", "name"),
-    [
-        (("--objective", "time"), "--objective"),
-        (("--time-budget", "45m"), "--time-budget"),
-        (("--range", "1:3:tolerance=0.03"), "--range 1:3:tolerance=0.03"),
-        (("--set", "planner.max_step=0.05"), "--set planner.max_step"),
-        (("--set", "smooth=false"), "--set smooth"),
-    ],
+    ("height", "name"),
+    crossed([("--layer-height", "0.2"), ("--set", "quality.layer_height=0.2")], CHOOSING),
 )
-@pytest.mark.parametrize("height", [("--layer-height", "0.2"), ("--set", "quality.layer_height=0.2")])
 def test_a_layer_height_and_a_setting_of_planners_that_choose_heights_are_both_named(
-    height: tuple[str, str], flags: tuple[str, str], name: str
+    height: tuple[str, str], name: str
 ) -> None:
+    flags = CHOOSING[name]
     refused = typed("plan", BOX, *height, *flags)
     also = typed("plan", BOX, *height, *flags, "--planner", "optimal")
 

@@ -27,7 +27,8 @@ def _no_key(monkeypatch: pytest.MonkeyPatch) -> None:
 @cache
 def many_moves() -> bytes:
     """So many that they are sent in more than twenty pieces."""
-    lines = (b"G1 X%d Y%d E%.2f F1800\n" % (i % 200, i % 180, i / 20) for i in range(60_000))
+    why = b"long remarks make a large file of few commands " * 5
+    lines = (b"G1 X%d Y%d E%.2f F1800 ; %s\n" % (i % 200, i % 180, i / 20, why) for i in range(6_000))
     return b"G28\nM109 S210\n" + b"".join(lines)
 
 
