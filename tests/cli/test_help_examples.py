@@ -51,7 +51,17 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("example", sorted(set(examples())))
+TYPED_ELSEWHERE: Final = re.compile(r"--compare|case_study")
+"""What takes longest, and is in the README, too."""
+
+
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(one, marks=pytest.mark.thorough if TYPED_ELSEWHERE.search(one) else ())
+        for one in sorted(set(examples()))
+    ],
+)
 def test_the_examples_of_the_help_run(
     example: str, shop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
