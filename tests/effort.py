@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import product
 from typing import Any
 
@@ -20,11 +20,20 @@ def examples(few: int) -> int:
     return max(few * settings.default.max_examples // _USUAL, few) if settings.default else few
 
 
-def crossed(*axes: Iterable[Any]) -> list[Any]:
-    """All combinations of these values; in `just check` no more than it takes for every value to occur."""
+def crossed(*axes: Iterable[Any], laps: int = 1) -> list[Any]:
+    """All combinations of these values; in `just check` only as many as it takes for every value to occur.
+
+    Args:
+        axes: the values of each parameter.
+        laps: in how many combinations each value of the longest axis occurs there.
+    """
     values = [list(axis) for axis in axes]
     longest = max(len(axis) for axis in values)
-    kept = {tuple(i % len(axis) for axis in values) for i in range(longest)}
+    kept = {
+        tuple((step + lap * nth) % len(axis) for nth, axis in enumerate(values))
+        for lap in range(laps)
+        for step in range(longest)
+    }
     return [
         pytest.param(
             *(axis[i] for axis, i in zip(values, place, strict=True)),
@@ -41,6 +50,9 @@ def _name(value: Any) -> str:
     return str(value) if isinstance(value, (str, int, float)) else str(getattr(value, "name", ""))
 
 
-def few_of(cases: Sequence[Any], kept: int) -> list[Any]:
+def few_of(cases: Iterable[Any], kept: int) -> list[Any]:
     """All cases; in `just check` the first ones only."""
-    return [*cases[:kept], *(pytest.param(case, marks=pytest.mark.thorough) for case in cases[kept:])]
+    return [
+        case if nth < kept else pytest.param(case, marks=pytest.mark.thorough)
+        for nth, case in enumerate(cases)
+    ]

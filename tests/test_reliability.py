@@ -21,7 +21,7 @@ from printer_slicer.sim.pty_server import serve
 from printer_slicer.stream.events import Halted, Identified
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
-from tests.crosses import crossed
+from tests.effort import crossed
 from tests.waiting import LAST_RESORT
 
 if TYPE_CHECKING:

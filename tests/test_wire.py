@@ -29,7 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import open_port
 from printer_slicer.stream.session import run
 from printer_slicer.stream.states import State
-from tests.crosses import crossed, some
+from tests.effort import crossed, few_of
 from tests.waiting import LAST_RESORT
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def test_every_line_runs_exactly_once_and_in_order(seed: int, name: str) -> None
     assert bad.end.acknowledged == len(job)
 
 
-@pytest.mark.parametrize("seed", some(range(50), 20))
+@pytest.mark.parametrize("seed", few_of(range(50), 20))
 def test_it_also_does_on_firmware_that_numbers_its_oks(seed: int) -> None:
     chance = Random(seed)
     job = random_job(chance)

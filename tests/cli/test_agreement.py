@@ -11,7 +11,7 @@ import pytest
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import typed
-from tests.crosses import crossed
+from tests.effort import crossed
 from tests.parts import box
 
 Lines = list[str]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.command_line import BOX, Outcome, typed
-from tests.crosses import crossed
+from tests.effort import crossed
 
 QUALITY = """
 name = "own"

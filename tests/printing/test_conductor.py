@@ -28,7 +28,7 @@ from printer_slicer.stream.events import (
     Resumed,
     Temperature,
 )
-from tests.crosses import crossed
+from tests.effort import crossed
 
 LINES = "G28\nG90\nM83\nG1 Z1 F600\n" + "".join(
     f"G1 X{10 + i % 60} Y{10 + i % 7} F6000\n" for i in range(400)

@@ -24,7 +24,7 @@ from printer_slicer.sim.front_end import (
 )
 from printer_slicer.stream.events import Finished, Paused, Resumed
 from printer_slicer.stream.states import State
-from tests.crosses import crossed
+from tests.effort import crossed
 
 
 def printed(text: str) -> Rig:

@@ -17,7 +17,7 @@ import pytest
 from printed import tower
 
 from tests.cli.command_line import Outcome, typed
-from tests.crosses import some
+from tests.effort import few_of
 from tests.waiting import LAST_RESORT, until
 
 if sys.platform == "win32":
@@ -394,7 +394,7 @@ def test_a_place_where_nothing_can_be_written_is_refused_before_the_first_byte(t
 # A host that is killed
 
 
-@pytest.mark.parametrize("seed", some([7, 8], 1))
+@pytest.mark.parametrize("seed", few_of([7, 8], 1))
 def test_a_killed_host_is_taken_up_exactly(seed: int, tmp_path: Path) -> None:
     """More of this: benchmarks/killing.py."""
     outcome = one_job(seed, 3, tmp_path)

@@ -18,7 +18,7 @@ from printer_slicer.printing.shelf import Place, Print, begin
 from printer_slicer.sim.front_end import MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.stream.events import Finished
-from tests.crosses import crossed, some
+from tests.effort import crossed, few_of
 
 
 class PowerLoss(Exception):  # noqa: N818
@@ -88,7 +88,7 @@ def test_gap_and_double_extrusion_are_at_most_1_mm(seed: int, advanced: bool, tm
     assert ((x - bx) ** 2 + (y - by) ** 2) ** 0.5 <= 1.0 or abs(lost_or_twice) <= 0.2
 
 
-@pytest.mark.parametrize("seed", some(range(10), 4))
+@pytest.mark.parametrize("seed", few_of(range(10), 4))
 def test_the_nozzle_touches_nothing_on_its_way(seed: int, tmp_path: Path) -> None:
     text = tower(12)
     before, after, found = recovered(text, tmp_path, Random(seed).randrange(40, 300))

@@ -16,7 +16,7 @@ from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.stream.events import Event, Finished
-from tests.crosses import crossed, some
+from tests.effort import crossed, few_of
 
 FRONT_ENDS = {"2.1": MARLIN_2_1, "2.0 AVR": MARLIN_2_0_AVR, "2.1 advanced": MARLIN_2_1_ADVANCED}
 
@@ -95,7 +95,7 @@ def test_the_journal_never_names_more_than_the_printer_took(tmp_path: Path) -> N
     assert max(behind) <= 3
 
 
-@pytest.mark.parametrize("seed", some(range(25), 8))
+@pytest.mark.parametrize("seed", few_of(range(25), 8))
 def test_a_host_killed_around_a_pause_leaves_no_trace_in_the_part(seed: int, tmp_path: Path) -> None:
     chance = Random(seed)
     text = scribble(seed, 60, relative=bool(seed % 2))
