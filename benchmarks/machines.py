@@ -32,7 +32,7 @@ from printer_slicer.gcode_text import gcode_of
 from printer_slicer.jobs import job_of_text
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, load_profile, profile_with

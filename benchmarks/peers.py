@@ -40,7 +40,7 @@ from printer_slicer.commands import told_by
 from printer_slicer.gcode import read_moves
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
 
 __all__ = ["CuraEngine", "Part", "Printed", "PrusaSlicer", "find_peers"]

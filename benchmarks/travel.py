@@ -37,7 +37,7 @@ from printer_slicer.healing import repair
 from printer_slicer.inspection.coverage.extrusions import beads_of_moves
 from printer_slicer.inspection.coverage.model_check import placed_sections, read_deposit
 from printer_slicer.model import Mesh
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.profile import Profile, profile_with

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.inspection.lint.lint_jobs import lint_file, lint_text
+from printer_slicer.inspection.lint.scan import lint_file, lint_text
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh

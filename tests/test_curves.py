@@ -15,7 +15,7 @@ from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import read_moves
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import LayerPlan, Toolpaths
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role
 from tests.parts import box, cone, plain, shapely, sphere

@@ -12,9 +12,9 @@ import pytest
 
 import printer_slicer
 from printer_slicer.cli.parser import COMMANDS
+from printer_slicer.printing.conductor import Ticket
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.door import open_door
-from printer_slicer.printing.phases import Ticket
 from printer_slicer.printing.setup import setup_of
 from printer_slicer.printing.shelf import Place, begin
 from printer_slicer.printing.wishes import Stop

@@ -16,8 +16,8 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.inspection.dry_run.underruns import timed_job
 from printer_slicer.link_model import LinkRun, SerialLink, lateness
-from printer_slicer.motion.machine import limits_of
 from printer_slicer.motion.planner_clock import PlannerClock
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter

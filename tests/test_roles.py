@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
+from printer_slicer.inspection.deposition.marks import Purpose, purposes_of_roles
 from printer_slicer.profile import load_profile
 from printer_slicer.roles import ROLES, Phase, Role, roles_with
 

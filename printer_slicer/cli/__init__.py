@@ -10,8 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from printer_slicer.cli.inputs import inputs
-from printer_slicer.cli.output import coloured, visible
-from printer_slicer.cli.output_streams import outlive_readers, unwritten
+from printer_slicer.cli.output import coloured, outlive_readers, unwritten, visible
 from printer_slicer.cli.parser import COMMANDS, build_parser
 from printer_slicer.errors import PrinterSlicerError
 

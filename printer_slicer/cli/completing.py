@@ -189,7 +189,7 @@ def _own(where: str, begin: str, places: set[str]) -> dict[str, str]:
 
 
 def _rows() -> Iterator[Any]:
-    from printer_slicer.profile import settings_table
+    from printer_slicer.profile.tables import settings_table
 
     # Settings of a planner are typed without its name: quality.planner.max_step.
     for key, *others in settings_table():

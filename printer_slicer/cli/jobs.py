@@ -13,8 +13,7 @@ from printer_slicer.cli.arguments import refuse_model_flags
 from printer_slicer.cli.output import visible
 from printer_slicer.diagnostics import Diagnostic, as_json, check_names, insist, remedy_of, sentence
 from printer_slicer.errors import VerificationError
-from printer_slicer.inspection.lint.lint_jobs import lint_file
-from printer_slicer.inspection.lint.scan import scan
+from printer_slicer.inspection.lint.scan import lint_file, scan
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.profile import Profile
 

@@ -117,11 +117,8 @@ class Keyboard:
 
 
 @contextmanager
-def keys(controls: Controls, *, wanted: bool = True) -> Iterator[None]:
-    """Let keys steer the print for as long as the block runs; nothing happens where stdin is no terminal."""
-    if not wanted or not sys.stdin or not sys.stdin.isatty():
-        yield
-        return
+def keys(controls: Controls) -> Iterator[None]:
+    """Let keys on the terminal steer the print for as long as the block runs."""
 
     def tell(text: str) -> None:
         """A line for the person."""

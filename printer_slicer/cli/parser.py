@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
-from printer_slicer.cli.values import attached
+from printer_slicer.cli.arguments import attached
 from printer_slicer.errors import UsageError
 from printer_slicer.version import VERSION
 

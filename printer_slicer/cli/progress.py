@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from time import monotonic
@@ -33,7 +34,7 @@ from printer_slicer.stream.events import (
 from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
-    from printer_slicer.printing import Done
+    from printer_slicer.printing import Controls, Done
 
 __all__ = ["print_with", "progress"]
 
@@ -152,13 +153,12 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
     Raises:
         VerificationError: the printer is not where the job ends.
     """
-    from printer_slicer.cli.keys import keys
     from printer_slicer.printing import Controls
 
     controls = Controls()
     with (
         progress(arguments, job, events=True, shares=True) as tell,
-        keys(controls, wanted=not arguments.quiet),
+        _keys(arguments, controls),
     ):
         done = begin(
             on_event=tell,
@@ -183,6 +183,15 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
             remedy="look at the part: lines were lost on the cable, or led beyond where the printer moves",
         )
     return 0
+
+
+def _keys(arguments: argparse.Namespace, controls: Controls) -> AbstractContextManager[None]:
+    """Keys that steer the print, where a person sits at a terminal."""
+    if arguments.quiet or not sys.stdin or not sys.stdin.isatty():
+        return nullcontext()
+    from printer_slicer.cli.keys import keys
+
+    return keys(controls)
 
 
 def _for_people(event: Event) -> str:

@@ -15,7 +15,6 @@ from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.saving import make_folder
 
 if TYPE_CHECKING:
-    from printer_slicer.importing.report import Imported, Refused
     from printer_slicer.profile import Profile
 
 __all__ = [
@@ -310,9 +309,7 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
     Raises:
         UsageError: it is a pipe.
     """
-    from printer_slicer.importing.embedded import NoSettingsError
-    from printer_slicer.importing.native import is_native, native_profiles
-    from printer_slicer.importing.report import Refused
+    from printer_slicer.profile.in_gcode import has_own_settings, settings_in_gcode
 
     if path.is_fifo():  # what is read of it here, nobody would judge
         raise UsageError(
@@ -320,23 +317,26 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
             remedy="pipe it into stdin and name -, or write it to a file",
         )
     try:
-        found = native_profiles(path) if is_native(path) else _foreign(path)
-    except NoSettingsError:
-        return _of_named_machine(path, folders)
+        found = _OwnSettings(settings_in_gcode(path), ()) if has_own_settings(path) else _foreign(path)
     except (OSError, ValueError):  # an invalid file name
         return _OwnSettings({}, ())
     except ProfileError as error:
         # A file that cannot be read is reported when all of it is read.
         return _OwnSettings({}, (str(error.args[0]).removeprefix(f"{path}: "),) if path.is_file() else ())
+    return _of_named_machine(path, folders) if found is None else found
+
+
+def _foreign(path: Path) -> _OwnSettings | None:
+    """Read the profiles in G-code of another slicer; None if it has none."""
+    from printer_slicer.importing import import_profiles
+    from printer_slicer.importing.report import NoSettingsError, Refused
+
+    try:
+        found = import_profiles(path)
+    except NoSettingsError:
+        return None
     refused = [f"{one.kind}: {one.problem}" for one in found if isinstance(one, Refused)]
     return _OwnSettings({one.kind: one.values for one in found if not isinstance(one, Refused)}, refused)
-
-
-def _foreign(path: Path) -> Sequence[Imported | Refused]:
-    """Read the profiles in G-code of another slicer."""
-    from printer_slicer.importing import import_profiles
-
-    return import_profiles(path)
 
 
 def _of_named_machine(path: Path, folders: Sequence[Path]) -> _OwnSettings:

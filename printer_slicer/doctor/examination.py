@@ -18,8 +18,7 @@ from printer_slicer.stream.events import Accepted, Event, Halted, Identified, Te
 from printer_slicer.stream.framing import frame
 from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.session import run
-from printer_slicer.stream.transport import Transport
+from printer_slicer.stream.session import Transport, run
 
 __all__ = ["Examination", "examine"]
 

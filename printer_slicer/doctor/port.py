@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.doctor.checks import PortCheck
-from printer_slicer.stream.holders import holders
+from printer_slicer.stream.serial_port import holders
 
 if sys.platform != "win32":
     import grp

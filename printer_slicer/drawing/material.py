@@ -13,7 +13,7 @@ from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Text, text_width
 from printer_slicer.geometry import Areas, intersection, stroked
 from printer_slicer.inspection.coverage.measurement import Coverage, overlapping
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 
 __all__ = ["material_picture"]
 

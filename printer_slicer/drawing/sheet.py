@@ -15,7 +15,7 @@ from printer_slicer.drawing.colours import ROLE_COLOURS, mixed, shaded
 from printer_slicer.drawing.frame import marks
 from printer_slicer.geometry import Areas, intersection
 from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.roles import Role
 
 __all__ = ["View", "sheet_picture"]

@@ -10,7 +10,7 @@ from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.model import Program
 from printer_slicer.motion.blocks import MotionLimits
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.motion.whole import durations
 from printer_slicer.profile import Profile
 

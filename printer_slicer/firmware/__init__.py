@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from typing import Final, Literal, TypeAlias
 
 from printer_slicer.errors import UsageError
-from printer_slicer.firmware.dialect import Dialect
-from printer_slicer.firmware.firmware import Firmware
+from printer_slicer.firmware.firmware import Dialect, Firmware, WireDialect
 from printer_slicer.firmware.klipper import KLIPPER
 from printer_slicer.firmware.marlin import MARLIN
 from printer_slicer.firmware.marlin_legacy import MARLIN_LEGACY
@@ -20,7 +19,6 @@ from printer_slicer.firmware.prusa import PRUSA
 from printer_slicer.firmware.repetier import REPETIER
 from printer_slicer.firmware.reprapfirmware import REPRAPFIRMWARE
 from printer_slicer.firmware.smoothie import SMOOTHIE
-from printer_slicer.firmware.wire_dialect import WireDialect
 
 __all__ = [
     "FIRMWARES",

@@ -10,9 +10,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.firmware.dialect import Dialect, NumberReading, SetsAccelerations, SetsRetraction
-from printer_slicer.firmware.firmware import Firmware
-from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.firmware.firmware import (
+    Dialect,
+    Firmware,
+    NumberReading,
+    SetsAccelerations,
+    SetsRetraction,
+    WireDialect,
+)
 from printer_slicer.texts import number
 
 if TYPE_CHECKING:

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.firmware.dialect import Dialect, marlin_limits, retraction_lines
-from printer_slicer.firmware.firmware import Firmware
-from printer_slicer.firmware.wire_dialect import MARLIN_REQUEST, WireDialect
+from printer_slicer.firmware.firmware import (
+    MARLIN_REQUEST,
+    Dialect,
+    Firmware,
+    WireDialect,
+    marlin_limits,
+    retraction_lines,
+)
 from printer_slicer.texts import number
 
 if TYPE_CHECKING:

@@ -9,9 +9,15 @@ from __future__ import annotations
 
 from typing import Final
 
-from printer_slicer.firmware.dialect import STRTOD_NUMBERS, Dialect, marlin_limits, retraction_lines
-from printer_slicer.firmware.firmware import Firmware
-from printer_slicer.firmware.wire_dialect import MARLIN_REQUEST, WireDialect
+from printer_slicer.firmware.firmware import (
+    MARLIN_REQUEST,
+    STRTOD_NUMBERS,
+    Dialect,
+    Firmware,
+    WireDialect,
+    marlin_limits,
+    retraction_lines,
+)
 from printer_slicer.texts import number
 
 __all__ = ["PRUSA"]

@@ -12,9 +12,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.firmware.dialect import STRTOD_NUMBERS, Dialect, SetsAccelerations, SetsLimits
-from printer_slicer.firmware.firmware import Firmware
-from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.firmware.firmware import (
+    STRTOD_NUMBERS,
+    Dialect,
+    Firmware,
+    SetsAccelerations,
+    SetsLimits,
+    WireDialect,
+)
 from printer_slicer.texts import number
 
 if TYPE_CHECKING:

@@ -9,9 +9,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.firmware.dialect import Dialect, NumberReading, SetsLimits, axes_line, jerk_line
-from printer_slicer.firmware.firmware import Firmware
-from printer_slicer.firmware.wire_dialect import WireDialect
+from printer_slicer.firmware.firmware import (
+    Dialect,
+    Firmware,
+    NumberReading,
+    SetsLimits,
+    WireDialect,
+    axes_line,
+    jerk_line,
+)
 from printer_slicer.texts import number
 
 if TYPE_CHECKING:

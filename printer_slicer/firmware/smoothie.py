@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.firmware.dialect import (
+from printer_slicer.firmware.firmware import (
     STRTOD_NUMBERS,
     Dialect,
+    Firmware,
     SetsAccelerations,
     SetsLimits,
+    WireDialect,
     retraction_lines,
 )
-from printer_slicer.firmware.firmware import Firmware
-from printer_slicer.firmware.wire_dialect import WireDialect
 from printer_slicer.texts import number
 
 if TYPE_CHECKING:

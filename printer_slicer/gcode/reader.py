@@ -16,9 +16,8 @@ from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import extended, letters, parse
 from printer_slicer.gcode.moves import Moves
-from printer_slicer.gcode.plain import plain_moves
+from printer_slicer.gcode.plain import follow_plain, plain_moves
 from printer_slicer.gcode.reading import Action, ReadingState, actions_of
-from printer_slicer.gcode.runs import follow_plain
 from printer_slicer.motion.counting import Counting
 
 __all__ = ["MoveReader", "pieces_of", "read_moves"]

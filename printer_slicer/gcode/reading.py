@@ -10,7 +10,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.firmware import Dialect
-from printer_slicer.firmware.dialect import SetsAccelerations, SetsLimits, SetsRetraction
+from printer_slicer.firmware.firmware import SetsAccelerations, SetsLimits, SetsRetraction
 from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
 from printer_slicer.motion.counting import Counting
 

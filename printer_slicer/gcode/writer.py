@@ -28,7 +28,7 @@ from printer_slicer.gcode.rows import MoveText, rows_of
 from printer_slicer.gcode.summary import first_lines, last_lines
 from printer_slicer.macros import Value
 from printer_slicer.model import Labels, Program
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
 
 __all__ = ["ProgramFacts", "write_gcode", "write_program"]

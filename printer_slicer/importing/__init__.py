@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.importing.embedded import NoSettingsError
     from printer_slicer.importing.importing import ImportRequest, import_profiles
-    from printer_slicer.importing.report import Imported, ImportNote, Left, Refused, Taken
+    from printer_slicer.importing.report import Imported, ImportNote, Left, NoSettingsError, Refused, Taken
     from printer_slicer.importing.safety import Ceilings
     from printer_slicer.importing.writing import names_of_files, profile_text
 
@@ -34,7 +33,7 @@ _HOMES: Final = {
     "Ceilings": "safety",
     "Imported": "report",
     "Left": "report",
-    "NoSettingsError": "embedded",
+    "NoSettingsError": "report",
     "ImportNote": "report",
     "Refused": "report",
     "Taken": "report",

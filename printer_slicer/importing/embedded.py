@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from printer_slicer.errors import ProfileError
+from printer_slicer.importing.report import NoSettingsError
 from printer_slicer.importing.unpacking import unpacked
 
-__all__ = ["CONFIGS_IN_3MF", "OBJECTS_IN_3MF", "NoSettingsError", "config_in_3mf", "config_in_gcode"]
+__all__ = ["CONFIGS_IN_3MF", "OBJECTS_IN_3MF", "config_in_3mf", "config_in_gcode"]
 
 CONFIGS_IN_3MF: Final = (
     "Metadata/Slic3r_PE.config",
@@ -26,10 +27,6 @@ _BEGIN: Final = re.compile(r";\s*(?:\w+_config = begin|CONFIG_BLOCK_START)\s*")
 _END: Final = re.compile(r";\s*(?:\w+_config = end|CONFIG_BLOCK_END)\s*")
 _SETTING: Final = re.compile(r";\s*([a-z][a-z0-9_]*) = ?(.*)")
 _FEWEST: Final = 20  # settings in a row that are taken for a block without marks
-
-
-class NoSettingsError(ProfileError):
-    """A G-code file has no settings of a slicer."""
 
 
 def config_in_gcode(path: Path) -> list[tuple[int, str]]:

@@ -21,7 +21,7 @@ from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.vocabulary import kind_of_setting
 from printer_slicer.macros import UnknownName, Value, escaped, known_names, literal, read_template
-from printer_slicer.profile import settings_table
+from printer_slicer.profile.tables import settings_table
 
 __all__ = ["put_macros"]
 

@@ -6,9 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-__all__ = ["KINDS", "ImportNote", "Imported", "Left", "Refused", "Taken"]
+from printer_slicer.errors import ProfileError
+
+__all__ = ["KINDS", "ImportNote", "Imported", "Left", "NoSettingsError", "Refused", "Taken"]
 
 KINDS: Final = ("printer", "material", "quality")
+
+
+class NoSettingsError(ProfileError):
+    """A G-code file has no settings of a slicer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,20 +6,21 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.bundle import Bundle, bundle_of
 from printer_slicer.importing.cura import cura_presets, cura_profile, is_definition
 from printer_slicer.importing.embedded import config_in_3mf, config_in_gcode
 from printer_slicer.importing.ini import GIVE, Entry, Section, read_sections, split_texts, unescaped
-from printer_slicer.importing.native import is_native, native_profiles
 from printer_slicer.importing.objects import own_in_3mf
 from printer_slicer.importing.orca import OrcaFolder, orca_presets, read_json
 from printer_slicer.importing.presets import Preset
-from printer_slicer.importing.report import Imported
+from printer_slicer.importing.report import Imported, Taken
 from printer_slicer.importing.unpacking import text_of
 from printer_slicer.importing.vocabulary import DEFAULTS
+from printer_slicer.profile.in_gcode import has_own_settings, settings_in_gcode
+from printer_slicer.profile.reading import flatten
 
 __all__ = ["Found", "presets_in"]
 
@@ -71,8 +72,8 @@ def presets_in(path: Path, folders: Sequence[Path] = (), cura: Mapping[str, str]
         changes = {key: Entry(key, text, f"--cura {key}={text}") for key, text in cura.items()}
         if path.name.endswith((".inst.cfg", ".curaprofile")):
             return _cura_profile(path, folders, changes)
-        if path.suffix.lower() in _GCODE and is_native(path):
-            return native_profiles(path)
+        if path.suffix.lower() in _GCODE and has_own_settings(path):
+            return [_own_profile(kind, part, path) for kind, part in settings_in_gcode(path).items()]
         return _presets_in(path, folders, changes)
     except OSError as error:
         raise ProfileError(
@@ -174,3 +175,9 @@ def _plain(entry: Entry) -> str | list[str]:
         several = split_texts(entry.text) if entry.text.startswith('"') else []
         return several if len(several) > 1 else unescaped(entry.text)
     return [word.strip().strip('"') for word in entry.text.split(",")]
+
+
+def _own_profile(kind: str, part: dict[str, Any], path: Path) -> Imported:
+    """A profile of G-code that this program wrote, with all its settings as they were."""
+    taken = tuple(Taken(f"{kind}.{key}", str(value), key, value) for key, value in flatten(part))
+    return Imported(kind, str(part["name"]) or path.stem, str(path), part, taken)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from printer_slicer.firmware.dialect import CountingRule
+    from printer_slicer.firmware.firmware import CountingRule
 
 __all__ = ["Counting"]
 

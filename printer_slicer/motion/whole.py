@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.motion.blocks import SHORTEST, SLOWEST, SMALL_LENGTH, SMALL_TURN, SQUARE, STRAIGHT
 from printer_slicer.motion.rules import SAME
 
@@ -19,12 +20,16 @@ if TYPE_CHECKING:
     from printer_slicer.motion.blocks import MotionLimits
 
 __all__ = [
+    "ENOUGH",
     "Blocks",
     "Course",
+    "RequestedMoves",
     "Smoothed",
+    "Stopwatch",
     "corner_squares",
     "course_of",
     "durations",
+    "flow_of",
     "make_blocks",
     "moving_of",
     "ramp_times",
@@ -363,3 +368,106 @@ def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
     peak = np.sqrt(entry * entry + twice * up)
     triangle = 2.0 * up / (entry + peak) + 2.0 * (length - up) / (exit_ + peak)
     return np.where(reaches, trapezoid, triangle)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RequestedMoves:
+    """Moves as they were asked for: delta (K, 4) in mm, speed (K,), acceleration (K,), whether it stops after (K,)."""
+
+    delta: Float
+    speed: Float
+    acceleration: Float
+    stop: Bool
+
+    def part(self, which: slice) -> RequestedMoves:
+        """Some of them."""
+        return RequestedMoves(
+            self.delta[which], self.speed[which], self.acceleration[which], self.stop[which]
+        )
+
+    def then(self, others: RequestedMoves) -> RequestedMoves:
+        """These and others behind them."""
+        return RequestedMoves(
+            np.concatenate([self.delta, others.delta]),
+            np.concatenate([self.speed, others.speed]),
+            np.concatenate([self.acceleration, others.acceleration]),
+            np.concatenate([self.stop, others.stop]),
+        )
+
+
+class Stopwatch:
+    """Adds up the time of moves that come in pieces, on a machine that looks ahead without end.
+
+    What a move takes depends on what comes behind it, but not on everything: from where the machine could stop before
+    the last move it knows, all before is certain. Its time is added up and the moves are forgotten; the others wait.
+
+    Args:
+        limits: of the machine; may be replaced while it rests.
+    """
+
+    def __init__(self, limits: MotionLimits) -> None:
+        self.limits = limits
+        self._seconds = 0.0
+        self._waiting: RequestedMoves | None = None
+        self._entry = (0.0, 0.0)
+
+    @property
+    def waiting(self) -> int:
+        """How many moves take a time that is not certain yet."""
+        return len(self._waiting.speed) if self._waiting else 0
+
+    def add(self, moves: RequestedMoves) -> None:
+        """Some more moves."""
+        moves = self._waiting.then(moves) if self._waiting else moves
+        course = self._course(moves)
+        known = course.certain()
+        if known:
+            self._seconds += float(course.times(slice(known)).sum())
+            smooth = course.smoothed.squares[known] if course.smoothed else 0.0
+            self._entry = float(course.squares[known]), float(smooth)
+            moves = moves.part(np.s_[int(course.moving[known]) :])
+        self._waiting = moves
+
+    def rest(self) -> float:
+        """Come to rest behind the last move; seconds of all moves so far."""
+        if self._waiting:
+            self._seconds += float(self._course(self._waiting).times(slice(None)).sum())
+        self._waiting, self._entry = None, (0.0, 0.0)
+        return self._seconds
+
+    def _course(self, moves: RequestedMoves) -> Course:
+        """What moves behind those whose time is known come to, if none came behind them."""
+        return course_of(
+            moves.delta,
+            moves.speed,
+            self.limits,
+            stop_after=moves.stop,
+            acceleration=moves.acceleration,
+            entry=self._entry,
+        )
+
+
+ENOUGH = 0.2
+"""mm³; the rounding of E in less of it says more than the flow."""
+
+_DUST = 1e-7  # mm³, of sums
+
+
+def flow_of(volume: Float, seconds: Float) -> Float:
+    """(n,) mm³/s of moves that lay plastic one after the other: of each with as many before it as lay 0.2 mm³.
+
+    A curve is many short moves; together they are as fast as a long one. 0 where so much has not been laid yet.
+
+    Args:
+        volume: (n,) mm³ of each, above 0.
+        seconds: (n,) that each takes.
+    """
+    if not len(volume):
+        return np.zeros(0)
+    laid, spent = np.cumsum(volume), np.cumsum(seconds)
+    # The last move from which on enough is laid up to each.
+    begin = np.searchsorted(laid - volume, laid - ENOUGH + _DUST, side="right") - 1
+    enough = laid >= ENOUGH - _DUST
+    begin = np.maximum(begin, 0)
+    pushed, took = laid - (laid - volume)[begin], spent - (spent - seconds)[begin]
+    return np.asarray(np.where(enough & (took > 0), pushed / np.maximum(took, 1e-9), 0.0))

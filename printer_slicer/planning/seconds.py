@@ -18,7 +18,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.planning.line_timing import (
     LineMotion,
     LineTimes,

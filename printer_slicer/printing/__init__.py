@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.printing.controls import Controls
+    from printer_slicer.printing.controls import Controls, Done, Options
     from printer_slicer.printing.keeper import print_job, resume_print
-    from printer_slicer.printing.options import Done, Options
 
 _HOMES = {
     "Controls": "controls",
-    "Done": "options",
-    "Options": "options",
+    "Done": "controls",
+    "Options": "controls",
     "print_job": "keeper",
     "resume_print": "keeper",
 }

@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import Enum
 from math import inf
 from typing import Any, Final
 
@@ -31,10 +32,10 @@ from printer_slicer.printing.parking import (
     parking_place,
     pushed_by,
 )
-from printer_slicer.printing.phases import PrintPhase, Ticket
-from printer_slicer.printing.questions import REPORT, Prompts, Thermometer
 from printer_slicer.printing.setup import Setup
+from printer_slicer.printing.wishes import Wish
 from printer_slicer.stream import events as told
+from printer_slicer.stream.events import Identified, Prompt, Reading, Temperature
 from printer_slicer.stream.framing import check_commands
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.protocol import Streamer
@@ -42,7 +43,7 @@ from printer_slicer.stream.replies import Position, Unknown, read_reply
 from printer_slicer.stream.states import State
 from printer_slicer.stream.watchdog import Watchdog
 
-__all__ = ["Conductor"]
+__all__ = ["REPORT", "Conductor", "PrintPhase", "Prompts", "Thermometer", "Ticket"]
 
 _OFF_PATH: Final = 0.5  # mm between where the printer says that it stopped and the commanded path.
 
@@ -463,3 +464,102 @@ class Conductor:
         self.heat.wait(self._now)
         if self._streamer.state in {State.STREAMING, State.PAUSED} and not self._streamer.injected:
             self._streamer.inject(ASK)
+
+
+class PrintPhase(Enum):
+    """Where a print is between running and waiting.
+
+    phase       leads to
+    running     leaving (pause), stopping (pause now)
+    stopping    leaving, when the printer has said where it stopped
+    leaving     waiting, when it is off the part
+    waiting     returning (resume)
+    returning   running, when it is back at its place
+    """
+
+    RUNNING = "printing"
+    STOPPING = "stopping"
+    LEAVING = "parking"
+    WAITING = "paused"
+    RETURNING = "returning"
+
+
+@dataclass(slots=True)
+class Ticket:
+    """A wish on its way.
+
+    Attributes:
+        wish: what is wanted.
+        done: called with what became of it: words for a person, or the error.
+    """
+
+    wish: Wish
+    done: Callable[[str | UsageError], None] = lambda _: None
+
+
+REPORT: Final = b"M155 S2"
+"""Tells a firmware that can to report temperatures by itself."""
+
+_POLL: Final = 5.0
+"""s between two questions for temperatures, where the firmware does not report them by itself."""
+
+
+class Prompts:
+    """Attributes: `shown` is the question that waits for an answer, None without one."""
+
+    def __init__(self) -> None:
+        self.shown: Prompt | None = None
+        self._text = ""
+        self._buttons: list[str] = []
+
+    def as_json(self) -> dict[str, Any]:
+        """For the status."""
+        shown = self.shown
+        return {"prompt": {"text": shown.text, "buttons": shown.buttons} if shown else None}
+
+    def hear(self, word: str, rest: str) -> Prompt | None:
+        """One action of the printer; what a person shall see now, an empty prompt when the question is over."""
+        if word == "prompt_begin":
+            self._text, self._buttons = rest, []
+        elif word in {"prompt_choice", "prompt_button"}:
+            self._buttons.append(rest)
+        elif word == "prompt_show":
+            self.shown = Prompt(self._text, tuple(self._buttons))
+            return self.shown
+        elif word == "prompt_end" and self.shown:
+            self.shown = None
+            return Prompt("", ())
+        return None
+
+
+class Thermometer:
+    """When to ask for temperatures.
+
+    Attributes:
+        readings: as reported last.
+        due: when to ask, s; infinite where that is not needed.
+    """
+
+    def __init__(self) -> None:
+        self.readings: tuple[Reading, ...] = ()
+        self.due = inf
+        self._reports = False
+
+    def as_json(self) -> dict[str, Any]:
+        """For the status."""
+        return {"temperatures": {one.name: [one.actual, one.target] for one in self.readings}}
+
+    def identified(self, who: Identified, now: float) -> bool:
+        """Who the printer is; whether to tell it to report by itself."""
+        self._reports = who.can("AUTOREPORT_TEMP")
+        self.wait(now)
+        return self._reports
+
+    def read(self, temperature: Temperature, now: float) -> None:
+        """A report came."""
+        self.readings = temperature.readings
+        self.wait(now)
+
+    def wait(self, now: float) -> None:
+        """Ask later."""
+        self.due = inf if self._reports else now + _POLL

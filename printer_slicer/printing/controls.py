@@ -1,20 +1,23 @@
-"""Wishes of other threads and processes for a running print."""
+"""Controls of a running print, for other threads and processes; what may be wanted of a print, and what it comes to."""
 
 from __future__ import annotations
 
 import json
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
-from typing import Any
+from typing import Any, TypedDict
 
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor
-from printer_slicer.printing.phases import Ticket
+from printer_slicer.printing.conductor import Conductor, Ticket
+from printer_slicer.stream.events import Event
+from printer_slicer.stream.link_meter import LinkSeen
 
-__all__ = ["Controls"]
+__all__ = ["Controls", "Done", "Listen", "Options"]
 
 _PATIENCE = 10.0
 _SOON = 1.5
@@ -160,3 +163,37 @@ class Controls:
     def stop(self) -> None:
         """Emergency stop; it waits for nothing."""
         self.want(Ticket(wishes.Stop()))
+
+
+Listen = Callable[[Event], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A print that came to its end.
+
+    Attributes:
+        commands: of the job, all acknowledged.
+        seconds: from the first byte to the last answer.
+        verified: the printer says that it is where the job ends; None where it cannot be compared.
+        link: what the cable was like.
+    """
+
+    commands: int
+    seconds: float
+    verified: bool | None
+    link: LinkSeen
+
+
+class Options(TypedDict, total=False):
+    """What may be wanted of a print besides job and port; see `print_job`."""
+
+    on_event: Listen
+    checkpoint: Path | None
+    controls: Controls | None
+    shelf: Path | None
+    discard: bool
+    reconnect: float
+    dtr: bool | None
+    allow: Callable[[bytes], str]
+    guard: float | None

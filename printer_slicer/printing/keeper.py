@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from os import getpid
 from pathlib import Path
-from threading import current_thread, main_thread
+from threading import Event as Flag
+from threading import Thread, current_thread, main_thread
 from time import monotonic, time_ns
 from typing import Any, Unpack
 
@@ -17,15 +19,12 @@ from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
 from printer_slicer.jobs import Job
 from printer_slicer.printing import shelf as shelves
 from printer_slicer.printing import wishes
-from printer_slicer.printing.beside import answering, guarded_by, synced
-from printer_slicer.printing.checkpoint import forget_checkpoint, write_checkpoint
-from printer_slicer.printing.conductor import Conductor
-from printer_slicer.printing.controls import Controls
+from printer_slicer.printing.conductor import Conductor, Ticket
+from printer_slicer.printing.controls import Controls, Done, Options
 from printer_slicer.printing.journal import HEATERS_OFF, HOST, LOST, Journal, read_story
 from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.options import Done, Options
-from printer_slicer.printing.phases import Ticket
 from printer_slicer.printing.setup import Setup, setup_of
+from printer_slicer.printing.shelf import Print
 from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, damage_in, take_up
 from printer_slicer.profile import Profile
 from printer_slicer.stream.events import Event, Finished, Halted, Note
@@ -34,7 +33,16 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import PortInfo, SerialPort, find_again, identity, open_port
 from printer_slicer.stream.session import run
 
-__all__ = ["Keeper", "print_job", "resume_print"]
+__all__ = [
+    "Keeper",
+    "answering",
+    "forget_checkpoint",
+    "guarded_by",
+    "print_job",
+    "resume_print",
+    "synced",
+    "write_checkpoint",
+]
 
 # Ctrl-C and system shutdown.
 _ENDS = (signal.SIGINT, signal.SIGTERM)
@@ -457,3 +465,77 @@ class Keeper:
         done = self._streamer.acknowledged if self._streamer else self._done
         self._leave(keep=keep and done > 0, reason=reason)
         return write_checkpoint(self._job, done, self._checkpoint, reason)
+
+
+def forget_checkpoint(checkpoint: Path | None, job: Job) -> None:
+    """A print that came to its end leaves no checkpoint, nor that of an earlier try."""
+    with suppress(OSError, ValueError, TypeError, KeyError):  # the print is good all the same
+        if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
+            checkpoint.unlink()
+
+
+def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) -> str:
+    """Write how far a print came, so many entries of the job; the same in words."""
+    layer = job.layer_of(done)
+    where = f"after {done} of {len(job.commands)} commands" + (f", in layer {layer}" if layer else "")
+    message = f"{job.name}: {reason} ({where})"
+    if checkpoint is None:
+        return message
+    state = {
+        "job": job.name,
+        "reason": reason,
+        "acknowledged": done,
+        "commands": len(job.commands),
+        "layer": layer,
+    }
+    if done < len(job.commands):
+        state["next"] = job.commands[done].decode("latin-1")
+    try:
+        checkpoint.write_text(json.dumps(state, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        return f"{message}; the checkpoint {checkpoint} could not be written: {error.strerror}"
+    return f"{message}; checkpoint: {checkpoint}"
+
+
+_SYNC = 1.0
+"""s between two times that the journal is brought to the disk."""
+
+
+@contextmanager
+def synced(journal: Journal) -> Iterator[None]:
+    """Bring the journal to the disk once a second, where that delays no line."""
+    stop = Flag()
+
+    def work() -> None:
+        """Until the print has ended."""
+        while not stop.wait(_SYNC):
+            journal.sync()
+
+    thread = Thread(target=work, name="journal", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@contextmanager
+def answering(print_: Print, controls: Controls) -> Iterator[None]:
+    """Let other processes of this user have wishes."""
+    from printer_slicer.printing.door import open_door  # noqa: PLC0415 - sockets are only needed here
+
+    with open_door(print_.folder, controls, print_.name):
+        yield
+
+
+@contextmanager
+def guarded_by(print_: Print, seconds: float) -> Iterator[None]:
+    """Let the heaters go off if this process dies and nobody takes the print up within some seconds; 0: let them be."""
+    if seconds <= 0:
+        yield
+        return
+    from printer_slicer.printing.guard import guarded  # noqa: PLC0415 - another process is only needed here
+
+    with guarded(print_.folder, seconds):
+        yield

@@ -13,7 +13,7 @@ from typing import Any
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing.json_values import dataclass_from_json
+from printer_slicer.printing.journal import dataclass_from_json
 from printer_slicer.printing.modes import Modes, number
 from printer_slicer.printing.setup import Setup
 from printer_slicer.printing.wishes import Pause

@@ -14,8 +14,7 @@ from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import Job
 from printer_slicer.printing.along import rest_of, stand_at
 from printer_slicer.printing.approach import approach_from, laid_points
-from printer_slicer.printing.journal import LOST, Story, read_story
-from printer_slicer.printing.json_values import dataclass_from_json
+from printer_slicer.printing.journal import LOST, Story, dataclass_from_json, read_story
 from printer_slicer.printing.modes import Modes, number
 from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.parking import Parked, as_it_was, parked_from, parking_place

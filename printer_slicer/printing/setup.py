@@ -7,9 +7,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from printer_slicer.firmware import FIRMWARES, Firmware
-from printer_slicer.motion.machine import limits_of
-from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.printing.json_values import dataclass_from_json
+from printer_slicer.motion.rules import MotionLimits, limits_of
+from printer_slicer.printing.journal import dataclass_from_json
 from printer_slicer.profile import Profile, settings_of
 
 __all__ = ["Setup", "setup_from", "setup_of"]

@@ -12,15 +12,14 @@ from typing import Any, Final
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
-from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story
-from printer_slicer.printing.json_values import dataclass_from_json
+from printer_slicer.printing.journal import HEATERS_OFF, Journal, Story, dataclass_from_json
 from printer_slicer.printing.modes import SCRIPT, Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import Parked, come_back, parked_from
 from printer_slicer.printing.setup import Setup
 from printer_slicer.stream.attach import Attach
 from printer_slicer.stream.events import Spot
-from printer_slicer.stream.transport import Transport
+from printer_slicer.stream.session import Transport
 
 __all__ = ["Lost", "TakenUp", "ask_printer", "damage_in", "rebuild", "take_up"]
 

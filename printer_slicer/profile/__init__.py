@@ -26,7 +26,6 @@ from printer_slicer.profile.settings import (
     StepwisePlanner,
     UniformPlanner,
 )
-from printer_slicer.profile.tables import settings_table
 
 __all__ = [
     "DEFAULT_NAMES",
@@ -51,6 +50,5 @@ __all__ = [
     "profile_paths",
     "profile_with",
     "settings_of",
-    "settings_table",
     "settings_text",
 ]

@@ -15,7 +15,6 @@ from printer_slicer.profile.keys import ENTRIES, keys_of, nearest
 from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS, SettingsSource
 from printer_slicer.profile.settings import PLANNER_SETTINGS
-from printer_slicer.profile.tables import choices_of
 
 __all__ = ["SettingFault", "converted", "fault_of"]
 
@@ -85,6 +84,8 @@ def _fault(kind: str, source: SettingsSource, error: msgspec.ValidationError) ->
         return SettingFault(
             source.place(path), path, f"{kind}.{path}: {value!r} cannot be read as a list", remedy
         )
+    from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for errors only
+
     choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
     remedy = f"{_hint(value, choices)}choose one of: {', '.join(choices)}" if any(choices) else _TELLS
     if path == "planner":

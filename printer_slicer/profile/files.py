@@ -19,7 +19,6 @@ from printer_slicer.profile.checks import conflicts
 from printer_slicer.profile.conversion import SettingFault, converted
 from printer_slicer.profile.keys import resolved
 from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
-from printer_slicer.profile.own_settings import own_faults
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import (
     DEFAULT_NAMES,
@@ -258,6 +257,10 @@ def _faults(
 
 def _faults_of_places(profile: Profile, source: SettingsSource, *, slices: bool) -> Iterator[SettingFault]:
     """Settings of objects and heights that there are not, that cannot differ, or that do not suit the others."""
+    if not profile.quality.overrides:
+        return
+    from printer_slicer.profile.own_settings import own_faults  # noqa: PLC0415 - few profiles have overrides
+
     wrong = list(own_faults(profile.quality))
     for path, problem, remedy in wrong:
         yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)

@@ -24,12 +24,11 @@ from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
 from printer_slicer.stream.doubt import Fate
 from printer_slicer.stream.flight import Flight
-from printer_slicer.stream.framing import command_room
+from printer_slicer.stream.framing import check_commands, command_room
 from printer_slicer.stream.greeting import Greeting
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.script import Script
-from printer_slicer.stream.standing import Standing
-from printer_slicer.stream.states import State, Trigger
+from printer_slicer.stream.states import ENDED, TRANSITIONS, State, Trigger
 from printer_slicer.stream.window import Window
 
 if TYPE_CHECKING:
@@ -46,10 +45,11 @@ _LONGEST_REPLY: Final = 1024
 _CAUSE_WITHIN: Final = 1.0
 """Seconds before "halted" in which messages since the last ok explain the halt."""
 
+_EMERGENCY: Final = b"\nM112\n"
 _NOTHING_SAID: Final = (-inf, "")
 
 
-class Streamer(Standing):
+class Streamer:
     """Brings every line of a job to the printer once and in order, or says why not.
 
     Args:
@@ -62,7 +62,6 @@ class Streamer(Standing):
         connect_timeout: s until a printer that never answers is given up.
         give_up: s until a printer that answers no question any more is given up.
         obeys: whether it pauses and goes on as the printer asks; else that is its owner's to do.
-
         first: entries of the job that the printer has already, from before.
 
     Raises:
@@ -87,8 +86,13 @@ class Streamer(Standing):
         self._greeting = Greeting(connect_timeout, dialect)
         self._window_rules = (window_lines, window_bytes, baud)
         self._give_up = give_up
-        script = Script(commands, limits, self._dialect.longest)
-        super().__init__(script, Flight(Window(*self._window_rules), give_up), first)
+        self._script = Script(commands, limits, self._dialect.longest)
+        self._flight = Flight(Window(*self._window_rules), give_up)
+        self._script.taken = self._acknowledged = first
+        self._state = State.CONNECTING
+        self._ended = False
+        self._events: list[told.Event] = []
+        self._urgent = b""
         self._numbered_job = self._first = first
         self._obeys = obeys
         self._partial = b""
@@ -111,6 +115,97 @@ class Streamer(Standing):
             told.Action: self._on_action,
             told.Message: self._on_message,
         }
+
+    @property
+    def state(self) -> State:
+        """What it is doing."""
+        return self._state
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to send or to wait for."""
+        return self._ended and not self._urgent
+
+    @property
+    def acknowledged(self) -> int:
+        """Entries of the job that the printer took: `commands[:acknowledged]` need not be sent again."""
+        return self._acknowledged
+
+    @property
+    def taken(self) -> int:
+        """Entries of the job that have a line number, or were passed over."""
+        return self._script.taken
+
+    @property
+    def accepted_line(self) -> int:
+        """Number of the last line that the printer took."""
+        return self._flight.ledger.accepted
+
+    @property
+    def next_line(self) -> int:
+        """The next number that no line has yet."""
+        return self._flight.ledger.top
+
+    @property
+    def injected(self) -> int:
+        """Injected commands that have no line number yet."""
+        return self._script.injected
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is in flight, and nothing injected waits."""
+        return not self._flight.ledger.in_flight and not self._script.injected
+
+    def events(self) -> list[told.Event]:
+        """What happened since the last call, in order."""
+        events, self._events = self._events, []
+        return events
+
+    def pause(self) -> None:
+        """Send no more of the job until `resume`; lines in flight are not taken back."""
+        self._apply(Trigger.PAUSE)
+
+    def resume(self) -> None:
+        """Go on after `pause`."""
+        self._apply(Trigger.RESUME)
+
+    def inject(self, command: bytes) -> None:
+        """Send a command ahead of the rest of the job, also while paused.
+
+        Raises:
+            UsageError: it can never be sent.
+        """
+        self._script.inject(command)
+
+    def cancel(self, end_script: Sequence[bytes] = ()) -> None:
+        """Drop the rest of the job, send the end script instead, and finish.
+
+        A line that waits for heat or for a person waits no longer.
+
+        Raises:
+            UsageError: a command of the script can never be sent.
+        """
+        check_commands(end_script)
+        if self._apply(Trigger.CANCEL):
+            self._script.cancel(end_script)
+            if self._ended:
+                self._events.append(told.Halted("cancelled before anything was printed", self._acknowledged))
+
+    def emergency_stop(self) -> None:
+        """Kill the printer: M112 goes out ahead of everything, and nothing after it."""
+        self._urgent = _EMERGENCY
+        self._halt("emergency stop")
+
+    def urge(self, command: bytes) -> None:
+        """Send a command without number ahead of everything: M108, M410 or M876, which firmware looks at early.
+
+        Raises:
+            UsageError: it can never be sent.
+        """
+        check_commands([command])
+        if not self._ended and self._state is not State.CONNECTING:
+            self._flight.expect_unnumbered()
+            self._urgent += b"\n%s\n" % command
 
     def receive(self, data: bytes, now: float) -> None:
         """Take what arrived."""
@@ -416,3 +511,16 @@ class Streamer(Standing):
     def _on_message(self, said: told.Message, now: float) -> None:
         self._said = (now, said.text)
         self._events.append(said)
+
+    def _apply(self, trigger: Trigger) -> bool:
+        """Whether the trigger has an effect in this state, which it then has."""
+        state = TRANSITIONS[self._state].get(trigger)
+        if state is None:
+            return False
+        self._state = state
+        self._ended = state in ENDED
+        return True
+
+    def _halt(self, reason: str) -> None:
+        if self._apply(Trigger.HALT):
+            self._events.append(told.Halted(reason, self._acknowledged))

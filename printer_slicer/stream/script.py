@@ -12,7 +12,7 @@ from printer_slicer.stream.doubt import Doubt, same_twice
 from printer_slicer.stream.events import Finished, Spot
 from printer_slicer.stream.framing import LONGEST, check_commands
 from printer_slicer.stream.ledger import ASK
-from printer_slicer.stream.patience import Patience
+from printer_slicer.stream.watch import Patience
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Serial ports and their look-alikes: opening, errors with a way out, and what is plugged in.
+"""Serial ports and their look-alikes: opening, errors with a way out, what is plugged in, and who has it open.
 
 The only file that knows pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that
 pyserial understands (`socket://host:port`, `rfc2217://host:port`, `loop://`).
@@ -19,18 +19,17 @@ from typing import TYPE_CHECKING, Final
 import serial
 from serial.tools import list_ports as serial_list
 
-if sys.platform != "win32":
-    import termios
-
 from printer_slicer.errors import PortError
-from printer_slicer.stream.holders import holders
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from serial.tools.list_ports_common import ListPortInfo
 
-__all__ = ["PortInfo", "SerialPort", "find_again", "identity", "list_ports", "open_port"]
+__all__ = ["PortInfo", "SerialPort", "find_again", "holders", "identity", "list_ports", "open_port"]
+
+if sys.platform != "win32":
+    import termios
 
 _BY_ID: Final = Path("/dev/serial/by-id")
 _WRITE_TIMEOUT: Final = 5.0
@@ -285,3 +284,25 @@ def _what_is_there(ports: list[PortInfo]) -> str:
     if not ports:
         return "no serial port was found: look at cable and power"
     return "found: " + ", ".join(port.address for port in ports)
+
+
+def holders(device: str, proc: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
+    """Number and name of each other process that has a device open, named as links lead to it.
+
+    Those of other people are not to be seen, and nobody is found where there is no such folder. Source: Linux's
+    documentation of /proc/PID/fd and /proc/PID/comm.
+    """
+    for folder in sorted(proc.glob("[0-9]*")):
+        if folder.name == str(os.getpid()):
+            continue
+        # Processes come and go, and those of others do not show what they have open.
+        with contextlib.suppress(OSError):
+            if any(_leads(link, device) for link in (folder / "fd").iterdir()):
+                yield int(folder.name), (folder / "comm").read_text(errors="replace").strip()
+
+
+def _leads(link: Path, device: str) -> bool:
+    try:
+        return str(link.readlink()) == device
+    except OSError:
+        return False

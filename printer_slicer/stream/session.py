@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from printer_slicer.stream.events import Event
     from printer_slicer.stream.protocol import Streamer
-    from printer_slicer.stream.transport import Transport
 
-__all__ = ["run"]
+__all__ = ["Transport", "run"]
 
 
 def run(  # noqa: PLR0913 - all but three have a good default
@@ -60,3 +59,24 @@ def run(  # noqa: PLR0913 - all but three have a good default
         due = streamer.wakeup()
         wait = longest_wait if due is None else min(max(due - clock(), 0.0), longest_wait)
         streamer.receive(transport.read(wait), clock())
+
+
+class Transport(Protocol):
+    """Bytes to and from a printer: a serial port, a socket, a simulated cable."""
+
+    def write(self, data: bytes) -> None:
+        """Hand over all bytes.
+
+        Raises:
+            PortError: the other end is gone or takes nothing.
+        """
+
+    def read(self, timeout: float) -> bytes:
+        """What has come, as soon as there is something, empty after `timeout` seconds without.
+
+        Raises:
+            PortError: the other end is gone.
+        """
+
+    def close(self) -> None:
+        """Let go of it; once is enough, twice does no harm."""

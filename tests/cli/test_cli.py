@@ -16,7 +16,8 @@ import pytest
 from command_line import BOX, NO_BUFFER, PARTS, QUICK, USUAL, is_message, process, started, typed
 
 from printer_slicer.cli.parser import build_parser
-from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_table, settings_text
+from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_text
+from printer_slicer.profile.tables import settings_table
 from tests.waiting import LAST_RESORT
 
 COMMANDS = ("slice", "plan", "contours", "dry-run", "print", "sim", "ports", "profiles")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from command_line import BOX, PARTS, QUICK, Outcome, is_message, typed
 
-from printer_slicer.cli.values import attached
+from printer_slicer.cli.arguments import attached
 from printer_slicer.mesh_io import export_stl, load_mesh
 from printer_slicer.model import Mesh
 from tests.mesh_io.tiny_files import CORNERS, binary_stl, item, mesh_xml, model_xml, three_mf, write

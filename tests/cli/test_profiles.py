@@ -13,8 +13,9 @@ from command_line import BOX, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.arguments import DIALS
 from printer_slicer.gcode.macro_faults import macro_faults
-from printer_slicer.profile import KINDS, load_profile, profile_paths, settings_table
+from printer_slicer.profile import KINDS, load_profile, profile_paths
 from printer_slicer.profile.folders import VARIABLE, profile_root
+from printer_slicer.profile.tables import settings_table
 
 
 @pytest.fixture

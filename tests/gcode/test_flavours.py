@@ -17,7 +17,7 @@ from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job
 from printer_slicer.model import Acceleration, LayerPlan, PressureAdvance, Program
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role

@@ -21,7 +21,7 @@ from printer_slicer.macros import Value, known_names, read_template
 from printer_slicer.macros.functions import FUNCTIONS
 from printer_slicer.macros.names import FACTS
 from printer_slicer.model import Program
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import settings_text
 from printer_slicer.slice_jobs import job_of

@@ -10,8 +10,7 @@ import pytest
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import read_moves, write_gcode
 from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
-from printer_slicer.motion.machine import limits_of
-from printer_slicer.motion.rules import MotionLimits
+from printer_slicer.motion.rules import MotionLimits, limits_of
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from printer_slicer.sim.link import VirtualPort

@@ -14,7 +14,7 @@ from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode import Moves, Timer, read_moves, write_gcode
 from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.model import Mesh
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
 from tests.effort import crossed
 from tests.parts import box, plain, profile, sphere, two_boxes

@@ -17,7 +17,8 @@ from printer_slicer.gcode.notes import TYPE_NAMES
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import Fan, Heat, LayerPlan, Program
 from printer_slicer.pipeline import slice_part
-from printer_slicer.profile import Profile, profile_with, settings_table
+from printer_slicer.profile import Profile, profile_with
+from printer_slicer.profile.tables import settings_table
 from printer_slicer.roles import Role
 from printer_slicer.texts import spoken
 from printer_slicer.version import VERSION

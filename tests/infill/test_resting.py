@@ -16,7 +16,7 @@ from printer_slicer.infill import PATTERNS, infill_paths
 from printer_slicer.infill.resting import rested
 from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.model import LayerPlan, Mesh, Regions
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.motion.ahead import seconds_ahead
-from printer_slicer.motion.machine import limits_of
-from printer_slicer.motion.rules import Lookahead, MotionLimits, make_block
+from printer_slicer.motion.rules import Lookahead, MotionLimits, limits_of, make_block
 from printer_slicer.motion.whole import corner_squares, make_blocks, moving_of
 from printer_slicer.profile import load_profile
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.motion.flow import ENOUGH, flow_of
+from printer_slicer.motion.whole import ENOUGH, flow_of
 
 
 def test_a_long_move_is_as_fast_as_it_is() -> None:

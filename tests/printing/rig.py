@@ -12,10 +12,9 @@ import pytest
 from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.motion.rules import Axes
 from printer_slicer.printing import wishes
-from printer_slicer.printing.conductor import Conductor
+from printer_slicer.printing.conductor import Conductor, Ticket
 from printer_slicer.printing.journal import Journal
 from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.phases import Ticket
 from printer_slicer.printing.setup import Setup, setup_of
 from printer_slicer.printing.take_up import TakenUp
 from printer_slicer.profile import load_profile

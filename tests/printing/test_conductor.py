@@ -12,9 +12,9 @@ from rig import SETUP, Rig, laid
 
 from printer_slicer.errors import UsageError
 from printer_slicer.printing import wishes
+from printer_slicer.printing.conductor import PrintPhase
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.objects import LiveJob, spans_of
-from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1
 from printer_slicer.stream.events import (
     Action,

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from printer_slicer.errors import PortError
+from printer_slicer.printing.conductor import Ticket
 from printer_slicer.printing.controls import Controls
 from printer_slicer.printing.door import ask_door
-from printer_slicer.printing.phases import Ticket
 
 KNOWN = {"state": "printing", "done": 7, "total": 9}
 

@@ -19,8 +19,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import job_of_text
 from printer_slicer.printing import resume_print
-from printer_slicer.printing.journal import Journal, read_story
-from printer_slicer.printing.json_values import dataclass_from_json
+from printer_slicer.printing.journal import Journal, dataclass_from_json, read_story
 from printer_slicer.printing.parking import Parked, parked_from
 from printer_slicer.printing.setup import Setup, setup_of
 from printer_slicer.printing.shelf import Place, Print, begin, damaged_prints, find, on_shelf, unfinished

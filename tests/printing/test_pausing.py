@@ -11,7 +11,7 @@ from printed import HEAT, scribble, tower
 from rig import SETUP, Rig, assert_same_beads, off_path, way
 
 from printer_slicer.printing import wishes
-from printer_slicer.printing.phases import PrintPhase
+from printer_slicer.printing.conductor import PrintPhase
 from printer_slicer.sim.front_end import (
     KLIPPER,
     MARLIN_1_1,

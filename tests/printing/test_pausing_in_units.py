@@ -12,10 +12,10 @@ from programs import LARGE, LINES, Executor, Line, program_of
 from rig import SETUP, Rig, assert_same_beads
 
 from printer_slicer.printing import wishes
+from printer_slicer.printing.conductor import PrintPhase
 from printer_slicer.printing.modes import Modes
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import come_back, leave, parked_at, pushed_by
-from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.front_end import MARLIN_2_1
 from printer_slicer.stream.events import Finished

@@ -10,9 +10,9 @@ from printed import scribble, tower
 from rig import SETUP, Rig, assert_same_beads
 
 from printer_slicer.printing import wishes
+from printer_slicer.printing.conductor import PrintPhase
 from printer_slicer.printing.journal import read_story
 from printer_slicer.printing.objects import spans_of
-from printer_slicer.printing.phases import PrintPhase
 from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, take_up
 from printer_slicer.sim.front_end import MARLIN_2_0_AVR, MARLIN_2_1, MARLIN_2_1_ADVANCED
 from printer_slicer.stream.events import Event, Finished

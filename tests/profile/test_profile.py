@@ -23,10 +23,10 @@ from printer_slicer.profile import (
     load_profile,
     profile_paths,
     profile_with,
-    settings_table,
     settings_text,
 )
 from printer_slicer.profile.settings import PLANNER_SETTINGS
+from printer_slicer.profile.tables import settings_table
 
 ROOT = Path(__file__).parents[2]
 PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)

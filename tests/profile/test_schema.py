@@ -11,9 +11,10 @@ import jsonschema
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile import KINDS, load_profile, profile_paths, settings_table
+from printer_slicer.profile import KINDS, load_profile, profile_paths
 from printer_slicer.profile.document import own_markdown, settings_markdown
 from printer_slicer.profile.schema import directive, schema_name, schema_of, schema_text
+from printer_slicer.profile.tables import settings_table
 
 ROOT = Path(__file__).parents[2]
 FILES = [(kind, name) for kind in KINDS for name in profile_paths(kind)]

@@ -18,8 +18,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.tally import Report
 from printer_slicer.stream.events import Event, PoorLink, ResendAsked
-from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered
-from printer_slicer.stream.link_quality import poor_link
+from printer_slicer.stream.link_meter import LinkMeter, LinkSeen, Metered, poor_link
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import MachineState, Move
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.stream.patience import Patience
+from printer_slicer.stream.watch import Patience
 
 
 def follow(*commands: str) -> tuple[MachineState, list[Move | None]]:

@@ -13,9 +13,8 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.session import run
+from printer_slicer.stream.session import Transport, run
 from printer_slicer.stream.states import State
-from printer_slicer.stream.transport import Transport
 
 JOB = [b"G28", b"G90", *(b"G1 X%d Y%d F6000" % (i % 90 + 5, i % 50 + 5) for i in range(40)), b"M104 S0"]
 END_SCRIPT = [b"M104 S0", b"M140 S0", b"M107"]

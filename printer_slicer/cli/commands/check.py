@@ -10,11 +10,10 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_machine, add_models, add_output
+from printer_slicer.cli.arguments import add_machine, add_models, add_output, factor, length, positive
 from printer_slicer.cli.inputs import refuse_other_text
 from printer_slicer.cli.output import refuse_mixing, say, stages, visible, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import factor, length, positive
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.texts import spoken
@@ -156,9 +155,9 @@ def _look(arguments: argparse.Namespace) -> _Looked:
     from printer_slicer.firmware import FLAVOURS
     from printer_slicer.gcode import read_moves
     from printer_slicer.inspection.dry_run.underruns import find_underruns
-    from printer_slicer.inspection.lint.lint_jobs import lint_file
+    from printer_slicer.inspection.lint.scan import lint_file
     from printer_slicer.link_model import SerialLink
-    from printer_slicer.motion.machine import limits_of
+    from printer_slicer.motion.rules import limits_of
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
@@ -323,7 +322,7 @@ def _table(coverage: Coverage) -> Iterator[str]:
     """Measurements: the worst layer, and the whole file."""
     import numpy as np
 
-    from printer_slicer.inspection.deposition.purposes import Purpose
+    from printer_slicer.inspection.deposition.marks import Purpose
 
     fill, outline = coverage.fill, coverage.outline
     shell, covered = coverage.shell.area(), coverage.covered.area()
@@ -407,7 +406,7 @@ def _column(values: Float | Sequence[float]) -> list[float | None]:
 
 def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     """All that is known, ready for JSON; layers count from 1."""
-    from printer_slicer.inspection.deposition.purposes import Purpose
+    from printer_slicer.inspection.deposition.marks import Purpose
 
     coverage, stack = check.coverage, check.coverage.stack
     found = [

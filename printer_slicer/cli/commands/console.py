@@ -13,10 +13,9 @@ from threading import Thread
 from time import monotonic
 from typing import IO, TYPE_CHECKING, Final
 
-from printer_slicer.cli.arguments import add_machine, add_output
+from printer_slicer.cli.arguments import add_machine, add_output, number, positive
 from printer_slicer.cli.output import visible
 from printer_slicer.cli.settings import profile_from
-from printer_slicer.cli.values import number, positive
 from printer_slicer.errors import OutputError, PortError, UsageError
 
 if TYPE_CHECKING:

@@ -11,10 +11,9 @@ from math import ceil, inf, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_slicing
+from printer_slicer.cli.arguments import add_models, add_slicing, number
 from printer_slicer.cli.output import refuse_same, say, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import number
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.saving import check_writable, make_folder
 

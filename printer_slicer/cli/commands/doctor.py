@@ -9,9 +9,8 @@ from dataclasses import asdict
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output
+from printer_slicer.cli.arguments import add_output, positive
 from printer_slicer.cli.output import say, visible
-from printer_slicer.cli.values import positive
 from printer_slicer.errors import PortError
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_output
+from printer_slicer.cli.arguments import add_models, add_output, box_of, height, length, pixels, whole
 from printer_slicer.cli.output import refuse_same, say, stages, visible, write_file
-from printer_slicer.cli.values import box_of, height, length, pixels, whole
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import check_writable
 
@@ -196,7 +195,7 @@ def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     """Of each kind of bead how much there is, and how wide it is."""
     import numpy as np
 
-    from printer_slicer.inspection.deposition.purposes import Purpose
+    from printer_slicer.inspection.deposition.marks import Purpose
 
     beads = sheet.beads
     pairs = np.stack([sheet.name, beads.purpose], axis=1)

@@ -7,10 +7,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.cli.arguments import add_allow, add_firmware, add_models, add_slicing
+from printer_slicer.cli.arguments import add_allow, add_firmware, add_models, add_slicing, positive
 from printer_slicer.cli.output import say, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import positive
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.dry_run.judging import Verdict

@@ -7,10 +7,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_allow, add_connection, add_models, add_slicing
+from printer_slicer.cli.arguments import add_allow, add_connection, add_models, add_slicing, positive
 from printer_slicer.cli.output import say, stages
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import positive
 from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:

@@ -311,8 +311,8 @@ def _path(arguments: argparse.Namespace) -> int:
 
 
 def _settings(arguments: argparse.Namespace) -> int:
-    from printer_slicer.profile import settings_table
     from printer_slicer.profile.document import settings_markdown
+    from printer_slicer.profile.tables import settings_table
 
     if arguments.markdown:
         say(arguments, settings_markdown().rstrip("\n"))

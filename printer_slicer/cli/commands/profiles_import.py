@@ -9,10 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output
+from printer_slicer.cli.arguments import add_output, positive
 from printer_slicer.cli.output import say, visible, write_file
 from printer_slicer.cli.settings import kept_schemas, own_folder
-from printer_slicer.cli.values import positive
 from printer_slicer.errors import OutputError, ProfileError, UsageError
 from printer_slicer.saving import make_folder
 

@@ -13,10 +13,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Final
 
-from printer_slicer.cli.arguments import add_machine, add_output
+from printer_slicer.cli.arguments import add_machine, add_output, positive
 from printer_slicer.cli.output import PATIENCE, say
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import positive
 from printer_slicer.errors import UsageError
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
@@ -95,7 +94,7 @@ def _look(arguments: argparse.Namespace) -> None:
         UsageError: it is no job, or the profile or a name makes no sense.
     """
     from printer_slicer.cli.jobs import insist_on_policy
-    from printer_slicer.inspection.lint.lint_jobs import lint_file
+    from printer_slicer.inspection.lint.scan import lint_file
 
     profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile, streamed=False)

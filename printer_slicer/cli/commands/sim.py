@@ -11,10 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_firmware, add_models, add_slicing
+from printer_slicer.cli.arguments import add_firmware, add_models, add_slicing, address, factor, positive
 from printer_slicer.cli.output import refuse_same, say, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import address, factor, positive
 from printer_slicer.errors import UsageError
 from printer_slicer.progress import quiet
 from printer_slicer.saving import check_writable

@@ -11,11 +11,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_models, add_slicing
+from printer_slicer.cli.arguments import add_models, add_slicing, whole
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.output import refuse_mixing, refuse_same, say, stages, warn, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.cli.values import whole
 from printer_slicer.errors import PartError, UsageError
 
 if TYPE_CHECKING:

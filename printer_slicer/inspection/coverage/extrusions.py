@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.gcode import Moves
-from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
+from printer_slicer.inspection.deposition.marks import Purpose, purposes_of_roles
 from printer_slicer.roles import Role
 
 if TYPE_CHECKING:

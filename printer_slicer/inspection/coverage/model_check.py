@@ -19,7 +19,7 @@ from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRul
 from printer_slicer.inspection.coverage.stack import Stack, stacked
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
 from printer_slicer.inspection.coverage.zones import footprint
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet

@@ -13,7 +13,7 @@ from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.gcode import Moves, read_moves
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of_moves
-from printer_slicer.inspection.deposition.purposes import Purpose, purpose_of
+from printer_slicer.inspection.deposition.marks import Purpose, purpose_of
 
 __all__ = ["Deposit", "beads_of_gcode"]
 

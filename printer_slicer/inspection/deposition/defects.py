@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.inspection.deposition.batches import NOTHING, MoveBatch
-from printer_slicer.inspection.deposition.height_map import HeightMap, MovePieces, cut_up
+from printer_slicer.inspection.deposition.height_map import NOTHING, HeightMap, MoveBatch, MovePieces, cut_up
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH, deposit, unsupported_pieces
 

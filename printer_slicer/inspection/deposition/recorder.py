@@ -10,9 +10,17 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START, MoveBatch, runs_of
 from printer_slicer.inspection.deposition.defects import DEEP, DefectFinder
-from printer_slicer.inspection.deposition.height_map import HeightMap
+from printer_slicer.inspection.deposition.height_map import (
+    COMMAND,
+    END,
+    FED,
+    NOTHING,
+    START,
+    HeightMap,
+    MoveBatch,
+    runs_of,
+)
 from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.deposition.underextrusion import MissingExtrusionFinder

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.inspection.deposition.batches import COMMAND, END, FED, NOTHING, START
+from printer_slicer.inspection.deposition.height_map import COMMAND, END, FED, NOTHING, START
 from printer_slicer.inspection.deposition.record import MissingExtrusion
 
 __all__ = ["MissingExtrusionFinder"]

@@ -13,10 +13,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
-from printer_slicer.inspection.deposition.batches import NOTHING, Laid, runs_of
-from printer_slicer.inspection.deposition.height_map import HeightMap, MovePieces, cut_up
-from printer_slicer.inspection.deposition.marks import Marks
-from printer_slicer.inspection.deposition.purposes import Purpose, purposes_of_roles
+from printer_slicer.inspection.deposition.height_map import (
+    NOTHING,
+    HeightMap,
+    Laid,
+    MovePieces,
+    cut_up,
+    runs_of,
+)
+from printer_slicer.inspection.deposition.marks import Marks, Purpose, purposes_of_roles
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Printer
 from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1, FrontEnd
 from printer_slicer.sim.heater import HeaterSpec

@@ -20,7 +20,7 @@ from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.inspection.dry_run.materials import Materials
 from printer_slicer.jobs import Job
 from printer_slicer.link_model import SerialLink
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
 from printer_slicer.sim.faults import Faults
 from printer_slicer.sim.front_end import FrontEnd

@@ -18,8 +18,8 @@ from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe
-from printer_slicer.motion.flow import ENOUGH, flow_of
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
+from printer_slicer.motion.whole import ENOUGH, flow_of
 from printer_slicer.profile import Profile
 
 __all__ = ["MELTS", "MoveJudge"]

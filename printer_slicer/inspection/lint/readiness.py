@@ -20,11 +20,11 @@ from printer_slicer.gcode import Moves
 from printer_slicer.gcode.commands import Effect, heater_of, names_that
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.own_macros import starts_prints
-from printer_slicer.sim.moves import HARMLESS_LIFT
 
 __all__ = ["Readiness"]
 
 _AXES: Final = "XYZ"
+_HARMLESS_LIFT: Final = 10.0  # mm, upwards
 _COLDEST: Final = 170.0  # °C; Marlin's EXTRUDE_MINTEMP
 _COOLS: Final = (
     10.0  # s after which filament no longer flows properly; a hotend cools by one to three °C per second
@@ -153,7 +153,7 @@ class Readiness:
     def _lifts(self, moves: Moves) -> Bool:
         """(K,) which moves only lift the nozzle slightly, as many start G-codes do before homing."""
         x, y, z = moves.delta[:, :3].T
-        return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= HARMLESS_LIFT))
+        return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= _HARMLESS_LIFT))
 
     def _cooled(self, moves: Moves, cooling: Bool) -> Bool:
         """(K,) which moves happen after the nozzle has been off long enough to be too cold."""

@@ -1,4 +1,4 @@
-"""A whole job before its first byte: every command and every move, in a second."""
+"""Make a job of G-code, with what the rules find in its commands and moves before the first byte is sent."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import pi
+from pathlib import Path
 from typing import Final
 
+from printer_slicer.commands import lines_of, read_text
 from printer_slicer.diagnostics import Diagnostic, Severity
-from printer_slicer.firmware import FLAVOURS
+from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode import Moves, pieces_of
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand, read_commands
+from printer_slicer.inspection.deposition.marks import marks_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
-from printer_slicer.inspection.lint.letter_case import lower_case_fault
 from printer_slicer.inspection.lint.motion import MoveJudge
-from printer_slicer.inspection.lint.numbers import number_faults
 from printer_slicer.inspection.lint.readiness import Readiness
+from printer_slicer.inspection.lint.syntax import lower_case_fault, number_faults
 from printer_slicer.inspection.lint.table import RULES, Rule
+from printer_slicer.jobs import Job, JobSummary, sendable
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
 
-__all__ = ["scan"]
+__all__ = ["lint_file", "lint_text", "scan"]
 
 _RULES: Final[Mapping[str, tuple[Rule, ...]]] = {
     code: tuple(rule for rule in RULES if code in rule.codes) for rule in RULES for code in rule.codes
@@ -127,3 +132,45 @@ def _said(command: LintCommand, line: bytes, profile: Profile, heat: HeaterRules
     scripted = command.code in _SCRIPTS and "_" not in command.code
     if scripted or (command.code in _FOLLOWED and (command.further or "{" in command.text)):
         yield "unreadable", "error", "cannot be followed", "what it does depends on the firmware"
+
+
+def lint_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:
+    """Read a G-code file as a job, with what is found in it.
+
+    Args:
+        path: of the file.
+        profile: the machine and its material, with their limits.
+        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
+
+    Raises:
+        PrinterSlicerError: the file cannot be read or sent.
+    """
+    return lint_text(path.name, read_text(path), profile, streamed=streamed)
+
+
+def lint_text(
+    name: str, text: bytes, profile: Profile, *, streamed: bool = True, flavour: Dialect | None = None
+) -> Job:
+    """Make a job of a text, with what is found in it.
+
+    Args:
+        name: what to call it.
+        text: the G-code.
+        profile: the machine and its material, with their limits.
+        streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
+        flavour: whose meanings commands have; the printer's where it is not given.
+
+    Raises:
+        UsageError: there is nothing in it, or something that can never be sent.
+    """
+    printer = profile.printer
+    told = sendable(name, text, streamed=streamed)
+    pieces = pieces_of(told.commands, printer.corners[0], flavour or FLAVOURS[printer.flavour])
+    summary = JobSummary(limits_of(printer))
+    marks = marks_of(told.commands, text, told.marks, told.roles)
+    tracker = UnsupportedTracker(printer.corners, pi * profile.material.filament_diameter**2 / 4, marks)
+    moves = map(summary.add, pieces)
+    findings = scan(told.commands, profile, moves=moves, marks=told.marks, whole=True, tracker=tracker)
+    lines = lines_of(text, [one.index for one in findings])
+    placed = tuple(replace(one, line=line) for one, line in zip(findings, lines, strict=True))
+    return replace(summary.job(name, text, told), findings=placed)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from printer_slicer.firmware.dialect import SetsLimits
+from printer_slicer.firmware.firmware import SetsLimits
 from printer_slicer.gcode.commands import Effect, names_that
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Printer

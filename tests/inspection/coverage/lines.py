@@ -11,7 +11,7 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas
 from printer_slicer.inspection.coverage.extrusions import Extrusions
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 
 __all__ = ["WIDTH", "beads_along", "joined", "path", "sections", "solid", "square"]
 

@@ -17,7 +17,7 @@ from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.matching import moved
 from printer_slicer.inspection.coverage.measurement import CoverageRules, coverage_of
 from printer_slicer.inspection.coverage.stack import Stack, stacked
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from tests.effort import examples
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid
 from tests.parts import shape, shapely

@@ -10,7 +10,7 @@ import pytest
 from printer_slicer.gcode import write_gcode
 from printer_slicer.inspection.coverage.extrusions import Extrusions, beads_of
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.pipeline import slice_part
 from tests.inspection.coverage.lines import WIDTH, path
 from tests.parts import box, plain

@@ -17,7 +17,7 @@ from printer_slicer.inspection.coverage.limits import excess, findings
 from printer_slicer.inspection.coverage.matching import first_guess, fitted, moved
 from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of, overlapping
 from printer_slicer.inspection.coverage.stack import stacked
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from tests.effort import examples
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, sections, solid, square
 

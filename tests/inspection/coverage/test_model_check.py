@@ -20,7 +20,7 @@ from printer_slicer.gcode import write_gcode
 from printer_slicer.inspection.coverage.limits import CoverageLimits
 from printer_slicer.inspection.coverage.measurement import CoverageRules
 from printer_slicer.inspection.coverage.model_check import Check, CheckOptions, check_gcode
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.pipeline import slice_part

@@ -11,7 +11,7 @@ from printer_slicer import bead
 from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import Stack, stack_of, stacked, through_layers
 from printer_slicer.inspection.coverage.text import beads_of_gcode
-from printer_slicer.inspection.deposition.purposes import Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.pipeline import slice_stages
 from tests.inspection.coverage.lines import WIDTH, beads_along, joined, path
 from tests.parts import cone, plain

@@ -16,7 +16,7 @@ from printer_slicer.inspection.dry_run.machines import front_end_of, machine_of
 from printer_slicer.inspection.dry_run.underruns import UnderrunReport, _stands, find_underruns
 from printer_slicer.jobs import Job
 from printer_slicer.link_model import SerialLink
-from printer_slicer.motion.machine import limits_of
+from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.sim.link import VirtualPort
 from printer_slicer.sim.printer import SimulatedPrinter

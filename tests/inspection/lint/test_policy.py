@@ -19,8 +19,8 @@ from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode.reader import MoveReader
-from printer_slicer.inspection.lint.letter_case import lower_case_fault
 from printer_slicer.inspection.lint.scan import scan
+from printer_slicer.inspection.lint.syntax import lower_case_fault
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_with
