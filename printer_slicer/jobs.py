@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from printer_slicer.commands import TextFacts, lines_of, refuse_unsendable, told_by
 from printer_slicer.diagnostics import Diagnostic, check_names, sentence
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import FLAVOURS
-from printer_slicer.gcode import Moves, Timer, pieces_of
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.saving import save
 from printer_slicer.showing import Drawn, Summary
 from printer_slicer.texts import spoken
 
 if TYPE_CHECKING:
+    from printer_slicer.gcode import Moves
     from printer_slicer.model import LayerPlan, Program, Repairs
 
 __all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "is_gcode", "job_of_text", "sendable"]
@@ -105,7 +104,7 @@ class Job(Drawn):
 
     def layer_of(self, command: int) -> int:
         """The layer, counted from 1, that the command with this index belongs to; 0 before the first."""
-        index = int(np.searchsorted(list(self.marks), command, side="right")) - 1
+        index = bisect_right(list(self.marks), command) - 1
         return list(self.marks.values())[index] if index >= 0 else 0
 
 
@@ -129,6 +128,8 @@ def job_of_text(
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.
     """
+    from printer_slicer.gcode import pieces_of  # noqa: PLC0415 - a job that is there needs no arrays
+
     told = sendable(name, text)
     tally = JobSummary(limits)
     for piece in pieces_of(told.commands, corner, FLAVOURS[flavour]):
@@ -163,6 +164,8 @@ class JobSummary:
     """
 
     def __init__(self, limits: MotionLimits) -> None:
+        from printer_slicer.gcode import Timer  # noqa: PLC0415 - a job that is there needs no arrays
+
         self._timer = Timer(limits)
         self._heights: dict[float, None] = {}
         self._end = (0.0, 0.0, 0.0)

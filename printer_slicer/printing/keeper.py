@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Event as Flag
 from threading import Thread, current_thread, main_thread
 from time import monotonic, time_ns
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from printer_slicer.diagnostics import insist
 from printer_slicer.errors import Cancelled, PortError, PrintError, UsageError
@@ -26,12 +26,14 @@ from printer_slicer.printing.objects import LiveJob, spans_of
 from printer_slicer.printing.setup import Setup, setup_of
 from printer_slicer.printing.shelf import Print
 from printer_slicer.printing.take_up import Lost, TakenUp, ask_printer, damage_in, take_up
-from printer_slicer.profile import Profile
 from printer_slicer.stream.events import Event, Finished, Halted, Note
 from printer_slicer.stream.link_meter import LinkMeter, Metered
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import PortInfo, SerialPort, find_again, identity, open_port
 from printer_slicer.stream.session import run
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Profile
 
 __all__ = [
     "Keeper",

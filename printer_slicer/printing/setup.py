@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from printer_slicer.firmware import FIRMWARES, Firmware
 from printer_slicer.motion.rules import MotionLimits, limits_of
 from printer_slicer.printing.journal import dataclass_from_json
-from printer_slicer.profile import Profile, settings_of
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Profile
 
 __all__ = ["Setup", "setup_from", "setup_of"]
 
@@ -64,6 +66,8 @@ class Setup:
 
 def setup_of(profile: Profile, allowed: Iterable[str] = ()) -> Setup:
     """What a profile says, and what was allowed against it."""
+    from printer_slicer.profile import settings_of  # noqa: PLC0415 - a setup that is there needs no profile
+
     printer = profile.printer
     low, high = printer.corners
     return Setup(
