@@ -26,8 +26,7 @@ from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.regions import classify
 from printer_slicer.roles import Role
-from printer_slicer.thick_walls import SAME_PLACE, thickened
-from printer_slicer.thick_walls.stretches import cut, spans_between, spans_within
+from printer_slicer.thick_walls import SAME_PLACE, cut, spans_between, spans_within, thickened
 from tests.effort import examples, few_of
 from tests.parts import box, box_with_hole, layers, plain, shape, shapely, sphere, step_pyramid
 from tests.strategies import box as rectangle
