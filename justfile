@@ -6,7 +6,10 @@ workers := "-n logical --dist worksteal"
 export PATH := justfile_directory() / ".venv/bin" + ":" + env("PATH")
 
 # everything that must hold before a change lands
-check: format lint types contracts test twin lowest
+check: format lint types contracts test twin
+
+# what takes longer: every case, many examples from one seed, the second engine over everything, the oldest libraries
+thorough SEED="1": format lint types contracts (test "-m ''" "--hypothesis-profile thorough" "--hypothesis-seed" SEED) (twin-all "--hypothesis-seed" SEED) lowest
 
 # formatting, without changing anything
 format:
@@ -38,8 +41,8 @@ twin:
     PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill/test_exact_filling.py
 
 # the geometry and everything that stands on it once more, with the shapely engine: every case, many examples
-twin-all:
-    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} -m "" --hypothesis-profile thorough tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
+twin-all *ARGS:
+    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} -m "" --hypothesis-profile thorough {{ARGS}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
 
 # what stands on libraries once more, with the oldest versions of them that pyproject.toml allows
 lowest:

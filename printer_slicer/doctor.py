@@ -2,8 +2,8 @@
 
 The port is looked at without opening it: whose it is, who holds it, how long a chip waits. Where the system does not
 say, nothing is said. Then the printer: who it is, what it can do, how fast lines go, by commands that change nothing.
-These are dwells of no time (`G4 P0.000...`), as long as the lines of a print, numbered and checked as those are. Nothing
-heats, nothing moves. On boards that reset when their port is opened, opening it does so, as printing would.
+These are dwells of no time (`G4 P0.000...`), as long as the lines of a print, numbered and checked as those are.
+Nothing heats, nothing moves. On boards that reset when their port is opened, opening it does so, as printing would.
 
 Source: Linux's documentation of `latency_timer` (ftdi_sio) and of /proc/PID/fd.
 """

@@ -133,6 +133,13 @@ def test_no_file_is_so_long_that_it_holds_more_than_one_idea() -> None:
     assert {path: size for path, size in sizes.items() if size > MOST_LINES} == {}
 
 
+def test_a_package_is_more_than_a_few_small_files() -> None:
+    sizes = {folder: len([*folder.rglob("*.py")]) - 1 for folder in {path.parent for path in SOURCES}}
+
+    assert len(sizes) > 20
+    assert [shown(folder) for folder, files in sizes.items() if files <= 3] == []
+
+
 def test_no_function_is_longer_than_50_lines_and_hardly_any_longer_than_30() -> None:
     lengths = [
         ((node.end_lineno or 0) - node.lineno + 1, f"{shown(path)}:{node.lineno} {node.name}")
