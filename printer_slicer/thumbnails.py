@@ -69,12 +69,13 @@ def thumbnail_lines(part: Mesh, wanted: Sequence[str]) -> list[str]:
 
 def encode_image(picture: Picture, file_format: str) -> bytes:
     """The bytes of an image file, PNG or QOI."""
-    # Without its plugin for QOI, Pillow imports all of its formats to find it.
-    from PIL import Image, QoiImagePlugin  # noqa: F401, PLC0415 - only pictures need it
+    from PIL import Image  # noqa: PLC0415 - only pictures need it
 
-    options: dict[str, Any] = {"compress_level": 9} if file_format == "PNG" else {}
+    options: dict[str, Any] = {"compress_level": 6} if file_format == "PNG" else {}
     data = io.BytesIO()
-    Image.fromarray(picture).save(data, file_format, **options)
+    # Of a file with a name Pillow imports one format, of one without all common ones.
+    data.name = f"picture.{file_format.lower()}"
+    Image.fromarray(picture).save(data, **options)
     return data.getvalue()
 
 
@@ -128,7 +129,7 @@ def _scale(size: Float, width: int, height: int) -> float:
     return float(min((width - margin) / size[0], (height - margin) / size[1]))
 
 
-def _drawn(triangles: Float, low: Float, size: Float, scale: float) -> Float:
+def _drawn(triangles: Float, low: Float, size: Float, scale: float) -> NDArray[np.float32]:
     """(h, w, 4) the large picture, colours multiplied by opacity; row 0 is the bottom."""
     shape = (int(np.ceil(size[1] * scale)) + 1, int(np.ceil(size[0] * scale)) + 1)
     nearest = np.full(shape[0] * shape[1], -np.inf, np.float32)
@@ -143,7 +144,7 @@ def _drawn(triangles: Float, low: Float, size: Float, scale: float) -> Float:
         colour[pixel[seen]] = _lit(some, facet[seen])  # of several as near, the last one written stays
     covered = np.isfinite(nearest).reshape(shape)
     shown = colour.reshape(*shape, 3) * _outlined(nearest.reshape(shape))[..., None]
-    return np.dstack([shown, 255.0 * covered])
+    return np.dstack([shown, np.float32(255) * covered])
 
 
 def _pixels(x: Float, y: Float, depth: Float, shape: tuple[int, int]) -> tuple[Int, Int, NDArray[np.float32]]:
@@ -209,9 +210,9 @@ def _lit(triangles: Float, facet: Int) -> NDArray[np.float32]:
     return table[facet]
 
 
-def _outlined(nearest: NDArray[np.float32]) -> Float:
+def _outlined(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
     """(h, w) how bright each pixel stays: darker where something stands well in front of what is next to it."""
-    bright = np.ones(nearest.shape)
+    bright = np.ones(nearest.shape, np.float32)
     depths = nearest[np.isfinite(nearest)]
     if not len(depths):
         return bright
@@ -226,7 +227,7 @@ def _outlined(nearest: NDArray[np.float32]) -> Float:
     return bright
 
 
-def _reduced(large: Float, size: Float, ratio: float, wanted: tuple[int, int]) -> Picture:
+def _reduced(large: NDArray[np.float32], size: Float, ratio: float, wanted: tuple[int, int]) -> Picture:
     """A picture of the wanted size (width, height) with the part, `size` px of the large picture, in its middle.
 
     Args:
@@ -246,13 +247,14 @@ def _reduced(large: Float, size: Float, ratio: float, wanted: tuple[int, int]) -
     return np.ascontiguousarray(whole[::-1])
 
 
-def _means(picture: Float, edges: Float, axis: int) -> Float:
+def _means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
     """Means over stretches between edges along an axis; beyond the picture there is nothing."""
     moved = np.moveaxis(picture, axis, 0)
-    sums = np.concatenate([np.zeros((1, *moved.shape[1:])), np.cumsum(moved, axis=0)])
+    sums = np.zeros((len(moved) + 1, *moved.shape[1:]), np.float32)
+    np.cumsum(moved, axis=0, out=sums[1:])
     at = np.clip(edges, 0, len(moved))
     below = np.minimum(at.astype(np.int64), len(moved) - 1)
-    part = (at - below).reshape(-1, *[1] * (moved.ndim - 1))
+    part = (at - below).astype(np.float32).reshape(-1, *[1] * (moved.ndim - 1))
     until = sums[below] * (1 - part) + sums[below + 1] * part
-    wide = np.diff(edges).reshape(-1, *[1] * (moved.ndim - 1))
+    wide = np.diff(edges).astype(np.float32).reshape(-1, *[1] * (moved.ndim - 1))
     return np.moveaxis(np.diff(until, axis=0) / wide, 0, axis)

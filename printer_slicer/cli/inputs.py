@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import IO, Final
 
 from printer_slicer.errors import UsageError
@@ -59,6 +58,8 @@ def inputs(arguments: argparse.Namespace) -> Iterator[str]:
     if not wanted:
         yield ""
         return
+    from tempfile import TemporaryDirectory
+
     with TemporaryDirectory(prefix="printer-slicer-") as folder:
         suffix = ".gcode" if gcode == _STDIN else ".toml" if "-" in profiles else ""
         stream: IO[bytes] = sys.stdin.buffer if sys.stdin else open("/dev/null", "rb")  # noqa: PTH123, SIM115 - `<&-`

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from hashlib import sha256
 from itertools import pairwise
 from math import copysign, sqrt
 from typing import Final
@@ -156,6 +155,8 @@ def _random(values: Sequence[Value]) -> Value:
     if len(numbers) != 2 or numbers[0] > numbers[1]:
         raise Misused("takes the least and the greatest number")
     low, high = numbers
+    from hashlib import sha256  # noqa: PLC0415 - few macros ask for chance
+
     share = int.from_bytes(sha256(f"{low} {high} {seed}".encode()).digest()[:6], "big") / 2**48
     if isinstance(low, int) and isinstance(high, int):
         return low + int(share * (high - low + 1))

@@ -28,7 +28,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
+from printer_slicer.arrays import Float, Int, median
 from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.planning.arcs import Arcs
@@ -212,9 +212,7 @@ class _Search:
         if even is None or not len(height) or even.holds_between(int(height.min()), int(height.max())):
             return cheapest(graph, cost)
         most_layers = graph.n / float(height.min()) + 1
-        return cheapest_within_limits(
-            graph, cost, even, worth * most_layers, self._jump * float(np.median(cost))
-        )
+        return cheapest_within_limits(graph, cost, even, worth * most_layers, self._jump * median(cost))
 
     def _few(self, most: int) -> Int | None:
         """The least volume error with at most so many layers; with a greatest step, at some price on layers.

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.arrays import Bool, Float, Int, consecutive, median
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.motion.whole import flow_of
 
@@ -284,7 +284,7 @@ class Laid:
             room: mm, how far down plastic or bed are under some places of them.
         """
         free = room[room > _LEVEL]
-        height = float(np.median(free)) if len(free) else 0.0
+        height = median(free) if len(free) else 0.0
         thread = np.maximum(self.thread, NOTHING)
         return np.asarray(thread**2 * (pi / 4) / np.clip(height, thread / _FLATTEST, thread))
 
