@@ -471,6 +471,12 @@ def add_machine(parser: _Flags) -> None:
 def add_connection(parser: argparse.ArgumentParser) -> None:
     """Flags of a print over a port: what happens when the printer or this program is gone."""
     parser.add_argument(
+        "--dtr",
+        choices=("auto", "on", "off"),
+        default="auto",
+        help="level of the line that resets many boards when the port is opened; default: auto, as the system does",
+    )
+    parser.add_argument(
         "--reconnect",
         metavar="S",
         type=patience,

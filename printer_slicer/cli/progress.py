@@ -166,6 +166,7 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
             controls=controls,
             reconnect=arguments.reconnect,
             guard=arguments.guard,
+            dtr={"on": True, "off": False}.get(arguments.dtr),
         )
     position = {True: "the printer is where the job ends", False: "the printer is NOT where the job ends"}
     if arguments.json:

@@ -127,7 +127,7 @@ def resume_print(
     place = shelves.Place(port or print_.port, print_.baud)
     transport = None
     try:
-        transport = open_port(place.port, place.baud)
+        transport = open_port(place.port, place.baud, dtr=options.get("dtr"))
         keeper = Keeper(job, print_.setup, place, print_, options)
         try:
             found = keeper.reattach(transport)

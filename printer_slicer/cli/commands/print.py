@@ -37,12 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--discard-unfinished", action="store_true", help="forget a print that was broken off on this port"
     )
-    parser.add_argument(
-        "--dtr",
-        choices=("auto", "on", "off"),
-        default="auto",
-        help="level of the line that resets many boards when the port is opened; default: auto, as the system does",
-    )
     add_connection(parser)
     add_slicing(parser)
 
@@ -93,7 +87,6 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
             shelf=default_shelf(),
             discard=arguments.discard_unfinished,
             allow=reason_against(profile, job.allowed),
-            dtr={"on": True, "off": False}.get(arguments.dtr),
             **common,
         )
 
