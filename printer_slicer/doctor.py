@@ -27,6 +27,9 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.serial_port import holders
 from printer_slicer.stream.session import Transport, run
 
+if sys.platform != "win32":
+    import grp
+
 __all__ = ["Examination", "PortCheck", "PortState", "examine", "state_of"]
 
 
@@ -46,11 +49,6 @@ class PortCheck:
     what: str
     remedy: str = ""
 
-
-if sys.platform != "win32":
-    import grp
-
-__all__ = ["PortState", "state_of"]
 
 _SLOW_TIMER: Final = 2
 """ms of a latency timer from which on every answer is late; 1 is the least."""

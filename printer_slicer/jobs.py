@@ -15,7 +15,7 @@ from printer_slicer.firmware import FLAVOURS
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.saving import save
 from printer_slicer.showing import Drawn, Summary
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.gcode import Moves
@@ -76,7 +76,7 @@ class Job(Drawn):
         facts = {
             "commands": str(len(self.commands)),
             "layers": f"plastic at {len(self.heights)} heights",
-            "motion": spoken(self.seconds),
+            "motion": format_duration(self.seconds),
         }
         return self.program or Summary(
             self.name, facts, [sentence(one) for one in self.findings if one.is_error]

@@ -28,7 +28,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.progress import Report
 from printer_slicer.showing import Drawn
 from printer_slicer.strategies import Strategies
-from printer_slicer.texts import kind_of
+from printer_slicer.texts import describe_type
 
 __all__ = ["Choices", "Stages", "require_part"]
 
@@ -51,10 +51,11 @@ def require_part(mesh: object, profile: object) -> None:
         MeshError: it has no facets, or a coordinate that is no number.
     """
     if not isinstance(mesh, Mesh):
-        raise UsageError(f"a part is a Mesh, not {kind_of(mesh)}", remedy="read it: ps.load_mesh(path)")
+        raise UsageError(f"a part is a Mesh, not {describe_type(mesh)}", remedy="read it: ps.load_mesh(path)")
     if not isinstance(profile, Profile):
         raise UsageError(
-            f"a profile is a Profile, not {kind_of(profile)}", remedy="load it: ps.load_profile(printer)"
+            f"a profile is a Profile, not {describe_type(profile)}",
+            remedy="load it: ps.load_profile(printer)",
         )
     if not mesh.n_facets:
         raise MeshError(f"{mesh.name}: has no facets", remedy="give it triangles (F, 3, 3), mm")

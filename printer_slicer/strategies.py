@@ -20,7 +20,7 @@ from printer_slicer.infill import Infill, InfillTask
 from printer_slicer.model import LayerPlan, Mesh, Program
 from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
-from printer_slicer.texts import kind_of, name_of
+from printer_slicer.texts import callable_name, describe_type
 
 __all__ = ["OURS", "Strategies", "checked_lines", "checked_plan", "checked_program"]
 
@@ -52,7 +52,7 @@ class Strategies:
     def __post_init__(self) -> None:
         if self.flavour is not None and not isinstance(self.flavour, Dialect):
             raise StrategyError(
-                f"flavour {name_of(self.flavour)}: is {kind_of(self.flavour)}, not a Dialect",
+                f"flavour {callable_name(self.flavour)}: is {describe_type(self.flavour)}, not a Dialect",
                 remedy='take one and change it: dataclasses.replace(ps.FLAVOURS["marlin"], pause="M600")',
             )
         for name in ("planner", "infill"):
@@ -77,7 +77,7 @@ class Strategies:
     def facts(self) -> tuple[str, ...]:
         """What a file should tell of them, since its settings cannot."""
         infill = self.own_infill
-        named = {"planner": self.planner and name_of(self.planner), "infill": infill and infill.name}
+        named = {"planner": self.planner and callable_name(self.planner), "infill": infill and infill.name}
         return tuple(f"{what} = {name}, a function from outside" for what, name in named.items() if name)
 
 
@@ -110,10 +110,10 @@ def checked_plan(plan: object, part: Mesh, profile: Profile, planner: object) ->
     Raises:
         StrategyError: it is none, or the printer cannot print it, or the part is not covered.
     """
-    name, step = f"planner {name_of(planner)}", profile.printer.z_step
+    name, step = f"planner {callable_name(planner)}", profile.printer.z_step
     if not isinstance(plan, LayerPlan):
         raise StrategyError(
-            f"{name}: gave {kind_of(plan)}, not a LayerPlan",
+            f"{name}: gave {describe_type(plan)}, not a LayerPlan",
             remedy="return ps.LayerPlan.from_tops(tops), with tops (L,) the z of the top of each layer, mm",
         )
     if not plan.n_layers:
@@ -134,7 +134,7 @@ def checked_plan(plan: object, part: Mesh, profile: Profile, planner: object) ->
             f"{name}: the last layer goes from {low:.6g} to {high:.6g} mm, but the part ends at {top:.6g} mm",
             remedy="let the last layer hold the top of the part: part.height",
         )
-    return plan if plan.planner else replace(plan, planner=name_of(planner))
+    return plan if plan.planner else replace(plan, planner=callable_name(planner))
 
 
 def _insist_on_heights(name: str, plan: LayerPlan, profile: Profile) -> None:
@@ -169,14 +169,14 @@ def checked_program(program: Program, functions: Sequence[Callable[[Program], Pr
     """
     for function in functions:
         n_layers, program = program.plan.n_layers, function(program)
-        _check_program(f"on_program {name_of(function)}", program, n_layers)
+        _check_program(f"on_program {callable_name(function)}", program, n_layers)
     return program
 
 
 def _check_program(name: str, program: object, n_layers: int) -> None:
     if not isinstance(program, Program):
         raise StrategyError(
-            f"{name}: gave {kind_of(program)}, not a Program",
+            f"{name}: gave {describe_type(program)}, not a Program",
             remedy="return dataclasses.replace(program, speed=...), or the program itself",
         )
     if program.plan.n_layers != n_layers:
@@ -215,11 +215,11 @@ def checked_lines(text: bytes, functions: Sequence[Callable[[list[str]], Iterabl
         StrategyError: one of them gave what are no lines of G-code.
     """
     for function in functions:
-        name = f"on_lines {name_of(function)}"
+        name = f"on_lines {callable_name(function)}"
         given: Any = function(text.decode("utf-8").removesuffix("\n").split("\n"))
         if given is None or isinstance(given, str | bytes):
             raise StrategyError(
-                f"{name}: gave {kind_of(given)}, not lines",
+                f"{name}: gave {describe_type(given)}, not lines",
                 remedy="return a list of lines without line ends, or yield them one by one",
             )
         lines = list(given)
@@ -237,7 +237,7 @@ def checked_lines(text: bytes, functions: Sequence[Callable[[list[str]], Iterabl
 def _check_line(where: str, line: object, *, comment: bool = True) -> None:
     """Refuse what is not one line that a printer could get."""
     if not isinstance(line, str):
-        raise StrategyError(f"{where} is {kind_of(line)}, not text", remedy="lines are of type str")
+        raise StrategyError(f"{where} is {describe_type(line)}, not text", remedy="lines are of type str")
     if not line.replace("\t", " ").isprintable():
         raise StrategyError(
             f"{where} holds what cannot be printed: {line[:60]!r}",
@@ -271,7 +271,7 @@ def _watched(flavour: Dialect) -> Dialect:
             said = function(*arguments)
             if many and not isinstance(said, list):
                 raise StrategyError(
-                    f"flavour: {name} gave {kind_of(said)}, not a list of lines",
+                    f"flavour: {name} gave {describe_type(said)}, not a list of lines",
                     remedy="return a list of str",
                 )
             for line in said if many else [said]:

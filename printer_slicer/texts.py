@@ -1,17 +1,17 @@
-"""How messages and files show plain values: numbers, durations, kinds of values, names of functions."""
+"""Format plain values for messages and files: numbers, durations, types, names of functions."""
 
 from __future__ import annotations
 
-__all__ = ["kind_of", "name_of", "number", "spoken"]
+__all__ = ["callable_name", "describe_type", "format_duration", "number"]
 
 
 def number(value: float) -> str:
-    """A number as G-code has it: at most five decimals, no needless zeros, no exponent."""
+    """Format a number for G-code: at most five decimals, no needless zeros, no exponent."""
     return f"{value:z.5f}".rstrip("0").rstrip(".")
 
 
-def spoken(seconds: float) -> str:
-    """A duration as `1d 2h 3m 4s`, without leading zeros."""
+def format_duration(seconds: float) -> str:
+    """Format a duration as `1d 2h 3m 4s`, without leading zeros."""
     total = round(seconds)
     parts = [(total // 86400, "d"), (total // 3600 % 24, "h"), (total // 60 % 60, "m"), (total % 60, "s")]
     while len(parts) > 1 and parts[0][0] == 0:
@@ -19,11 +19,11 @@ def spoken(seconds: float) -> str:
     return " ".join(f"{count}{unit}" for count, unit in parts)
 
 
-def kind_of(value: object) -> str:
-    """What a value is."""
+def describe_type(value: object) -> str:
+    """Describe the type of a value, for messages."""
     return "nothing" if value is None else f"a value of type {type(value).__name__}"
 
 
-def name_of(function: object) -> str:
-    """What a function is called; of what is none, its type."""
+def callable_name(function: object) -> str:
+    """Return the name of a function, or the name of the type of anything else."""
     return str(getattr(function, "__name__", type(function).__name__))

@@ -11,12 +11,12 @@ import pytest
 
 import printer_slicer
 from printer_slicer.firmware import (
+    DEFAULT_WIRE_DIALECT,
     FIRMWARES,
-    UNKNOWN_WIRE,
     WIRE_DIALECTS,
     Flavour,
     flavour_of,
-    wire_dialect_of,
+    wire_dialect_name,
 )
 from printer_slicer.gcode.commands import TABLE, Effect
 from printer_slicer.gcode.labels import LABEL_WORDS
@@ -34,10 +34,10 @@ def test_every_wire_dialect_belongs_to_one_firmware() -> None:
 
     assert sorted(names) == sorted(WIRE_DIALECTS)
     assert {flavour_of(dialect) for dialect in WIRE_DIALECTS.values()} == set(FIRMWARES)
-    assert [name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.pattern, "")] == [
-        UNKNOWN_WIRE
+    assert [name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.m115_pattern, "")] == [
+        DEFAULT_WIRE_DIALECT
     ]
-    assert list(WIRE_DIALECTS)[-1] == UNKNOWN_WIRE
+    assert list(WIRE_DIALECTS)[-1] == DEFAULT_WIRE_DIALECT
 
 
 @pytest.mark.parametrize("name", [name for name in FRONT_ENDS if name != "octoprint virtual"])
@@ -46,7 +46,7 @@ def test_a_simulated_printer_is_taken_for_what_it_is(name: str) -> None:
     said = front_end.identity.format(name=front_end.name, tools=1).encode()
     [firmware] = [reply.firmware for reply in read_reply(said) if isinstance(reply, Identity)]
 
-    assert flavour_of(WIRE_DIALECTS[wire_dialect_of(firmware)]) == front_end.flavour
+    assert flavour_of(WIRE_DIALECTS[wire_dialect_name(firmware)]) == front_end.flavour
 
 
 @pytest.mark.parametrize("name", FIRMWARES)
@@ -60,13 +60,13 @@ def test_what_a_row_says_can_be_read(name: str) -> None:
 
     assert {dialect.labels, dialect.m486} <= set(LABEL_WORDS)
     assert TABLE[pause].effect & Effect.WAITS_FOR_PERSON
-    assert b"0.150" in firmware.baby_step(0.15)
-    assert firmware.cancel_object is None or b"left_one" in firmware.cancel_object("left_one")
-    assert firmware.set_z is None or firmware.set_z(12.5).endswith(b"12.5")
+    assert b"0.150" in firmware.baby_step_command(0.15)
+    assert firmware.cancel_object_command is None or b"left_one" in firmware.cancel_object_command("left_one")
+    assert firmware.set_z_command is None or firmware.set_z_command(12.5).endswith(b"12.5")
 
 
 def test_no_two_firmwares_have_one_name_in_prusaslicer() -> None:
-    names = [firmware.prusaslicer for firmware in FIRMWARES.values() if firmware.prusaslicer]
+    names = [firmware.prusaslicer_name for firmware in FIRMWARES.values() if firmware.prusaslicer_name]
 
     assert len(set(names)) == len(names)
 

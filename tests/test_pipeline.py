@@ -402,13 +402,13 @@ print(hashlib.sha256(gcode_of(slice_part(load_mesh(Path(sys.argv[1])), profile),
 def test_the_estimate_in_the_header_is_the_time_of_all_moves() -> None:
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.slice_jobs import job_of
-    from printer_slicer.texts import spoken
+    from printer_slicer.texts import format_duration
 
     bare = profile(start_gcode="", end_gcode="")
     program = slice_part(box(), bare)
     told = "; estimated printing time (normal mode) = "
 
-    line = told + spoken(float(move_seconds(program, bare).sum()))
+    line = told + format_duration(float(move_seconds(program, bare).sum()))
     assert line.encode() in gcode_of(program, bare).splitlines()
     # With start and end G-code it is what the whole file takes, but for the way from one to the other.
     whole = job_of(box(), profile())

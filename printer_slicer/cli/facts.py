@@ -16,7 +16,7 @@ from printer_slicer.roles import Role, roles_with
 from printer_slicer.slicing import mesh_faults
 from printer_slicer.stages import Stages
 from printer_slicer.surface import Certificate, find_flats
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 __all__ = [
     "certificate_facts",
@@ -127,7 +127,7 @@ def sentences(facts: dict[str, Any]) -> list[str]:
     metres, grams = facts["filament_mm"] / 1000, facts["filament_g"]
     lines = [
         f"{facts['layers']} layers ({runs_text(facts['heights'])})" + _raft_text(facts["raft"]),
-        f"{spoken(facts['seconds'])} of printing, {metres:.2f} m of filament, {grams} g",
+        f"{format_duration(facts['seconds'])} of printing, {metres:.2f} m of filament, {grams} g",
     ]
     first = certificate_sentences(facts["certificate"])[0]
     lines += [first, *unkept_sentences(facts["certificate"])]
@@ -369,7 +369,8 @@ def unkept_sentences(facts: dict[str, Any]) -> list[str]:
     wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
     budgets = [one for one in facts["unkept"] if one["rule"] == "time_budget"]
     lines = [
-        f"the time budget of {spoken(one['budget_s'])} is exceeded by {spoken(one['amount_s'])}; {one['cause']}"
+        f"the time budget of {format_duration(one['budget_s'])} is exceeded by "
+        f"{format_duration(one['amount_s'])}; {one['cause']}"
         for one in budgets
     ]
     unkept = [one for one in facts["unkept"] if one["rule"] != "time_budget"]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer
@@ -186,7 +186,7 @@ class Milestones:
         if not (self._every_share and shares > self._shares) and now - self._last < _A_MINUTE:
             return
         self._shares, self._last = shares, now
-        line = f"{self._what}: {done * 100 // total} %, {more()}, {spoken(now - self._begun)} so far"
+        line = f"{self._what}: {done * 100 // total} %, {more()}, {format_duration(now - self._begun)} so far"
         print(visible(line), file=sys.stderr, flush=True)
 
 

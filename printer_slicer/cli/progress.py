@@ -31,7 +31,7 @@ from printer_slicer.stream.events import (
     Stopping,
     Temperature,
 )
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.printing import Controls, Done
@@ -174,7 +174,8 @@ def print_with(arguments: argparse.Namespace, job: Job, checkpoint: Path, begin:
     else:
         known = f"; {position[done.verified]}" if done.verified is not None else ""
         say(
-            arguments, f"done: {done.commands} commands in {spoken(done.seconds)}{known}\n  link: {done.link}"
+            arguments,
+            f"done: {done.commands} commands in {format_duration(done.seconds)}{known}\n  link: {done.link}",
         )
     if done.link.warning is not None and not arguments.json:
         print(f"warning: {done.link.warning.text}", file=sys.stderr)

@@ -309,7 +309,7 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
     Raises:
         UsageError: it is a pipe.
     """
-    from printer_slicer.profile.in_gcode import has_own_settings, settings_in_gcode
+    from printer_slicer.profile.gcode_settings import is_own_gcode, settings_in_gcode
 
     if path.is_fifo():  # what is read of it here, nobody would judge
         raise UsageError(
@@ -317,7 +317,7 @@ def _own_settings(path: Path, folders: Sequence[Path] = ()) -> _OwnSettings:
             remedy="pipe it into stdin and name -, or write it to a file",
         )
     try:
-        found = _OwnSettings(settings_in_gcode(path), ()) if has_own_settings(path) else _foreign(path)
+        found = _OwnSettings(settings_in_gcode(path), ()) if is_own_gcode(path) else _foreign(path)
     except (OSError, ValueError):  # an invalid file name
         return _OwnSettings({}, ())
     except ProfileError as error:

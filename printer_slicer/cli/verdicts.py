@@ -16,7 +16,7 @@ from printer_slicer.cli.progress import progress
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.deposition.record import Deposition
@@ -189,17 +189,18 @@ def _fact_lines(verdict: Verdict, profile: Profile) -> Iterator[str]:
 
 def _time(verdict: Verdict) -> str:
     report = verdict.report
-    parts = [f"{spoken(report.heating_seconds)} of heating"] if report.heating_seconds >= 1 else []
-    parts += [f"{spoken(report.homing_seconds)} of homing"] if report.homing_seconds >= 1 else []
+    parts = [f"{format_duration(report.heating_seconds)} of heating"] if report.heating_seconds >= 1 else []
+    parts += [f"{format_duration(report.homing_seconds)} of homing"] if report.homing_seconds >= 1 else []
     more = f", with {' and '.join(parts)}" if parts else ""
-    return f"{spoken(verdict.total_seconds)} in all{more}; {spoken(verdict.simulated_seconds)} of motion"
+    in_all, moving = map(format_duration, (verdict.total_seconds, verdict.simulated_seconds))
+    return f"{in_all} in all{more}; {moving} of motion"
 
 
 def _roles(account: Deposition) -> list[str]:
     """Time by what it is for, the longest first."""
     times = {**account.by_role, "travel": account.travel, "extruder alone": account.extruder}
     ordered = sorted(times.items(), key=lambda one: -one[1])
-    return [f"{name} {spoken(seconds)}" for name, seconds in ordered if seconds >= _WORTH]
+    return [f"{name} {format_duration(seconds)}" for name, seconds in ordered if seconds >= _WORTH]
 
 
 def _wrapped(words: Sequence[str]) -> list[str]:
@@ -231,7 +232,7 @@ def _layers(verdict: Verdict, account: Deposition) -> str:
     if not verdict.heights_equal:
         return f"{said}; NOT at the heights of the job"
     slowest = max(account.layers, key=lambda layer: layer.seconds)
-    return f"{said}; the longest takes {spoken(slowest.seconds)} (layer {slowest.number})"
+    return f"{said}; the longest takes {format_duration(slowest.seconds)} (layer {slowest.number})"
 
 
 def _grams(verdict: Verdict, profile: Profile) -> float:

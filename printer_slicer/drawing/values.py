@@ -20,7 +20,7 @@ from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Secti
 from printer_slicer.roles import Role
 from printer_slicer.showing import Drawn, Summary
 from printer_slicer.surface import Certificate
-from printer_slicer.texts import kind_of
+from printer_slicer.texts import describe_type
 from printer_slicer.thumbnails import render
 
 __all__ = ["draw"]
@@ -59,7 +59,7 @@ def draw(value: object, layer: int | None = None) -> Picture:
 @singledispatch
 def _picture(value: object, _layer: int | None) -> Picture:
     raise UsageError(
-        f"there is no picture of {kind_of(value)}",
+        f"there is no picture of {describe_type(value)}",
         remedy="draw a mesh, or what is made of it: stages.plan, stages.sections, stages.program",
     )
 

@@ -39,7 +39,7 @@ def accelerations_of(program: Program, printer: Printer, first: int, last: int) 
         return None
     at = np.searchsorted([event.index for event in events], np.arange(first, last), side="right")
     set_by_then = np.array([printer.acceleration, *(event.value for event in events)])[at]
-    if printer.firmware.one_acceleration:
+    if printer.firmware.has_single_acceleration:
         return set_by_then
     moves = (program.xyz[first:last] != program.start[first:last]).any(axis=1)
     feeds = program.filament[first:last] != 0

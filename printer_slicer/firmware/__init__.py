@@ -1,7 +1,7 @@
-"""The firmwares: one file for each, and the one table of them.
+"""The table of firmwares; each has a file of its own.
 
-Plain Python without arrays or settings, so that the host knows a firmware without knowing the slicer. The simulated
-printer does not look here: it judges what these rows say.
+Plain Python without arrays or settings, so that the host imports it without the slicer. The simulated printer has
+tables of its own, so that tests can compare the two.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from printer_slicer.firmware.reprapfirmware import REPRAPFIRMWARE
 from printer_slicer.firmware.smoothie import SMOOTHIE
 
 __all__ = [
+    "DEFAULT_WIRE_DIALECT",
     "FIRMWARES",
     "FLAVOURS",
-    "UNKNOWN_WIRE",
     "WIRE_DIALECTS",
     "Dialect",
     "Firmware",
     "Flavour",
     "WireDialect",
     "flavour_of",
-    "wire_dialect_named",
-    "wire_dialect_of",
+    "get_wire_dialect",
+    "wire_dialect_name",
 ]
 
 Flavour: TypeAlias = Literal[
@@ -52,22 +52,22 @@ FIRMWARES: Final[Mapping[str, Firmware]] = {
 FLAVOURS: Final[Mapping[str, Dialect]] = {name: firmware.dialect for name, firmware in FIRMWARES.items()}
 """The G-code of each."""
 
-UNKNOWN_WIRE: Final = "marlin"
-"""Who says nothing on the wire is treated like this: every other sequence-checking firmware can live with it."""
+DEFAULT_WIRE_DIALECT: Final = "marlin"
+"""Of a printer that does not name its firmware. It is safe for every firmware that checks line numbers."""
 
 # Marlin 2 comes last, because its pattern fits every name.
 WIRE_DIALECTS: Final[Mapping[str, WireDialect]] = {
     name: dialect for firmware in [*FIRMWARES.values()][::-1] for name, dialect in firmware.wire.items()
 }
-"""By the names that a profile or a person may use. The first whose pattern is found in the name that M115 gives."""
+"""By the names that `Streamer(dialect=...)` takes. The first whose pattern is found in the reply to M115 applies."""
 
 
-def wire_dialect_of(name: str) -> str:
-    """Return the name of the wire dialect of a firmware that calls itself so in its answer to M115."""
-    return next(key for key, dialect in WIRE_DIALECTS.items() if re.search(dialect.pattern, name))
+def wire_dialect_name(m115_name: str) -> str:
+    """Return the name of the wire dialect for the firmware name in a reply to M115."""
+    return next(name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.m115_pattern, m115_name))
 
 
-def wire_dialect_named(name: str) -> WireDialect:
+def get_wire_dialect(name: str) -> WireDialect:
     """Return the wire dialect with this name.
 
     Raises:
@@ -75,7 +75,7 @@ def wire_dialect_named(name: str) -> WireDialect:
     """
     if name not in WIRE_DIALECTS:
         raise UsageError(
-            f"no firmware is known by the name {name!r}", remedy=f"known are: {', '.join(WIRE_DIALECTS)}"
+            f"unknown wire dialect {name!r}", remedy=f"choose one of: {', '.join(WIRE_DIALECTS)}"
         )
     return WIRE_DIALECTS[name]
 

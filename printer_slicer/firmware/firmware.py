@@ -1,16 +1,4 @@
-"""One firmware: the G-code that it takes and how it reads it, how lines are sent to it, and how it moves.
-
-How lines are sent to it differs in these switches of `WireDialect`:
-
-switch          what it decides
-checksum        which one a line carries; `crc16` sees what an exclusive or cannot
-sequence        a line whose number is not next is refused; without that a lost line leaves no trace
-strays          what happens to a line without number: executed, or refused. The tail of a line whose beginning was
-                lost looks like one, so where it is executed no more than two lines may be in flight on a bad cable
-places          commands read ahead; one is kept free for M112 where no parser looks at the bytes as they arrive
-counts          M110 alone answers with the number of the last line, so a doubt is settled without another line
-request         how the firmware asks for a line again: what the tests say to the host, and the documents to people
-"""
+"""What is known about a firmware: the G-code that it takes, how it reads it, how lines are sent to it, how it moves."""
 
 from __future__ import annotations
 
@@ -25,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MARLIN_NUMBERS",
-    "MARLIN_REQUEST",
+    "MARLIN_RESEND",
     "STRTOD_NUMBERS",
     "CountingRule",
     "Dialect",
@@ -109,25 +97,25 @@ Meaning: TypeAlias = SetsLimits | SetsAccelerations | SetsRetraction | None
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """The G-code of a firmware. Functions give whole lines.
+    """The G-code of a firmware, as it is written and as it is read. Functions give whole lines.
 
     Attributes:
-        limits: the motion limits of the profile, so that the machine moves as the time model says.
-        acceleration: mm/s² while printing; of all moves, where the firmware has one acceleration.
+        limits: formats the motion limits of the profile, so that the machine moves as the time model says.
+        acceleration: formats the acceleration of printing, mm/s²; of all moves, where the firmware has only one.
         pause: waits for a person, where the profile has no pause G-code of its own.
-        pressure_advance: s; None where there is no command for it that takes seconds.
-        retraction: tells the firmware how to retract by G10 and G11; None where a file cannot tell it.
-        progress: percent done and minutes left; None where nothing would show it.
-        labels: how the objects on the plate are marked where the profile says `auto`, a key of `LABEL_WORDS`.
-        m486: how where it says `m486`, likewise.
-        counting: by which rule G90, G91, M82 and M83 are read.
+        pressure_advance: formats pressure advance, s; None where no command takes seconds.
+        retraction: formats what G10 and G11 do; None where a file cannot set it.
+        progress: formats percent done and minutes left; None where no display shows it.
+        labels: format of object labels where the profile says `auto`, a key of `LABEL_WORDS`.
+        m486: format of object labels where the profile says `m486`, a key of `LABEL_WORDS`.
+        counting: the rule by which G90, G91, M82 and M83 are read.
         home_offset: when M206 moves the origin.
         machine_coordinates: `G53 G1 ...` moves in machine coordinates; elsewhere it depends on the build.
         tool_temperatures: M568, and G10 with a tool, set the temperature of that tool.
         extended_commands: has commands of words, such as SET_VELOCITY_LIMIT, and ignores those it does not know.
         any_case: accepts commands and words in lower case.
         numbers: what it does with words without a valid number.
-        reads: commands that set something else than in Marlin 2.
+        reads: commands that set something else than in Marlin 2, and what.
     """
 
     limits: Callable[[Printer], list[str]]
@@ -149,19 +137,19 @@ class Dialect:
 
 
 def axes_line(code: str, printer: Printer, limit: str, scale: float = 1.0) -> str:
-    """A limit (`max_speed`, `max_acceleration`) of all four axes."""
+    """Format a command that sets one limit (`max_speed`, `max_acceleration`) of x, y, z and e."""
     words = [f"{axis.upper()}{number(scale * getattr(printer, f'{limit}_{axis}'))}" for axis in "xyze"]
     return f"{code} {' '.join(words)}"
 
 
 def jerk_line(code: str, printer: Printer, scale: float = 1.0) -> str:
-    """The jerk of all four axes."""
+    """Format a command that sets the jerk of x, y, z and e."""
     xy, z, e = (number(scale * jerk) for jerk in (printer.jerk_xy, printer.jerk_z, printer.jerk_e))
     return f"{code} X{xy} Y{xy} Z{z} E{e}"
 
 
 def marlin_limits(printer: Printer, corner: str = "") -> list[str]:
-    """M201, M203, M204, all in mm and s, and a line about corners; empty: the jerk of each axis."""
+    """Format M201, M203, M204, all in mm and s, and a line about corners; empty: M205 with the jerk of each axis."""
     print_, retract = number(printer.acceleration), number(printer.retract_acceleration)
     return [
         f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
@@ -172,7 +160,7 @@ def marlin_limits(printer: Printer, corner: str = "") -> list[str]:
 
 
 def retraction_lines(printer: Printer) -> list[str]:
-    """M207 and M208 for G10 and G11, without lift: lifting is left to the moves. F in mm/min."""
+    """Format M207 and M208 for G10 and G11, without lift: the moves lift. F in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
     return [
         f"M207 S{number(printer.retract_length)} F{back} Z0",
@@ -180,43 +168,46 @@ def retraction_lines(printer: Printer) -> list[str]:
     ]
 
 
-MARLIN_REQUEST: Final = ("Error:checksum mismatch, Last Line: 6", "Resend: 7", "ok")
+MARLIN_RESEND: Final = ("Error:checksum mismatch, Last Line: 6", "Resend: 7", "ok")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WireDialect:
-    """How one kind of firmware reads lines.
+    """How one kind of firmware reads lines from the wire.
 
     Attributes:
-        title: as people call it.
-        pattern: of the name that M115 gives.
-        request: a request for line 7, as this firmware says it.
-        checksum: at the end of each line.
-        sequence: whether it takes lines in order only.
-        strays: what it does to a line without number and right checksum.
-        counts: M110 alone says the last line number.
-        ok_when_read: a line gets its ok when it is read; what M105 tells comes by itself when it is its turn.
-        longest: bytes of a line, without its line break.
-        places: commands it reads ahead.
-        most: lines in flight at most, where it is safe.
-        advice: what its owner should know before streaming; empty if nothing.
+        title: its name for people.
+        m115_pattern: regular expression of the firmware name in its reply to M115.
+        resend_request: the lines with which it asks for line 7 again, for tests and documents.
+        checksum: at the end of each line; a CRC finds damage that an exclusive or misses.
+        checks_line_numbers: it refuses a line whose number is not the next. Without that a lost line leaves no trace.
+        unnumbered_lines: what it does with a line without number. The tail of a line whose beginning was lost looks
+            like one, so where these are executed at most two lines may be in flight on a bad cable.
+        reports_last_line: M110 alone makes it say the number of the last line.
+        ok_when_read: it sends the ok when it has read a line; the answer to M105 comes later, when it is executed.
+        max_line_bytes: bytes of a line, without its line break.
+        queue_size: commands it reads ahead. One place is kept free for M112 where it does not look at bytes as they
+            arrive.
+        max_lines_in_flight: where that does no harm.
+        advice: what the user should know before streaming; empty if nothing.
     """
 
     title: str
-    pattern: str
-    request: tuple[str, ...]
+    m115_pattern: str
+    resend_request: tuple[str, ...]
     checksum: Literal["xor", "crc16"] = "xor"
-    sequence: bool = True
-    strays: Literal["executed", "refused"] = "executed"
-    counts: bool = False
+    checks_line_numbers: bool = True
+    unnumbered_lines: Literal["executed", "refused"] = "executed"
+    reports_last_line: bool = False
     ok_when_read: bool = False
-    longest: int = 95
-    places: int = 4
-    most: int = 6
+    max_line_bytes: int = 95
+    queue_size: int = 4
+    max_lines_in_flight: int = 6
     advice: str = ""
 
 
 def _marlin_baby_step(mm: float) -> bytes:
+    """Format M290."""
     return b"M290 Z%.3f" % mm
 
 
@@ -225,32 +216,32 @@ class Firmware:
     """One firmware.
 
     Attributes:
-        title: as messages call it.
+        title: its name in messages.
         dialect: its G-code.
-        wire: name -> how lines are sent to it. Several, where versions read them differently; the first whose pattern
-            is found in what M115 says counts.
-        planner_blocks: moves it plans ahead.
-        one_acceleration: printing and travelling have the same.
-        ends_beyond: a move beyond the machine ends the print; others stop at the end of the axis and go on.
-        moves_unhomed: moves before homing; others refuse.
-        quick_stop: has M410, which throws away the planned moves.
-        resume: ends a pause that the printer has begun by itself; M108 where it waits in the middle of a command.
-        baby_step: shifts the nozzle by mm while it prints.
-        set_z: says at which height, mm, the nozzle stands when nothing is homed; None where G92 does.
-        cancel_object: says that the object of this name is not printed any further; None where the host leaves it out.
-        prusaslicer: its name in the setting `gcode_flavor` of PrusaSlicer and its relatives; empty if it has none.
+        wire: name -> how lines are sent to it; several where its versions read them differently.
+        planner_blocks: number of moves it plans ahead.
+        has_single_acceleration: printing and travelling share one acceleration.
+        halts_out_of_bounds: a move beyond the machine ends the print; others stop at the end of the axis and go on.
+        allows_unhomed_moves: it moves before homing.
+        has_quick_stop: it has M410, which discards the planned moves.
+        resume_command: ends a pause that the printer began by itself; M108 where it waits in the middle of a command.
+        baby_step_command: formats the command that shifts the nozzle by mm during a print.
+        set_z_command: formats the command that sets the current z, mm, without homing; None: G92 does.
+        cancel_object_command: formats the command that cancels the object of this name; None: the host leaves out
+            its commands.
+        prusaslicer_name: its name in the setting `gcode_flavor` of PrusaSlicer and its relatives; empty if it has none.
     """
 
     title: str
     dialect: Dialect
     wire: Mapping[str, WireDialect]
     planner_blocks: int
-    one_acceleration: bool = False
-    ends_beyond: bool = False
-    moves_unhomed: bool = True
-    quick_stop: bool = False
-    resume: bytes = b"M108"
-    baby_step: Callable[[float], bytes] = _marlin_baby_step
-    set_z: Callable[[float], bytes] | None = None
-    cancel_object: Callable[[str], bytes] | None = None
-    prusaslicer: str = ""
+    has_single_acceleration: bool = False
+    halts_out_of_bounds: bool = False
+    allows_unhomed_moves: bool = True
+    has_quick_stop: bool = False
+    resume_command: bytes = b"M108"
+    baby_step_command: Callable[[float], bytes] = _marlin_baby_step
+    set_z_command: Callable[[float], bytes] | None = None
+    cancel_object_command: Callable[[str], bytes] | None = None
+    prusaslicer_name: str = ""

@@ -33,7 +33,7 @@ _REJECTS: Final = "rejects the whole line"
 
 
 def _limits(printer: Printer) -> list[str]:
-    """The limits of z and extruder are part of Klipper's own configuration."""
+    """Format the motion limits. Those of z and extruder are part of Klipper's own configuration."""
     acceleration, corner = number(printer.acceleration), number(printer.square_corner_velocity)
     return [
         f"SET_VELOCITY_LIMIT ACCEL={acceleration} SQUARE_CORNER_VELOCITY={corner}",
@@ -42,7 +42,7 @@ def _limits(printer: Printer) -> list[str]:
 
 
 def _retraction(printer: Printer) -> list[str]:
-    """Mm and mm/s."""
+    """Format what G10 and G11 do, mm and mm/s."""
     length, back = number(printer.retract_length), number(printer.retract_speed)
     extra = number(printer.deretract_extra)
     return [
@@ -76,23 +76,23 @@ KLIPPER: Final = Firmware(
     wire={
         "klipper": WireDialect(
             title="Klipper",
-            pattern=r"Klipper",
-            request=(),
-            sequence=False,
-            longest=200,
-            places=20,
-            most=1,
+            m115_pattern=r"Klipper",
+            resend_request=(),
+            checks_line_numbers=False,
+            max_line_bytes=200,
+            queue_size=20,
+            max_lines_in_flight=1,
             advice=_ADVICE,
         ),
     },
-    # It plans about a second ahead, which is never fewer moves than this.
+    # Its look-ahead is limited by time, not by count; it never plans as many moves as this.
     planner_blocks=1000,
-    one_acceleration=True,
-    ends_beyond=True,
-    moves_unhomed=False,
-    resume=b"RESUME",
-    baby_step=lambda mm: b"SET_GCODE_OFFSET Z_ADJUST=%.3f MOVE=1" % mm,
-    set_z=lambda mm: b"SET_KINEMATIC_POSITION Z=%s" % number(mm).encode(),
-    cancel_object=lambda name: b"EXCLUDE_OBJECT NAME=%s" % name.encode(),
-    prusaslicer="klipper",
+    has_single_acceleration=True,
+    halts_out_of_bounds=True,
+    allows_unhomed_moves=False,
+    resume_command=b"RESUME",
+    baby_step_command=lambda mm: b"SET_GCODE_OFFSET Z_ADJUST=%.3f MOVE=1" % mm,
+    set_z_command=lambda mm: b"SET_KINEMATIC_POSITION Z=%s" % number(mm).encode(),
+    cancel_object_command=lambda name: b"EXCLUDE_OBJECT NAME=%s" % name.encode(),
+    prusaslicer_name="klipper",
 )

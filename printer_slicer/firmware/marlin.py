@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.firmware.firmware import (
-    MARLIN_REQUEST,
+    MARLIN_RESEND,
     Dialect,
     Firmware,
     WireDialect,
@@ -25,7 +25,7 @@ __all__ = ["MARLIN"]
 
 
 def _limits(printer: Printer) -> list[str]:
-    """Corners as the profile has them."""
+    """Format the motion limits, with jerk or junction deviation as the profile has it."""
     jerk = printer.corner == "jerk"
     return marlin_limits(printer, "" if jerk else f"M205 J{number(printer.junction_deviation)} ; mm")
 
@@ -43,13 +43,13 @@ MARLIN: Final = Firmware(
     wire={
         "marlin_2_1_3": WireDialect(
             title="Marlin 2.1.3 and later",
-            pattern=r"Marlin (?:bugfix-)?2\.(?:1\.(?:[3-9]|[12]\d)|[2-9])",
-            request=MARLIN_REQUEST,
-            counts=True,
+            m115_pattern=r"Marlin (?:bugfix-)?2\.(?:1\.(?:[3-9]|[12]\d)|[2-9])",
+            resend_request=MARLIN_RESEND,
+            reports_last_line=True,
         ),
-        "marlin": WireDialect(title="Marlin 2", pattern=r"", request=MARLIN_REQUEST),
+        "marlin": WireDialect(title="Marlin 2", m115_pattern=r"", resend_request=MARLIN_RESEND),
     },
     planner_blocks=16,
-    quick_stop=True,
-    prusaslicer="marlin2",
+    has_quick_stop=True,
+    prusaslicer_name="marlin2",
 )

@@ -1,4 +1,4 @@
-"""Marlin 1.1: jerk instead of junction deviation, progress without the time left, objects not cancelled by M486.
+"""Marlin 1.1: jerk instead of junction deviation, progress without the time left, relative E after G91.
 
 Sources: marlinfw.org, "G-code index" (which version brought what); Marlin 1.1's sources: M204 and M205,
 Marlin_main.cpp (M82 and G91), BLOCK_BUFFER_SIZE of Configuration_adv.h.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from printer_slicer.firmware.firmware import (
-    MARLIN_REQUEST,
+    MARLIN_RESEND,
     Dialect,
     Firmware,
     WireDialect,
@@ -31,8 +31,12 @@ MARLIN_LEGACY: Final = Firmware(
         progress=lambda percent, _minutes: f"M73 P{percent}",
         counting="either",
     ),
-    wire={"marlin_1": WireDialect(title="Marlin 1.1", pattern=r"Marlin V?1\.", request=MARLIN_REQUEST)},
+    wire={
+        "marlin_1": WireDialect(
+            title="Marlin 1.1", m115_pattern=r"Marlin V?1\.", resend_request=MARLIN_RESEND
+        )
+    },
     planner_blocks=16,
-    quick_stop=True,
-    prusaslicer="marlin",
+    has_quick_stop=True,
+    prusaslicer_name="marlin",
 )

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 from printer_slicer.firmware.firmware import (
-    MARLIN_REQUEST,
+    MARLIN_RESEND,
     STRTOD_NUMBERS,
     Dialect,
     Firmware,
@@ -38,12 +38,12 @@ PRUSA: Final = Firmware(
     wire={
         "prusa": WireDialect(
             title="Prusa MK3",
-            pattern=r"Prusa-Firmware(?!-Buddy)",
-            request=MARLIN_REQUEST,
-            strays="refused",
+            m115_pattern=r"Prusa-Firmware(?!-Buddy)",
+            resend_request=MARLIN_RESEND,
+            unnumbered_lines="refused",
         ),
     },
     planner_blocks=16,
-    quick_stop=True,
-    resume=b"M602",
+    has_quick_stop=True,
+    resume_command=b"M602",
 )

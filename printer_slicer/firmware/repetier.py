@@ -29,7 +29,7 @@ __all__ = ["REPETIER"]
 
 
 def _limits(printer: Printer) -> list[str]:
-    """The greatest speeds are part of its EEPROM."""
+    """Format the motion limits. Maximum speeds are left out: they are stored in the EEPROM."""
     lines = []
     for code, asked in (("M201", printer.acceleration), ("M202", printer.travel_acceleration)):
         x, y = min(asked, printer.max_acceleration_x), min(asked, printer.max_acceleration_y)
@@ -61,13 +61,13 @@ REPETIER: Final = Firmware(
     wire={
         "repetier": WireDialect(
             title="Repetier",
-            pattern=r"Repetier",
-            request=("Error:expected line 7 got 9", "", "Resend:7", "ok"),
-            strays="refused",
+            m115_pattern=r"Repetier",
+            resend_request=("Error:expected line 7 got 9", "", "Resend:7", "ok"),
+            unnumbered_lines="refused",
             ok_when_read=True,
-            places=2,
+            queue_size=2,
         ),
     },
     planner_blocks=16,
-    prusaslicer="repetier",
+    prusaslicer_name="repetier",
 )

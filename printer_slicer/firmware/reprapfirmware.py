@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 __all__ = ["REPRAPFIRMWARE"]
 
 _ADVICE: Final = (
-    "RepRapFirmware drops a damaged line without a word: one line at a time is sent, and a missing answer is cleared up"
-    " by asking for the position"
+    "RepRapFirmware silently drops damaged lines. Lines are sent one at a time; if an acknowledgement is missing, the"
+    " position is queried"
 )
 _REJECTS: Final = "rejects the whole line"
 _MINUTE: Final = 60.0
 
 
 def _limits(printer: Printer) -> list[str]:
-    """Moves of the extruder alone go by M201 E."""
+    """Format the motion limits. M201 E holds for moves of the extruder alone."""
     print_, travel = number(printer.acceleration), number(printer.travel_acceleration)
     return [
         f"{axes_line('M201', printer, 'max_acceleration')} ; mm/s^2",
@@ -45,7 +45,7 @@ def _limits(printer: Printer) -> list[str]:
 
 
 def _retraction(printer: Printer) -> list[str]:
-    """M207 holds both ways; F and T in mm/min."""
+    """Format M207, which sets both directions; F and T in mm/min."""
     back, forward = number(printer.retract_speed * 60), number(printer.deretract_speed * 60)
     return [
         f"M207 S{number(printer.retract_length)} R{number(printer.deretract_extra)} F{back} T{forward} Z0"
@@ -73,19 +73,19 @@ REPRAPFIRMWARE: Final = Firmware(
     wire={
         "reprapfirmware": WireDialect(
             title="RepRapFirmware",
-            pattern=r"RepRapFirmware",
-            request=("rs 7",),
+            m115_pattern=r"RepRapFirmware",
+            resend_request=("rs 7",),
             checksum="crc16",
-            sequence=False,
-            longest=160,
-            places=1,
-            most=1,
+            checks_line_numbers=False,
+            max_line_bytes=160,
+            queue_size=1,
+            max_lines_in_flight=1,
             advice=_ADVICE,
         ),
     },
     planner_blocks=40,
-    ends_beyond=True,
-    resume=b"M24",
-    baby_step=lambda mm: b"M290 S%.3f" % mm,
-    prusaslicer="reprapfirmware",
+    halts_out_of_bounds=True,
+    resume_command=b"M24",
+    baby_step_command=lambda mm: b"M290 S%.3f" % mm,
+    prusaslicer_name="reprapfirmware",
 )

@@ -26,7 +26,7 @@ __all__ = ["SMOOTHIE"]
 
 
 def _limits(printer: Printer) -> list[str]:
-    """The accelerations of single axes are part of its configuration."""
+    """Format the motion limits. Accelerations of single axes are part of its configuration."""
     speeds = " ".join(f"{axis.upper()}{number(getattr(printer, f'max_speed_{axis}'))}" for axis in "xyz")
     return [
         f"M203 {speeds} ; mm/s",
@@ -54,10 +54,14 @@ SMOOTHIE: Final = Firmware(
     ),
     wire={
         "smoothie": WireDialect(
-            title="Smoothie", pattern=r"Smoothie", request=("rs N7",), longest=120, places=1
+            title="Smoothie",
+            m115_pattern=r"Smoothie",
+            resend_request=("rs N7",),
+            max_line_bytes=120,
+            queue_size=1,
         )
     },
     planner_blocks=32,
-    one_acceleration=True,
-    prusaslicer="smoothie",
+    has_single_acceleration=True,
+    prusaslicer_name="smoothie",
 )

@@ -16,7 +16,7 @@ from printer_slicer.profile.profile import HIGHEST_BEAD
 __all__ = ["Company", "printer_from"]
 
 _FLAVOURS: Final = {
-    firmware.prusaslicer: name for name, firmware in FIRMWARES.items() if firmware.prusaslicer
+    firmware.prusaslicer_name: name for name, firmware in FIRMWARES.items() if firmware.prusaslicer_name
 }
 _NEAR_FLAVOURS: Final = {
     "reprap": "marlin_legacy",

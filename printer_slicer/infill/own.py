@@ -13,7 +13,7 @@ from printer_slicer.errors import StrategyError
 from printer_slicer.geometry import Polylines, clip_lines
 from printer_slicer.infill.task import Pattern, Task
 from printer_slicer.profile import Profile
-from printer_slicer.texts import kind_of, name_of
+from printer_slicer.texts import callable_name, describe_type
 
 __all__ = ["Infill", "InfillTask", "insist_on_density", "pattern_of"]
 
@@ -43,7 +43,7 @@ class Infill:
     @property
     def name(self) -> str:
         """What to call it."""
-        return name_of(self.lines)
+        return callable_name(self.lines)
 
 
 def pattern_of(own: Infill) -> Pattern:
@@ -62,7 +62,7 @@ def _check(name: str, lines: object, n_layers: int) -> None:
     """Refuse what is no set of lines on these layers."""
     if not isinstance(lines, Polylines):
         raise StrategyError(
-            f"infill {name}: gave {kind_of(lines)}, not Polylines",
+            f"infill {name}: gave {describe_type(lines)}, not Polylines",
             remedy="return ps.Polylines.from_lines(lists), one list of (n, 2) arrays, mm, for each area of the task",
         )
     if lines.n_lines and not 0 <= int(lines.layer.min()) <= int(lines.layer.max()) < n_layers:

@@ -254,7 +254,7 @@ def _peak(entry: float, exit_: float, gain: float) -> float:
 
 def limits_of(printer: Printer) -> MotionLimits:
     """What the firmware of this printer obeys: speeds mm/s, accelerations mm/s²."""
-    one = printer.firmware.one_acceleration
+    one = printer.firmware.has_single_acceleration
     return MotionLimits(
         max_speed=(printer.max_speed_x, printer.max_speed_y, printer.max_speed_z, printer.max_speed_e),
         max_acceleration=(

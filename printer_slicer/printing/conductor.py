@@ -244,7 +244,11 @@ class Conductor:
             raise UsageError(f"it cannot pause: it is {self._state}", remedy="wait, or see `status`")
         self._streamer.pause()
         self._pause = wish
-        if wish.now and self._setup.firmware.quick_stop and self._job.follow(self._streamer.taken).comparable:
+        if (
+            wish.now
+            and self._setup.firmware.has_quick_stop
+            and self._job.follow(self._streamer.taken).comparable
+        ):
             self._said_place = None
             self._stop_due, self._stop_sent = self._now + _GIVE_UP, 0
             self._change(PrintPhase.STOPPING)
@@ -297,7 +301,7 @@ class Conductor:
             self._streamer.urge(b"M108")
             return "told the printer to go on"
         if self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED:  # it paused by itself
-            self._streamer.inject(self._setup.firmware.resume)
+            self._streamer.inject(self._setup.firmware.resume_command)
             self._streamer.resume()
             return "told the printer to go on"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
@@ -369,7 +373,7 @@ class Conductor:
     def _on_object(self, wish: wishes.CancelObject) -> str:
         job = self._job
         name = job.cancel(wish.name, self._streamer.taken)
-        cancel = self._setup.firmware.cancel_object
+        cancel = self._setup.firmware.cancel_object_command
         if cancel is not None and job.marked_for_klipper:
             job.cancelled.discard(name)
             self._inject(cancel(name))

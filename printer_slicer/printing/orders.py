@@ -16,7 +16,7 @@ __all__ = ["ORDERS", "order_of"]
 def _baby_step(wish: wishes.BabyStep, firmware: Firmware, who: Identified | None) -> bytes:
     if who is not None and ("BABYSTEPPING", False) in who.capabilities:
         raise UsageError("this firmware has no baby-steps", remedy="build it with BABYSTEPPING")
-    return firmware.baby_step(wish.mm)
+    return firmware.baby_step_command(wish.mm)
 
 
 ORDERS: Final[Mapping[type, Callable[[Any, Firmware, Identified | None], bytes]]] = {

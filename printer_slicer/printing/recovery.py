@@ -179,7 +179,7 @@ def recovery_script(job: Job, point: Point, modes: Modes, setup: Setup) -> list[
     script = [b"G21", *_settings(modes), b"M140 S%s" % number(machine.bed)]
     script += [b"M141 S%s" % number(machine.chamber)] if machine.chamber else []
     script += [b"M109 S%s" % number(min(_SOFT, machine.hotend))] if machine.hotend else []
-    script += [setup.firmware.set_z(z)] if setup.firmware.set_z is not None else []
+    script += [setup.firmware.set_z_command(z)] if setup.firmware.set_z_command is not None else []
     script += [b"G90", b"G92 Z%s" % number(z), b"G1 Z%s" % number(safe) + lift, b"G28 X Y"]
     if origin != (0.0, 0.0):
         # Homing has put the origin back to the machine's; the job counts from its own.

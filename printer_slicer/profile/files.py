@@ -29,7 +29,7 @@ from printer_slicer.profile.reading import (
     merged,
     read_chain,
 )
-from printer_slicer.texts import kind_of
+from printer_slicer.texts import describe_type
 
 __all__ = [
     "faults_together",
@@ -72,7 +72,7 @@ def load_profile(
     names = {"printer": printer, "material": material, "quality": quality}
     if changes is not None and not isinstance(changes, Mapping):
         raise ProfileError(
-            f"changes are a table of names and values, not {kind_of(changes)}",
+            f"changes are a table of names and values, not {describe_type(changes)}",
             remedy='write changes={"layer_height": 0.2}',
         )
     return _built(read_sources(names, _meant(changes or {}), folders), slices=slices)

@@ -88,12 +88,12 @@ class Flight:
 
     def speak(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
-        self._counts = dialect.counts
+        self._counts = dialect.reports_last_line
         self._ok_when_read = dialect.ok_when_read
         if dialect.ok_when_read:
-            self._patiences = deque(maxlen=dialect.places + 2)
-        self._sequence = dialect.sequence
-        self._longest = dialect.longest
+            self._patiences = deque(maxlen=dialect.queue_size + 2)
+        self._sequence = dialect.checks_line_numbers
+        self._longest = dialect.max_line_bytes
         if dialect.checksum == "crc16":
             self.ledger.frame = frame_crc
         self.window.speak(dialect, emergency_parser=emergency_parser)

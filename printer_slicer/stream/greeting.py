@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Final
 
-from printer_slicer.firmware import WIRE_DIALECTS, WireDialect, wire_dialect_of
+from printer_slicer.firmware import WIRE_DIALECTS, WireDialect, wire_dialect_name
 from printer_slicer.stream.events import Identified
 from printer_slicer.stream.ledger import ASK
 from printer_slicer.stream.replies import Capability, Identity
@@ -94,9 +94,9 @@ class Greeting:
     @property
     def dialect(self) -> WireDialect:
         """How to speak to it: as was wished, or as its name tells."""
-        return WIRE_DIALECTS[self._dialect or wire_dialect_of(self.firmware or "")]
+        return WIRE_DIALECTS[self._dialect or wire_dialect_name(self.firmware or "")]
 
     def identified(self) -> Identified:
         """What it knows about the printer."""
-        name = self._dialect or wire_dialect_of(self.firmware or "")
+        name = self._dialect or wire_dialect_name(self.firmware or "")
         return Identified(self.firmware or "", tuple(self._capabilities.items()), name, self.dialect.advice)

@@ -1,15 +1,15 @@
-"""The host's half of the conversation, without port, clock or thread: bytes in, bytes and events out.
+"""The streaming protocol, without port, clock or thread: bytes in, bytes and events out.
 
 The owner calls `send` and writes what it gives, waits until bytes arrive or `wakeup` is reached, and hands
 the bytes to `receive`. `events` tells what happened.
 
-What makes it safe to lose any byte in either direction: lines carry numbers, a number stands for one line for
-ever, and the printer takes them in order only. So nothing is ever repeated on suspicion. When an answer is
-missing or cannot be read, the streamer sends the *next* number, a harmless question for the temperatures: a
-printer that lacks a line says which, one that lacks none answers, and both end the doubt.
+What makes it safe to lose any byte in either direction: lines carry numbers, a line number is never reused, and the
+printer takes lines in order only. No line is resent unless the printer asks for it. When an answer is missing or cannot
+be read, the streamer sends the *next* number, a harmless question for the temperatures: a printer that lacks a line
+says which, one that lacks none answers. Both replies settle which lines arrived.
 
-How many lines are in flight `window` says, what firmwares differ in `firmware`, and what is done where the printer does
-not look at numbers `doubt`.
+See `window` for the number of lines in flight, `firmware` for the differences between firmwares, and `doubt` for
+firmwares that ignore line numbers.
 
 Source: Marlin documentation, "M105", "M110", "M114", "M115", "Host keepalive"; what real firmware answered.
 """
@@ -19,7 +19,7 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.firmware import UNKNOWN_WIRE, wire_dialect_named
+from printer_slicer.firmware import DEFAULT_WIRE_DIALECT, get_wire_dialect
 from printer_slicer.stream import events as told
 from printer_slicer.stream import replies
 from printer_slicer.stream.doubt import Fate
@@ -50,14 +50,14 @@ _NOTHING_SAID: Final = (-inf, "")
 
 
 class Streamer:
-    """Brings every line of a job to the printer once and in order, or says why not.
+    """Streams a job so that the printer executes every line once and in order, or reports why that failed.
 
     Args:
         commands: the job, one command an entry; comments and blank entries may stand among them.
         limits: of the machine, to know how long an answer may take. Without them questions come much later.
         window_lines: lines in flight; more only where it cannot do harm, see `window`.
         window_bytes: most bytes in flight; the smallest receive buffer in use holds one more.
-        baud: speed of the serial port, to find out that it is none; None if it means nothing.
+        baud: baud rate. Replies that are faster than it allows show that the link is native USB. None: not checked.
         dialect: name of the firmware's dialect, a key of `WIRE_DIALECTS`; None goes by what it says.
         connect_timeout: s until a printer that never answers is given up.
         give_up: s until a printer that answers no question any more is given up.
@@ -82,11 +82,11 @@ class Streamer:
         obeys: bool = True,
         first: int = 0,
     ) -> None:
-        self._dialect = wire_dialect_named(dialect or UNKNOWN_WIRE)
+        self._dialect = get_wire_dialect(dialect or DEFAULT_WIRE_DIALECT)
         self._greeting = Greeting(connect_timeout, dialect)
         self._window_rules = (window_lines, window_bytes, baud)
         self._give_up = give_up
-        self._script = Script(commands, limits, self._dialect.longest)
+        self._script = Script(commands, limits, self._dialect.max_line_bytes)
         self._flight = Flight(Window(*self._window_rules), give_up)
         self._script.taken = self._acknowledged = first
         self._state = State.CONNECTING
@@ -285,7 +285,7 @@ class Streamer:
             self._halt("the printer has stopped answering")
             return b""
         self._events.append(told.Asked(ledger.cursor))
-        if not self._dialect.sequence and self._state is not State.IDENTIFYING:
+        if not self._dialect.checks_line_numbers and self._state is not State.IDENTIFYING:
             flight.doubt = flight.doubt or self._script.doubt()
             return flight.ask_where(flight.doubt, now)
         if flight.can_count:
@@ -513,7 +513,7 @@ class Streamer:
         self._events.append(said)
 
     def _apply(self, trigger: Trigger) -> bool:
-        """Whether the trigger has an effect in this state, which it then has."""
+        """Apply a trigger; return False if it is not valid in the current state."""
         state = TRANSITIONS[self._state].get(trigger)
         if state is None:
             return False

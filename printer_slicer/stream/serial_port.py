@@ -1,6 +1,6 @@
 """Serial ports and their look-alikes: opening, errors with a way out, what is plugged in, and who has it open.
 
-The only file that knows pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that
+The only file of the host that imports pyserial. Addresses are names of devices (`/dev/ttyACM0`, `COM3`) or URLs that
 pyserial understands (`socket://host:port`, `rfc2217://host:port`, `loop://`).
 """
 

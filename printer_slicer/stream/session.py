@@ -1,4 +1,4 @@
-"""The pump between a streamer and a cable: the only place of the host that waits, and it waits in `read`."""
+"""Run a streamer over a transport until the print ends; it blocks only in `Transport.read`."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class Window:
     def speak(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
         """The firmware is known now."""
         self._dialect, self._parser = dialect, emergency_parser
-        if not dialect.sequence:
+        if not dialect.checks_line_numbers:
             # A line behind a lost one would be executed without it.
             self._first = 1
         self._settle()
@@ -130,9 +130,9 @@ class Window:
             return
         usb = self._quick >= _QUICK_ANSWERS
         needed = self._clean >= _CLEAN_FOR_ADVANCED and self._dry >= _DRY_ANSWERS
-        if usb or needed or self._dialect.strays == "refused":
-            places = self._places or self._dialect.places
+        if usb or needed or self._dialect.unnumbered_lines == "refused":
+            places = self._places or self._dialect.queue_size
             free = places if self._parser else places - 1
-            self.lines = max(self._first, min(self._dialect.most, free))
+            self.lines = max(self._first, min(self._dialect.max_lines_in_flight, free))
         if usb:
-            self.size = max(self.size, self._dialect.most * (self._dialect.longest + 1))
+            self.size = max(self.size, self._dialect.max_lines_in_flight * (self._dialect.max_line_bytes + 1))

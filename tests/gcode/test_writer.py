@@ -20,7 +20,7 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.tables import settings_table
 from printer_slicer.roles import Role
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 from printer_slicer.version import VERSION
 from tests.effort import crossed
 from tests.parts import box, joined, profile, sphere, two_boxes
@@ -207,7 +207,7 @@ def test_a_time_that_is_not_known_is_not_claimed() -> None:
     ],
 )
 def test_durations_are_spoken_without_leading_zeros(seconds: float, text: str) -> None:
-    assert spoken(seconds) == text
+    assert format_duration(seconds) == text
 
 
 def test_all_settings_stand_at_the_end_on_one_line_each() -> None:

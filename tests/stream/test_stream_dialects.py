@@ -6,7 +6,7 @@ import pytest
 from conversation import HOT, Conversation, first, lines_of, moves, printing
 
 from printer_slicer.errors import UsageError
-from printer_slicer.firmware import WIRE_DIALECTS, wire_dialect_named, wire_dialect_of
+from printer_slicer.firmware import WIRE_DIALECTS, get_wire_dialect, wire_dialect_name
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.doubt import Doubt, Fate, same_twice
 from printer_slicer.stream.events import Asked, Finished, Halted, Identified, ResendAsked
@@ -64,22 +64,22 @@ def meet(commands: list[str], *introduction: str, **wishes: object) -> tuple[Con
     ],
 )
 def test_a_firmware_is_recognised_by_its_name(firmware: str, name: str) -> None:
-    assert wire_dialect_of(firmware) == name
+    assert wire_dialect_name(firmware) == name
 
 
 @pytest.mark.parametrize("name", WIRE_DIALECTS)
 def test_its_request_for_a_line_is_understood(name: str) -> None:
-    asked = [reply for line in WIRE_DIALECTS[name].request for reply in read_reply(line.encode())]
+    asked = [reply for line in WIRE_DIALECTS[name].resend_request for reply in read_reply(line.encode())]
     wanted = [r.number for r in asked if isinstance(r, Resend)]
     wanted += [r.wanted for r in asked if isinstance(r, LineError)]
 
-    assert set(wanted) == ({7} if WIRE_DIALECTS[name].request else set())
+    assert set(wanted) == ({7} if WIRE_DIALECTS[name].resend_request else set())
 
 
 def test_an_unknown_dialect_is_refused_with_the_names_of_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="no firmware is known by the name 'merlin'\n  known are: prusa, "):
+    with pytest.raises(UsageError, match="unknown wire dialect 'merlin'\n  choose one of: prusa, "):
         Streamer([], dialect="merlin")
-    assert wire_dialect_named("prusa") is WIRE_DIALECTS["prusa"]
+    assert get_wire_dialect("prusa") is WIRE_DIALECTS["prusa"]
 
 
 def test_a_wish_counts_more_than_what_the_firmware_says() -> None:
@@ -89,7 +89,7 @@ def test_a_wish_counts_more_than_what_the_firmware_says() -> None:
     (who,) = talk.happened(Identified)
     assert isinstance(who, Identified)
     assert who.dialect == "reprapfirmware"
-    assert "without a word" in who.advice
+    assert "silently" in who.advice
 
 
 def test_the_crc_is_that_of_the_firmwares_own_dictionary() -> None:

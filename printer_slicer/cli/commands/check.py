@@ -16,7 +16,7 @@ from printer_slicer.cli.output import refuse_mixing, say, stages, visible, write
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.diagnostics import as_json, sentence
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Float
@@ -164,7 +164,7 @@ def _look(arguments: argparse.Namespace) -> _Looked:
     wrong = refused(job)
     facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "policy": finding_facts(job)}
     lines = [
-        f"{job.name}: {len(job.commands)} commands, {spoken(job.seconds)} of motion on {profile.printer.name}"
+        f"{job.name}: {len(job.commands)} commands, {format_duration(job.seconds)} of motion on {profile.printer.name}"
     ]
     lines += [f"refused     {one}" for one in wrong] or ["policy      nothing is refused"]
     lines += finding_lines(arguments, job)
@@ -223,7 +223,7 @@ def _summary(told: UnderrunReport) -> str:
     stands = f"it stands still {told.stalls} times" if told.stalls else "it never stands still"
     return (
         f"the machine waits for lines in {many}: {lost:.1f} s lost, {stands}"
-        f" ({spoken(told.seconds)} instead of {spoken(told.unhindered)})"
+        f" ({format_duration(told.seconds)} instead of {format_duration(told.unhindered)})"
     )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.cli.arguments import add_models, add_slicing
 from printer_slicer.cli.output import Milestones, refuse_mixing, stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import Stages
@@ -270,7 +270,7 @@ def _row_text(row: Mapping[str, Any]) -> str:
     from printer_slicer.cli.facts import runs_text
 
     layers = f"{row['layers']:>8}{100 * row['layers_saved']:>7.1f} %"
-    time = f"{spoken(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"
+    time = f"{format_duration(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"
     error = f"{row['max_error_mm']:>10.3f}{row['volume_error_mm3']:>9.1f}"
     ends = f"{row['height_error_mm']:>9.3f}{row['flat_error_mm']:>10.3f}"
     return f"  {row['plan']:<24}{layers}{time}{error}{ends}   {runs_text(row['heights'])}"

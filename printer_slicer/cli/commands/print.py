@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.cli.arguments import add_allow, add_connection, add_models, add_slicing, positive
 from printer_slicer.cli.output import say, stages
 from printer_slicer.cli.settings import profile_facts, profile_from
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from printer_slicer.jobs import Job
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps({"event": "profile", **profile_facts(arguments)}), flush=True)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
-    first = f"{job.name}: {plan}{len(job.commands)} commands, {spoken(job.seconds)} of motion"
+    first = f"{job.name}: {plan}{len(job.commands)} commands, {format_duration(job.seconds)} of motion"
     say(arguments, "\n  ".join([first, *repairs_lines(job)]))
     if arguments.json and job.repairs is not None and job.repairs.count:
         print(json.dumps({"event": "repaired", "repairs": repairs_facts(job)}), flush=True)

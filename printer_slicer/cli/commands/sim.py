@@ -17,7 +17,7 @@ from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import UsageError
 from printer_slicer.progress import quiet
 from printer_slicer.saving import check_writable
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -137,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
         text = verdict_text(arguments, verdict, job, profile)
         say(arguments, "\n".join([text, *planted_lines(faults)]))
     else:
-        motion = f"{spoken(report.print_seconds)} of motion, {report.n_violations} violations"
+        motion = f"{format_duration(report.print_seconds)} of motion, {report.n_violations} violations"
         first = f"executed {comparison.executed} commands, plastic at {len(report.layers)} heights, {motion}"
         say(arguments, "\n".join([first, *_violation_lines(report), *planted_lines(faults)]))
     if verdict:

@@ -26,7 +26,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.showing import Drawn, Summary
 from printer_slicer.sim.tally import MOST_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
-from printer_slicer.texts import spoken
+from printer_slicer.texts import format_duration
 
 __all__ = ["Seen", "Verdict", "judge"]
 
@@ -95,8 +95,9 @@ class Verdict(Drawn):
             + ("each once and in order" if self.identical else "NOT what was sent"),
             "layers": f"plastic at {laid} heights, "
             + ("as planned" if self.heights_equal else "NOT as planned"),
-            "motion": f"{spoken(self.simulated_seconds)} simulated, {spoken(self.modelled_seconds)} modelled",
-            "in all": f"{spoken(self.total_seconds)} with homing and heating",
+            "motion": f"{format_duration(self.simulated_seconds)} simulated, "
+            f"{format_duration(self.modelled_seconds)} modelled",
+            "in all": f"{format_duration(self.total_seconds)} with homing and heating",
             "filament": f"{self.report.filament / 1000:.2f} m",
         }
         how = "would print as intended" if self.ok else f"has {len(self.problems)} problems"

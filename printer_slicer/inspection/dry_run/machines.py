@@ -29,7 +29,7 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
         one_hotend: they share one, as with a changer of filaments.
     """
     (left, front), (right, back) = printer.corners
-    over = 0.0 if printer.firmware.ends_beyond else _OVER
+    over = 0.0 if printer.firmware.halts_out_of_bounds else _OVER
     return Machine(
         limits=limits_of(printer),
         box_min=(left - printer.reach, front - printer.reach, 0.0),

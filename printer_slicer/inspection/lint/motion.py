@@ -166,7 +166,9 @@ def _box(moves: Moves, profile: Profile) -> Iterator[_Case]:
         goes = moves.delta[:, axis] != 0
         below, above = low[axis] - at, at - high[axis]
         spare = (
-            (0.0, 0.0 if profile.printer.firmware.ends_beyond else _OVER) if letter == "z" else (aside, aside)
+            (0.0, 0.0 if profile.printer.firmware.halts_out_of_bounds else _OVER)
+            if letter == "z"
+            else (aside, aside)
         )
         why = "the nozzle is driven into the bed" if letter == "z" else over
         for off, room, bound, reason in (

@@ -77,7 +77,7 @@ class Readiness:
     """
 
     def __init__(self, flavour: str = "marlin") -> None:
-        self._may_lift = FIRMWARES[flavour].moves_unhomed
+        self._may_lift = FIRMWARES[flavour].allows_unhomed_moves
         self._homed: set[str] = set()
         self._axes, self._heat = _Track(), _Track()
         self._cooling = 0.0

@@ -158,7 +158,7 @@ def lint_text(
         text: the G-code.
         profile: the machine and its material, with their limits.
         streamed: whether it goes to the printer line by line; what is uploaded may hold longer lines.
-        flavour: whose meanings commands have; the printer's where it is not given.
+        flavour: G-code dialect of the text; None: the printer's.
 
     Raises:
         UsageError: there is nothing in it, or something that can never be sent.

@@ -27,8 +27,8 @@ _LETTERS: Final[Mapping[str, str]] = {
 }
 """Letters that require a number, by command."""
 
-_FLAGS: Final = frozenset({("M220", "B"), ("M220", "R"), ("M109", "F"), ("M104", "F")})
-"""Letters that need no number: Prusa's M220 B and R save and restore the ratio."""
+_FLAGS: Final = frozenset({("M220", "R")})
+"""Letters that are valid without a number: Prusa's M220 R restores the saved ratio."""
 
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:NAN|INF(?:INITY)?)(?![A-Z])|[-+.0-9]*)")
 _GOOD: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
