@@ -61,6 +61,8 @@ class RoleRow:
         is_infill: whether it fills what perimeters surround, from one to the other; bridges are not.
         is_bridge: whether its lines hang between two ends.
         is_top: whether it is seen from above.
+        is_around: whether it goes around all objects, or lies beside them, and so belongs to no island; of a raft only
+            its closed paths do.
     """
 
     type_comment: str
@@ -73,13 +75,20 @@ class RoleRow:
     is_infill: bool = False
     is_bridge: bool = False
     is_top: bool = False
+    is_around: bool = False
 
 
 _ROWS: Final = {
     Role.TRAVEL: RoleRow("", Phase.BASE, "travel", "default", 0, "#000000", is_part=False),
-    Role.SKIRT: RoleRow("Skirt/Brim", Phase.BASE, "outer_perimeter", "default", 1, "#999999", is_part=False),
-    Role.BRIM: RoleRow("Skirt/Brim", Phase.BASE, "first_layer", "default", 1, "#666666", is_part=False),
-    Role.RAFT: RoleRow("Support material", Phase.BASE, "raft", "default", 0, "#b0a080", is_part=False),
+    Role.SKIRT: RoleRow(
+        "Skirt/Brim", Phase.BASE, "outer_perimeter", "default", 1, "#999999", is_part=False, is_around=True
+    ),
+    Role.BRIM: RoleRow(
+        "Skirt/Brim", Phase.BASE, "first_layer", "default", 1, "#666666", is_part=False, is_around=True
+    ),
+    Role.RAFT: RoleRow(
+        "Support material", Phase.BASE, "raft", "default", 0, "#b0a080", is_part=False, is_around=True
+    ),
     Role.INNER_PERIMETER: RoleRow(
         "Perimeter", Phase.PERIMETERS, "inner_perimeter", "inner_perimeter", 0, "#f0d000"
     ),
@@ -115,6 +124,7 @@ def roles_with(
     is_infill: bool | None = None,
     is_bridge: bool | None = None,
     is_top: bool | None = None,
+    is_around: bool | None = None,
     phase: Phase | None = None,
 ) -> Bool:
     """(roles,) whether each role has what is asked for: index it with roles (n,) to get their answers (n,)."""
@@ -123,6 +133,7 @@ def roles_with(
         "is_infill": is_infill,
         "is_bridge": is_bridge,
         "is_top": is_top,
+        "is_around": is_around,
         "phase": phase,
     }
     wanted = {name: value for name, value in asked.items() if value is not None}

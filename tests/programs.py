@@ -7,6 +7,7 @@ from math import inf
 
 from hypothesis import strategies as st
 
+from printer_slicer.firmware import FIRMWARES
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.sim.board import Board
 from printer_slicer.sim.front_end import (
@@ -22,7 +23,7 @@ from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.framing import checksum
 
-FRONT_ENDS = {
+_SIMULATED = {
     "marlin": MARLIN_2_1,
     "marlin_legacy": MARLIN_1_1,
     "prusa": PRUSA_MK3,
@@ -31,6 +32,8 @@ FRONT_ENDS = {
     "repetier": REPETIER,
     "smoothie": SMOOTHIE,
 }
+# A flavour without a simulated printer of its own is tried on Marlin's wire, as a dry run does.
+FRONT_ENDS = {flavour: _SIMULATED.get(flavour, replace(MARLIN_2_1, flavour=flavour)) for flavour in FIRMWARES}
 LARGE = Machine(
     box_min=(-1e5,) * 3,
     box_max=(1e5,) * 3,

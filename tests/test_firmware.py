@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -21,8 +22,11 @@ from printer_slicer.firmware import (
 from printer_slicer.gcode.commands import TABLE, Effect
 from printer_slicer.gcode.labels import LABEL_WORDS
 from printer_slicer.gcode.lexer import extended, parse
-from printer_slicer.sim.front_end import FRONT_ENDS
+from printer_slicer.sim.flavours import FLAVOURS as SIMULATED_FLAVOURS
+from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1
+from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.replies import Identity, read_reply
+from tests.programs import LARGE
 
 
 def test_the_names_of_flavours_are_those_of_the_table() -> None:
@@ -41,7 +45,7 @@ def test_every_wire_dialect_belongs_to_one_firmware() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in FRONT_ENDS if name != "octoprint virtual"])
-def test_a_simulated_printer_is_taken_for_what_it_is(name: str) -> None:
+def test_simulated_printers_are_identified_by_their_reply_to_m115(name: str) -> None:
     front_end = FRONT_ENDS[name]
     said = front_end.identity.format(name=front_end.name, tools=1).encode()
     [firmware] = [reply.firmware for reply in read_reply(said) if isinstance(reply, Identity)]
@@ -50,7 +54,7 @@ def test_a_simulated_printer_is_taken_for_what_it_is(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FIRMWARES)
-def test_what_a_row_says_can_be_read(name: str) -> None:
+def test_commands_of_each_row_can_be_parsed(name: str) -> None:
     dialect, firmware = FIRMWARES[name].dialect, FIRMWARES[name]
     pause = (
         parse(dialect.pause.encode())[0]
@@ -65,6 +69,14 @@ def test_what_a_row_says_can_be_read(name: str) -> None:
     assert firmware.set_z_command is None or firmware.set_z_command(12.5).endswith(b"12.5")
 
 
+@pytest.mark.parametrize("name", FIRMWARES)
+def test_the_simulator_knows_every_flavour_and_reads_relative_modes_by_the_same_rule(name: str) -> None:
+    board = SimulatedPrinter(LARGE, replace(MARLIN_2_1, flavour=name)).board
+
+    assert name in SIMULATED_FLAVOURS, f"{name} has no entry in sim/flavours.py"
+    assert board.counting.rule == FIRMWARES[name].dialect.counting, f"{name} in _COUNTING of sim/board.py"
+
+
 def test_no_two_firmwares_have_one_name_in_prusaslicer() -> None:
     names = [firmware.prusaslicer_name for firmware in FIRMWARES.values() if firmware.prusaslicer_name]
 
@@ -75,7 +87,7 @@ def test_no_two_firmwares_have_one_name_in_prusaslicer() -> None:
 _NAME_FIRMWARES = {"cli/arguments.py", "importing/printers.py", "importing/cura_names.py"}
 
 
-def test_no_other_room_decides_by_the_name_of_a_firmware() -> None:
+def test_no_other_module_compares_names_of_firmwares() -> None:
     product = Path(printer_slicer.__file__).parent
     names = set(FIRMWARES) - {"marlin"}  # the default of some arguments
 

@@ -10,7 +10,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.walls import Clusters
 from printer_slicer.profile import Profile
-from printer_slicer.roles import ROLES, Phase, Role
+from printer_slicer.roles import ROLES, Phase, Role, roles_with
 
 __all__ = ["Units", "inner_loops", "units_of"]
 
@@ -55,7 +55,7 @@ def inner_loops(paths: Toolpaths) -> Int:
 def units_of(paths: Toolpaths, island: Int, clusters: Clusters, profile: Profile) -> Units:
     """The units of paths that lie in islands (M,)."""
     n = paths.n_paths
-    around = (paths.role == Role.SKIRT) | (paths.role == Role.BRIM) | (paths.role == Role.RAFT) & paths.closed
+    around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
     place = np.where(around, -1, island)
     step = np.where(around, np.arange(n), _steps(paths, infill_first=profile.quality.infill_first))
     # Paths of one number are one unit: their own, that of a cluster, that of a sweep.

@@ -25,7 +25,7 @@ from printer_slicer.slice_jobs import job_of
 from tests.parts import plain, two_boxes
 from tests.tiny_gcode import body, commands
 
-ABLE = [name for name in FLAVOURS if name != "repetier"]  # to be told how far to retract
+ABLE = [name for name, dialect in FLAVOURS.items() if dialect.retraction]
 LIMITS = {
     "max_speed_x": 300, "max_speed_y": 250, "max_speed_z": 10, "max_speed_e": 60, "max_acceleration_x": 3000,
     "max_acceleration_y": 2500, "max_acceleration_z": 100, "max_acceleration_e": 5000, "acceleration": 2000,
