@@ -129,6 +129,27 @@ def test_a_cold_pause_heats_up_again_before_it_goes_back() -> None:
     assert_same_beads(rig.beads, printed(tower(6)).beads)
 
 
+def test_a_nozzle_temperature_set_in_a_cold_pause_holds_when_the_print_goes_on() -> None:
+    rig = Rig(tower(6))
+    rig.connect()
+    wished = [False]
+
+    def turn(_now: float) -> None:
+        phase = rig.conductor.phase
+        if phase is PrintPhase.RUNNING and not wished[0] and rig.streamer.acknowledged >= 120:
+            rig.wish(wishes.Pause(cold=True))
+        elif phase is PrintPhase.WAITING and not wished[0]:
+            wished[0] = True
+            rig.wish(wishes.SetTemperature("nozzle", 190.0))
+            rig.wish(wishes.Resume())
+
+    rig.run(turn)
+    lines = rig.of_job()
+    behind = lines[lines.index("M104 S0") :]
+    assert "M109 S190" in behind
+    assert "M109 S200" not in behind
+
+
 def test_a_pause_here_moves_nothing() -> None:
     text = tower(5)
     rig = paused_at(text, [100], wishes.Pause(park=False))

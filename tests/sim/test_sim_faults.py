@@ -159,14 +159,15 @@ def test_without_a_sensor_an_empty_spool_is_not_noticed() -> None:
     assert report.filament_missing == pytest.approx(100.0, abs=2.0)
 
 
-def test_with_a_sensor_the_filament_is_changed_when_it_ends() -> None:
-    machine = replace(COLD_OK, filament_left=120.0, runout_sensor=True, person_seconds=20.0)
+@pytest.mark.parametrize(("left", "spools"), [(120.0, 1), (80.0, 2)])
+def test_with_a_sensor_the_filament_is_changed_whenever_it_ends(left: float, spools: int) -> None:
+    machine = replace(COLD_OK, filament_left=left, runout_sensor=True, person_seconds=20.0)
     desk = Desk(machine=machine)
 
     assert isinstance(desk.print(), Finished)
     report = desk.printer.report()
-    assert (report.runouts, report.filament_missing) == (1, 0.0)
-    assert desk.executed.count("M600") == 1
+    assert (report.runouts, report.filament_missing) == (spools, 0.0)
+    assert desk.executed.count("M600") == spools
 
 
 def test_an_endstop_that_never_closes_ends_in_a_halt() -> None:

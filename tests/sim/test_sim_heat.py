@@ -35,6 +35,17 @@ def test_how_often_the_temperature_is_asked_for_changes_nothing(target: float, m
     assert often.temperature(2000.0) == pytest.approx(once.temperature(2000.0), abs=1e-6)
 
 
+@given(first=targets, target=targets, moment=st.floats(1.0, 500.0))
+def test_a_new_target_counts_from_the_moment_it_is_set(first: float, target: float, moment: float) -> None:
+    watched, unwatched = heater(first), heater(first)
+    watched.temperature(moment)
+    for one in (watched, unwatched):
+        one.set_target(target, moment)
+
+    assert unwatched.temperature(moment) == pytest.approx(watched.temperature(moment), abs=1e-6)
+    assert unwatched.temperature(moment + 60) == pytest.approx(watched.temperature(moment + 60), abs=1e-6)
+
+
 @given(target=targets, moments=moments)
 def test_a_heater_never_overshoots(target: float, moments: list[float]) -> None:
     warm = heater(target)

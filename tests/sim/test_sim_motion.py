@@ -224,6 +224,15 @@ def test_firmware_retraction_is_a_length_whatever_e_is() -> None:
     assert console.printer.report().filament_retracted == pytest.approx(4)
 
 
+@pytest.mark.parametrize(("setup", "speed"), [("M207 S4 F240", 4.0), ("M207 S4 F480", 8.0)])
+def test_firmware_retraction_has_its_speed_in_mm_per_minute(setup: str, speed: float) -> None:
+    console = Console(machine=COLD_OK)
+    console.do(setup, "M208 F60000", "G10", "M400")
+    retracted = console.printer.report().motion_seconds
+
+    assert retracted == pytest.approx(4 / speed, rel=0.3)
+
+
 def test_klipper_does_not_know_e_as_a_volume() -> None:
     console = Console(replace(MARLIN_2_1_ADVANCED, flavour="klipper"), COLD_OK)
     console.do("M200 D1.75", "G1 E10", "M400")

@@ -142,6 +142,12 @@ def test_each_kind_is_found_in_the_middle_of_a_good_job_whatever_its_spelling(na
         assert [one.index for one in hits][:1] == [at], spelt
 
 
+def test_a_fault_far_behind_in_a_long_job_is_found_at_its_place() -> None:
+    job = [*COMMANDS, *(b"G1 X%d Y10" % (10 + nth % 2) for nth in range(33_000)), b"M104 S400"]
+
+    assert [one.index for one in scan(job, PROFILE) if one.code == "temperature"] == [len(job) - 1]
+
+
 HARMLESS = [
     *("M104 S260", "M109 R200", "M140 S0", "M104", "M109", "M105", "M106 S255", "M107", "M115", "M117 M112"),
     *("M302", "M302 S170", "M503", "M201 X500 Y500 Z100 E5000", "M203 X500 Y500 Z5 E25", "M204 S500"),
