@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from printer_slicer.errors import UsageError
+from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.model import Item, LayerPlan, Mesh
+from printer_slicer.model import Heat, Item, LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
@@ -72,12 +73,32 @@ def test_each_object_holds_the_plastic_that_it_holds_alone(stages: Stages, k: in
     )
 
 
-def test_the_file_of_both_passes_the_check_against_the_model(stages: Stages) -> None:
+def test_the_file_names_the_heights_of_both(stages: Stages) -> None:
     text = gcode_of(stages.program, plain(skirt_loops=0))
     heights = {float(line[8:]) for line in text.decode().splitlines() if line.startswith(";HEIGHT:")}
 
     assert {0.2, 0.3} <= heights
     assert all(round(z, 6) > 0 for z in stages.program.height[stages.program.role != Role.TRAVEL])
+
+
+def test_each_object_has_a_first_layer_of_its_own() -> None:
+    changes = {
+        "quality__speeds__first_layer": 11, "quality__speeds__first_layer_infill": 12, "skirt_loops": 0,
+        "quality__accelerations__first_layer": 300, "quality__first_layer_flow": 0.9,
+        "material__first_layer_nozzle_temperature": 225, "material__nozzle_temperature": 205,
+    }  # fmt: skip
+    program = slice_stages(two_objects(), plain(**changes), plan=PLANS).program
+    laid = roles_with(is_part=True)[program.role]
+    first = laid & (program.z_top - program.height < 1e-6)
+    accelerations = accelerations_of(program, plain().printer, 0, program.n_moves)
+
+    assert sorted(np.unique(program.z_top[first].round(6))) == pytest.approx([0.2, 0.3])
+    assert program.speed[first].max() <= 12 < program.speed[laid & ~first].max()
+    assert accelerations is not None
+    assert (accelerations[first] == 300).all()
+    assert (accelerations[laid & ~first] != 300).all()
+    [heat] = [event for event in program.events if isinstance(event, Heat)]
+    assert np.flatnonzero(first)[-1] < heat.index <= np.flatnonzero(laid & (program.z_top > 0.3 + 1e-6))[0]
 
 
 def test_there_is_one_plan_for_each_object_or_one_for_all() -> None:

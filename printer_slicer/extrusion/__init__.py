@@ -56,6 +56,7 @@ def _moves(
     role[is_perimeter(role) & (carried < _HALF)] = Role.OVERHANG_PERIMETER
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
     layer, tool = paths.layer[rows.path], paths.tool[rows.path]
+    on_bed = paths.begins_at(0)[rows.path]
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
@@ -66,7 +67,7 @@ def _moves(
         role=role,
         width=rows.spread(beads.width),
         height=rows.spread(beads.height * beads.share),
-        events=(*_tool_changes(tool), *acceleration_events(role, layer, paths.rule[rows.path], rules)),
+        events=(*_tool_changes(tool), *acceleration_events(role, on_bed, paths.rule[rows.path], rules)),
         z_top=paths.z_top[rows.path],
         tool=tool,
     )
@@ -87,7 +88,10 @@ def _tool_changes(tool: Int) -> list[ToolChange]:
 
 
 def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[Profile, ...]) -> list[Event]:
-    """From the second layer on the temperatures of the rest of the part, and those that heights have of their own."""
+    """From the second layer on the temperatures of the rest of the part, and those that heights have of their own.
+
+    Where objects have layers of their own, from the layer on in which none of them begins.
+    """
     of_rule = np.array([rule.material.nozzle_temperature for rule in rules])
     begins = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
     wanted = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
@@ -95,7 +99,8 @@ def _heat(program: Program, paths: Toolpaths, material: Material, rules: tuple[P
     wanted[paths.layer[own]] = of_rule[paths.rule[own]]
     nozzle, bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
     events: list[Event] = []
-    for index in begins[program.layer[begins] > 0].tolist():
+    last = int(paths.layer[paths.begins_at(0)].max(initial=0))
+    for index in begins[program.layer[begins] > last].tolist():
         now = float(wanted[program.layer[index]])
         if now != nozzle or bed != material.bed_temperature:
             changed = now if now != nozzle else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Acceleration, Program
 from printer_slicer.profile import Printer, Profile
 from printer_slicer.roles import ROLES, Role
@@ -13,18 +13,22 @@ __all__ = ["acceleration_events", "accelerations_of"]
 
 
 def acceleration_events(
-    role: Int, layer: Int, rule: Int, rules: tuple[Profile, ...]
+    role: Int, on_bed: Bool, rule: Int, rules: tuple[Profile, ...]
 ) -> tuple[Acceleration, ...]:
-    """Changes of acceleration before moves of roles (K,) on layers (K,), none where the profiles have but one.
+    """Changes of acceleration before moves of roles (K,); none where the profiles have but one.
 
-    `rule` (K,) is the number of each move's profile.
+    Args:
+        role: (K,) of the moves.
+        on_bed: (K,) whether they belong to a first layer.
+        rule: (K,) number of each move's profile.
+        rules: the profiles.
     """
     profile = rules[0]
     beads = np.flatnonzero(role != Role.TRAVEL)
     wanted = np.stack([_of_roles(one) for one in rules])[rule[beads], role[beads]]
     first = profile.accelerations.first_layer
     if first:
-        wanted = np.where(layer[beads] == 0, first, wanted)
+        wanted = np.where(on_bed[beads], first, wanted)
     change = np.flatnonzero(np.diff(wanted, prepend=profile.printer.acceleration) != 0)
     return tuple(
         Acceleration(index, value)

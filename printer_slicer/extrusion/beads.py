@@ -67,7 +67,7 @@ def beads_of(paths: Toolpaths, rows: MoveRows, rules: tuple[Profile, ...]) -> Be
         (paths.width[begin] + paths.width[end]) / 2,
         paths.height[path],
         (paths.share[begin] + paths.share[end]) / 2,
-        np.where(paths.layer[path] == 0, first, 1.0) * flow,
+        np.where(paths.begins_at(0)[path], first, 1.0) * flow,
         paths.carried[begin],
     )
 
@@ -84,7 +84,7 @@ def speeds_of(paths: Toolpaths, rows: MoveRows, beads: Beads, rules: tuple[Profi
         lead[Kind.LIFT] = speeds.travel
     speed, path = lead[rows.kind], rows.bead_path
     if speeds.first_layer_travel < speeds.travel:
-        careful = (rows.kind <= Kind.TRAVEL) & (rows.kind >= Kind.WIPE) & (paths.layer[rows.path] == 0)
+        careful = (rows.kind <= Kind.TRAVEL) & (rows.kind >= Kind.WIPE) & paths.begins_at(0)[rows.path]
         speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
     laid = _laid(paths, path, beads, rules[0])
     for number, rule in enumerate(rules[1:], 1):
@@ -104,7 +104,7 @@ def _laid(paths: Toolpaths, path: Int, beads: Beads, profile: Profile) -> Float:
     faster = np.maximum(laid - speeds.bridge, 0) * np.minimum(beads.carried / SHARES[1], 1)
     laid = np.where(hangs, np.minimum(slower, speeds.bridge + faster), laid)
     on_bed = profile.material.first_layer_max_flow_ratio
-    melted = np.where(paths.layer[path] == 0, on_bed, 1.0) * profile.max_flow
+    melted = np.where(paths.begins_at(0)[path], on_bed, 1.0) * profile.max_flow
     return np.minimum(laid, melted / np.maximum(beads.cross_section, 1e-9))
 
 
@@ -141,7 +141,7 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     if base:
         wanted = np.where(raft & (paths.layer == base - 1), profile.raft_interface_speed, wanted)
     first = np.where(roles_with(is_infill=True)[paths.role], speeds.first_layer_infill, speeds.first_layer)
-    begins = (paths.layer == 0) | (paths.layer == base)
+    begins = paths.begins_at(0) | paths.begins_at(base)
     wanted = np.where(begins, np.minimum(wanted, first), wanted)
     low, high = float(paths.plan.top[base]), speeds.slow_below
     if high > low:

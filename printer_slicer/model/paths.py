@@ -19,7 +19,7 @@ from printer_slicer.arrays import (
     frozen_array,
     lengths,
 )
-from printer_slicer.model.layers import LayerPlan
+from printer_slicer.model.layers import SAME_TOP, LayerPlan
 from printer_slicer.roles import Role
 from printer_slicer.showing import Drawn
 
@@ -235,6 +235,14 @@ class Toolpaths(Drawn):
         }
         of_path = {name: getattr(self, name).take(path) for name in _OF_PATHS}
         return replace(self, start=start, **columns, **of_path)
+
+    def begins_at(self, layer: int) -> Bool:
+        """(M,) paths of this layer, and of later ones those that rest on what it rests on.
+
+        The latter are first layers of objects with layers of their own.
+        """
+        rests = self.z_top - self.height < float(self.plan.bottom[layer]) + SAME_TOP
+        return np.asarray((self.layer == layer) | ((self.layer > layer) & rests))
 
     @property
     def has_arcs(self) -> bool:
