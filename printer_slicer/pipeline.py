@@ -103,7 +103,7 @@ def slice_planned(
     report("extrusion")
     program = extrude(toolpaths, travels, profile, profiles)
     toolpaths, travels, program, link = limit_link((toolpaths, travels, program), printed, profile, profiles)
-    program = checked_program(program, strategies.on_program)
+    program = checked_program(program, strategies.on_program, len(profile.extruders))
     labels = labels_of(program, part, solid.plan)
     joined = Walls.joined(walls), Regions.joined(regions)
     return Stages(part, solid, *joined, toolpaths, travels, program, link, labels)

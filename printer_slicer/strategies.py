@@ -17,7 +17,7 @@ from printer_slicer.firmware import Dialect
 from printer_slicer.gcode import LABEL_WORDS
 from printer_slicer.geometry import Polylines
 from printer_slicer.infill import Infill, InfillTask
-from printer_slicer.model import LayerPlan, Mesh, Program
+from printer_slicer.model import Heat, LayerPlan, Mesh, Program, ToolChange
 from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
 from printer_slicer.texts import callable_name, describe_type
@@ -161,16 +161,38 @@ def _insist_on_heights(name: str, plan: LayerPlan, profile: Profile) -> None:
 # Post-processors
 
 
-def checked_program(program: Program, functions: Sequence[Callable[[Program], Program]]) -> Program:
+def checked_program(
+    program: Program, functions: Sequence[Callable[[Program], Program]], n_tools: int = 1
+) -> Program:
     """The moves after all functions from outside had their turn.
+
+    Args:
+        program: the moves.
+        functions: one after the other.
+        n_tools: number of extruders of the profile.
 
     Raises:
         StrategyError: one of them gave what is no program any more.
     """
     for function in functions:
         n_layers, program = program.plan.n_layers, function(program)
-        _check_program(f"on_program {callable_name(function)}", program, n_layers)
+        name = f"on_program {callable_name(function)}"
+        _check_program(name, program, n_layers)
+        _check_tools(name, program, n_tools)
     return program
+
+
+def _check_tools(name: str, program: Program, n_tools: int) -> None:
+    asked = [
+        *program.tool.tolist(),
+        *(one.tool for one in program.events if isinstance(one, ToolChange | Heat)),
+    ]
+    wrong = {tool for tool in asked if not 0 <= tool < n_tools}
+    if wrong:
+        raise StrategyError(
+            f"{name}: asks for tool {min(wrong)}, and the profile has {n_tools}",
+            remedy="tools are numbers of `Profile.extruders`, counted from 0",
+        )
 
 
 def _check_program(name: str, program: object, n_layers: int) -> None:
