@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion.accelerating import accelerations_of
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.coverage.model_check import check_gcode
 from printer_slicer.model import Heat, Item, LayerPlan, Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.roles import Role, roles_with
@@ -71,6 +74,23 @@ def test_each_object_holds_the_plastic_that_it_holds_alone(stages: Stages, k: in
     assert program.filament[here & laid].sum() == pytest.approx(
         alone.filament[roles_with(is_part=True)[alone.role]].sum(), rel=0.01
     )
+
+
+def test_the_file_of_both_passes_the_check_against_the_model(stages: Stages) -> None:
+    text = gcode_of(stages.program, plain(skirt_loops=0))
+    found = check_gcode(text, two_objects())
+
+    assert (found.findings, found.problems) == ((), ())
+    assert found.coverage.stack.n_layers == stages.plan.n_layers
+
+
+def test_an_object_of_which_a_layer_is_missing_does_not_pass(stages: Stages) -> None:
+    program = stages.program
+    second = program.xyz[:, 0] > program.xyz[:, 0].mean()
+    gone = second & (np.abs(program.z_top - 3.3) < 1e-6)
+    text = gcode_of(replace(program, filament=np.where(gone, 0.0, program.filament)), plain(skirt_loops=0))
+
+    assert "uncovered" in {one.code for one in check_gcode(text, two_objects()).findings}
 
 
 def test_the_file_names_the_heights_of_both(stages: Stages) -> None:

@@ -96,11 +96,15 @@ class Stack:
 def through_layers(stack: Stack) -> tuple[Stack, Int]:
     """The stack with beads that fill several layers cut into what they hold of each; and (B,) whose part each one is.
 
-    Inner perimeters and sparse infill may be laid so. The parts of a layer stand in the order of their beads.
+    Inner perimeters and sparse infill may be laid so, and everything of an object whose layers are not those of others.
+    The parts of a layer stand in the order of their beads.
     """
     beads, own = stack.beads, np.maximum(stack.layer, 0)
-    deep = np.isin(beads.purpose, _FILL_SEVERAL) & (stack.layer > 0)
+    deep = stack.layer > 0
     deep &= beads.height > stack.height[own] + _AGREES if stack.n_layers else False
+    outermost = deep & (beads.purpose == Purpose.OUTER_PERIMETER)
+    apart = np.isin(stack.layer, stack.layer[outermost]) & (beads.purpose != Purpose.BRIDGE)
+    deep &= np.isin(beads.purpose, _FILL_SEVERAL) | apart
     if not deep.any():
         return stack, np.arange(beads.n_beads)
     lowest = np.searchsorted(stack.bottom, stack.top[own] - beads.height - _LEVEL)
@@ -233,7 +237,8 @@ def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: i
     """(B,) how thick each bead is.
 
     As thick as its layer, unless it may reach deeper and would be unusually wide otherwise. What comments tell counts
-    where the moves allow it.
+    where the moves allow it. Outermost perimeters are thicker than their layer only where objects have layers of their
+    own; there all beads are as thick as comments tell.
     """
     told = beads.height
     if not len(top):
@@ -255,6 +260,8 @@ def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: i
         width = bead.width_for_section(beads.area, reach)
         wide &= layer >= deep
         agrees = may & (layer >= deep) & (np.abs(reach - told) < _AGREES) & (width * _WIDE > usual)
+        told_so = (layer >= deep) & (np.abs(reach - told) < _AGREES) & (np.abs(told - own) > _AGREES)
+        agrees |= told_so & np.isin(layer, layer[told_so & (beads.purpose == Purpose.OUTER_PERIMETER)])
         height[wide | agrees] = reach[wide | agrees]
         wide &= ~agrees & (width > _WIDE * usual)
     # Threads across a gap hang freely, as thick as they leave the nozzle.
