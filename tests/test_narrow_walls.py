@@ -84,6 +84,18 @@ def within_walls(walls: Walls, sections: Sections, layer: int) -> float:
     return out
 
 
+@pytest.mark.parametrize("loops", [1, 2])
+def test_a_triangle_beside_something_narrow_keeps_its_loops(loops: int) -> None:
+    triangle = np.array([[0.0, 0.0], [8.0, 0.0], [4.0, 7.0]])
+    thin = np.array([[12.0, 0.0], [20.0, 0.0], [20.0, 0.7], [12.0, 0.7]])
+    alone, beside = stack([triangle]), stack([triangle, thin])
+    wanted = plain(perimeters=loops)
+
+    whole, both, narrow = (plastic(lay_walls(one, wanted))[0] for one in (alone, beside, stack([thin])))
+    assert whole > 0
+    assert both == pytest.approx(whole + narrow, rel=0.03)
+
+
 # --- what the requirement names ---
 
 
