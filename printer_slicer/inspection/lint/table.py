@@ -29,6 +29,9 @@ _FAR: Final = 20.0
 """Times the profile's limit from which on a limit is no matter of taste: mm/min for mm/s is 60, what slicers write for
 machines of which they know nothing is up to 18."""
 
+_OF_ONE_FIRMWARE: Final = frozenset({"M566", "SET_VELOCITY_LIMIT"})
+"""Limits that say nothing to a firmware without a meaning for them in its row."""
+
 _STEP: Final = 0.5  # mm; a babystep is smaller
 _OPTION: Final = re.compile(r"(?:[AEP]\d *)*")
 _ANSWER: Final = re.compile(
@@ -104,7 +107,9 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
         },
     }
     reads = printer.firmware.dialect.reads
-    if command.code not in known or reads.get(command.code, ...) is None:
+    # A firmware passes over what another one made up; what is Marlin's, nearly all of them read.
+    unless_told = None if command.code in _OF_ONE_FIRMWARE else ...
+    if command.code not in known or reads.get(command.code, unless_told) is None:
         return []
     unit = _MINUTE if _per_minute(command, printer) else 1.0
     given = {name: max(numbers) for name, numbers in command.words.items() if numbers} | command.settings
@@ -116,9 +121,9 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
 
 
 def _per_minute(command: LintCommand, printer: Printer) -> bool:
-    """Whether the numbers of a command are per minute: M566 everywhere, others as the printer's firmware reads them."""
+    """Whether the printer's firmware reads the numbers of a command as per minute."""
     meaning = printer.firmware.dialect.reads.get(command.code)
-    return command.code == "M566" or (isinstance(meaning, SetsLimits) and meaning.scale != 1.0)
+    return isinstance(meaning, SetsLimits) and meaning.scale != 1.0
 
 
 def _corners(printer: Printer) -> dict[str, float]:

@@ -202,6 +202,24 @@ def test_limits_in_mm_per_minute_are_right_for_reprapfirmware_alone(tmp_path: Pa
     assert refused("M203 X30000 Y30000 Z300 E1500") == ["limits"]
 
 
+@pytest.mark.parametrize("flavour", FLAVOURS)
+@pytest.mark.parametrize(
+    ("line", "known_to"),
+    [
+        ("M566 X6000 Y6000", {"reprapfirmware"}),
+        ("SET_VELOCITY_LIMIT ACCEL=9000", {"klipper"}),
+        ("M204 P9000 T9000", set(FLAVOURS) - {"repetier"}),
+    ],
+)
+def test_limits_are_judged_where_the_firmware_knows_the_command(
+    flavour: str, line: str, known_to: set[str]
+) -> None:
+    profile = profile_with(PROFILE, {"printer.flavour": flavour, "printer.corner": "jerk"})
+    told = [one for one in scan([line.encode()], profile) if one.code == "limits"]
+
+    assert bool(told) == (flavour in known_to)
+
+
 @pytest.mark.parametrize(
     "line", ["g1 x5", "G1 x5", "m104 S200", "N5 g1 X5", "m117 hello", "G1 X5y5", "M106 s255"]
 )
