@@ -54,7 +54,7 @@ def slice_stages(  # noqa: PLR0913 - every choice has a usual value
         strategies: functions from outside in place of ours.
 
     Raises:
-        UsageError: the part is no mesh, or the profile none.
+        UsageError: the part is no mesh, or the profile none, or there are not as many plans as objects.
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
         StrategyError: a function from outside gives what cannot be used.
     """
@@ -68,7 +68,7 @@ def slice_stages(  # noqa: PLR0913 - every choice has a usual value
     shift = repaired.bounds[0] - part.bounds[0]
     del mesh, repaired  # where nobody else holds them: millions of facets weigh hundreds of megabytes
     report("planning")
-    plan = plan or plan_part(part, profile, strategies)
+    plan = plan_part(part, profile, strategies) if plan is None else plan
     stages = slice_planned(part, plan, profile, report, strategies)
     repairs = replace(repairs, done=(*repairs.done, *section_repairs(stages.sections, shift)))
     if strict:

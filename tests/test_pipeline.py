@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 from math import pi
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from printer_slicer.errors import MeshError, PartError
+from printer_slicer.errors import MeshError, PartError, UsageError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.mesh_io import export_stl
@@ -162,6 +163,12 @@ def test_stages_share_one_plan_and_are_told_by_name() -> None:
     ]
     for value in (stages.sections, stages.walls, stages.regions, stages.toolpaths):
         assert value.plan is stages.program.plan
+
+
+@pytest.mark.parametrize("none", [[], ()], ids=str)
+def test_an_empty_list_of_plans_is_no_wish_for_the_planner(none: Sequence[LayerPlan]) -> None:
+    with pytest.raises(UsageError, match=r"0 layer plans for 1 objects\n.*give one plan for all"):
+        slice_part(box(), plain(), plan=none)
 
 
 def test_a_plan_given_is_the_plan_used() -> None:

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from printer_slicer import Mesh
-from printer_slicer.errors import MeshError
+from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.slicing import mesh_faults
 from tests.parts import box, box_with_hole, sphere
 
@@ -39,6 +39,20 @@ def test_what_trimesh_makes_can_be_sliced() -> None:
 def test_meshes_that_are_none_are_refused(vertices: np.ndarray, faces: object) -> None:
     with pytest.raises(MeshError, match="thing: this trimesh has"):
         Mesh.from_trimesh(trimesh.Trimesh(vertices, faces, process=False), "thing")
+
+
+@pytest.mark.parametrize(
+    ("given", "called"),
+    [
+        (None, "nothing"),
+        (trimesh.PointCloud(np.eye(3)), "a value of type PointCloud"),
+        (trimesh.load_path(np.eye(3)), "a value of type Path3D"),
+        (np.zeros((1, 3, 3)), "a value of type ndarray"),
+    ],
+)
+def test_what_has_no_triangles_is_refused_by_what_it_is(given: object, called: str) -> None:
+    with pytest.raises(UsageError, match=f"thing: from_trimesh wants a trimesh.Trimesh, not {called}"):
+        Mesh.from_trimesh(given, "thing")  # type: ignore[arg-type]
 
 
 def test_trimesh_costs_nothing_until_it_is_asked_for() -> None:

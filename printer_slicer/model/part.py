@@ -9,9 +9,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.arrays import Float, frozen_array
-from printer_slicer.errors import MeshError
+from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.model.items import Item
 from printer_slicer.showing import Drawn
+from printer_slicer.texts import describe_type
 
 if TYPE_CHECKING:
     import trimesh
@@ -56,8 +57,14 @@ class Mesh(Drawn):
             name: what to call the part in messages.
 
         Raises:
+            UsageError: it is no trimesh of triangles, such as a point cloud or a path.
             MeshError: it has no facets, or a coordinate that is no number.
         """
+        if not hasattr(mesh, "triangles"):
+            raise UsageError(
+                f"{name}: from_trimesh wants a trimesh.Trimesh, not {describe_type(mesh)}",
+                remedy="give it a mesh of triangles: trimesh.load_mesh(path)",
+            )
         triangles = np.asarray(mesh.triangles, np.float64)
         if not len(triangles) or not np.isfinite(triangles).all():
             raise MeshError(
