@@ -23,10 +23,11 @@ from printer_slicer.gcode.commands import TABLE, Effect
 from printer_slicer.gcode.labels import LABEL_WORDS
 from printer_slicer.gcode.lexer import extended, parse
 from printer_slicer.sim.flavours import FLAVOURS as SIMULATED_FLAVOURS
-from printer_slicer.sim.front_end import FRONT_ENDS, MARLIN_2_1
+from printer_slicer.sim.front_end import FRONT_ENDS, KLIPPER, MARLIN_2_1
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.replies import Identity, read_reply
 from tests.programs import LARGE
+from tests.sim.sim_console import Console
 
 
 def test_the_names_of_flavours_are_those_of_the_table() -> None:
@@ -98,3 +99,69 @@ def test_no_other_module_compares_names_of_firmwares() -> None:
         if isinstance(node, ast.Constant) and node.value in names
     }
     assert {name for name in found if not name.startswith(("firmware/", "sim/"))} <= _NAME_FIRMWARES
+
+
+def call(firmware: str, command: str, value: float | str) -> bytes:
+    """What the function `command` of a firmware's row makes of a value."""
+    return bytes(getattr(FIRMWARES[firmware], command)(value))
+
+
+# Firmware, what its row says, source.
+FACTS = [
+    ("marlin", {"resume_command": b"M108", "has_quick_stop": True, "halts_out_of_bounds": False, "planner_blocks": 16},
+     "marlinfw.org: M108, M410, software endstops (M211) stop at the end; BLOCK_BUFFER_SIZE of Configuration_adv.h"),
+    ("marlin_legacy", {"resume_command": b"M108", "has_quick_stop": True, "planner_blocks": 16},
+     "Marlin 1.1: M108, M410; BLOCK_BUFFER_SIZE of Configuration_adv.h"),
+    ("prusa", {"resume_command": b"M602", "halts_out_of_bounds": False, "planner_blocks": 16},
+     "Prusa-Firmware's list of commands: M601 pauses, M602 resumes; BLOCK_BUFFER_SIZE of Configuration_adv.h"),
+    ("klipper", {"resume_command": b"RESUME", "has_quick_stop": False, "halts_out_of_bounds": True,
+                 "allows_unhomed_moves": False, "planner_blocks": 1000},
+     "Klipper, G-Codes: PAUSE, RESUME; no M410; `Must home axis first`, `Move out of range`; plans by time"),
+    ("reprapfirmware", {"resume_command": b"M24", "has_quick_stop": False, "halts_out_of_bounds": True,
+                        "planner_blocks": 40},
+     "Duet3D's G-code dictionary: M24 resumes after M25 and M226; M564, M595 (40 moves)"),
+    ("repetier", {"planner_blocks": 16}, "Repetier-Firmware: PRINTLINE_CACHE_SIZE of Configuration.h"),
+    ("smoothie", {"planner_blocks": 32}, "smoothieware.org, configuration options: planner_queue_size"),
+]  # fmt: skip
+LINES = [
+    ("marlin", "baby_step_command", 0.15, b"M290 Z0.150", "marlinfw.org: M290 Z"),
+    ("reprapfirmware", "baby_step_command", -0.15, b"M290 S-0.150", "Duet3D: M290 S, the same as Z"),
+    ("klipper", "baby_step_command", 0.15, b"SET_GCODE_OFFSET Z_ADJUST=0.150 MOVE=1", "Klipper: Z_ADJUST is relative"),
+    ("klipper", "set_z_command", 12.5, b"SET_KINEMATIC_POSITION Z=12.5", "Klipper: [force_move]"),
+    ("klipper", "cancel_object_command", "lid", b"EXCLUDE_OBJECT NAME=lid", "Klipper: [exclude_object]"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("firmware", "facts", "source"), FACTS, ids=[row[0] for row in FACTS])
+def test_the_host_knows_what_the_firmware_does(firmware: str, facts: dict[str, object], source: str) -> None:
+    assert {fact: getattr(FIRMWARES[firmware], fact) for fact in facts} == facts, source
+
+
+@pytest.mark.parametrize(("firmware", "command", "value", "line", "source"), LINES)
+def test_the_host_says_what_the_firmware_understands(
+    firmware: str, command: str, value: float | str, line: bytes, source: str
+) -> None:
+    assert call(firmware, command, value) == line, source
+    assert [name for name in FIRMWARES if FIRMWARES[name].set_z_command] == ["klipper"]
+
+
+def test_the_simulated_klipper_refuses_what_its_row_says() -> None:
+    console = Console(replace(KLIPPER, ahead_seconds=60.0))
+    unhomed = console.do("G1 X5 F3000")
+    beyond = console.do("G28", "G1 X9999 F6000")
+
+    assert (
+        any("Must home axis first" in line for line in unhomed) != FIRMWARES["klipper"].allows_unhomed_moves
+    )
+    assert any("Move out of range" in line for line in beyond) == FIRMWARES["klipper"].halts_out_of_bounds
+
+
+@pytest.mark.parametrize("name", ["marlin 1.1", "marlin 2.1", "klipper", "reprapfirmware"])
+def test_baby_steps_are_known_to_the_simulated_printer(name: str) -> None:
+    console = Console(FRONT_ENDS[name])
+    command = FIRMWARES[FRONT_ENDS[name].flavour].baby_step_command(0.15).decode()
+    answers = console.do("G28", "G1 Z5 F600", command)
+
+    assert not any("nknown" in line for line in answers)
+    if name != "klipper":  # whose simulation takes the command and moves nothing
+        assert console.printer.board.offset[2] == pytest.approx(-0.15)
