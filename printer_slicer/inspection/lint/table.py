@@ -30,7 +30,7 @@ _FAR: Final = 20.0
 machines of which they know nothing is up to 18."""
 
 _OF_ONE_FIRMWARE: Final = frozenset({"M566", "SET_VELOCITY_LIMIT"})
-"""Limits that say nothing to a firmware without a meaning for them in its row."""
+"""Commands that only firmwares with a meaning for them in their row know."""
 
 _STEP: Final = 0.5  # mm; a babystep is smaller
 _OPTION: Final = re.compile(r"(?:[AEP]\d *)*")
@@ -107,7 +107,7 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
         },
     }
     reads = printer.firmware.dialect.reads
-    # A firmware passes over what another one made up; what is Marlin's, nearly all of them read.
+    # A firmware ignores commands that only another one has; nearly all read those of Marlin.
     unless_told = None if command.code in _OF_ONE_FIRMWARE else ...
     if command.code not in known or reads.get(command.code, unless_told) is None:
         return []
