@@ -12,6 +12,7 @@ from printer_slicer.macros import Items, Value, with_other_names
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
 from printer_slicer.roles import Role
+from printer_slicer.texts import format_duration
 
 __all__ = ["end_facts", "layer_facts", "print_facts"]
 
@@ -65,6 +66,7 @@ def print_facts(
     known |= _places(profile, low, high) | _of_extruders(profile, len(names))
     known |= {"layer_tops": _list(program.plan.top), "object_names": names}
     known |= {"input_filename": f"{name}.gcode" if name else "", "input_filename_base": name}
+    known |= dict.fromkeys(("print_time", "normal_print_time"), format_duration(seconds))
     return with_other_names(known)
 
 
@@ -85,7 +87,9 @@ def _of_extruders(profile: Profile, objects: int) -> dict[str, Value]:
     tools = {extruder.tool for extruder in profile.extruders}
     return {
         "num_objects": max(objects, 1),
+        "num_instances": max(objects, 1),
         "num_extruders": len(tools),
+        "num_printing_extruders": len(tools),
         "is_extruder_used": Items(tool in tools for tool in range(_MOST_TOOLS)),
         "has_wipe_tower": False,
         "has_single_extruder_multi_material_priming": False,

@@ -161,7 +161,8 @@ FACTS: Final = _words("""
     first_layer_min first_layer_max first_layer_size layer_count layer_tops part_height filament_used filament_used_g
     print_seconds object_names printer_name material_name quality_name layer_heights pause_at
     first_layer_print_min first_layer_print_max first_layer_print_size print_bed_min print_bed_max print_bed_size
-    extrusion_width first_layer_height extruded_volume total_cost num_objects num_extruders is_extruder_used
+    extrusion_width first_layer_height extruded_volume total_cost num_objects num_instances num_extruders
+    num_printing_extruders is_extruder_used print_time normal_print_time
     has_wipe_tower has_single_extruder_multi_material_priming total_toolchanges input_filename input_filename_base
     """)
 """What every macro can speak of besides settings."""
