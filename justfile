@@ -3,7 +3,7 @@
 # as many processes as there are cores; each begins with neighbours, which share what they slice
 workers := "-n logical --dist worksteal"
 
-export PATH := justfile_directory() / ".venv/bin" + ":" + env("PATH")
+export PATH := justfile_directory() / ".venv/bin" + (if os_family() == "windows" { ";" } else { ":" }) + env("PATH")
 
 # everything that must hold before a change lands
 check: format lint types contracts test twin
