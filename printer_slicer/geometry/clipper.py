@@ -55,7 +55,6 @@ else:
 
 Rings = list[NDArray[np.int64]]
 
-_FARTHEST: Final = np.iinfo(np.int64).max
 CLIP_TYPES: Final = {
     "union": clipper2.ClipType.UNION,
     "difference": clipper2.ClipType.DIFFERENCE,

@@ -15,7 +15,6 @@ __all__ = ["Chords", "LooseEnds", "close_by_chords", "close_near"]
 
 _TIERS = (1e-6, 1e-3, 1e-2, 0.1, 0.3)
 """mm; ends are looked for this near before they are looked for farther away, so that few are left for that."""
-_MOST_CELLS = 1 << 30  # in a row, and rows in a plane
 _PAIRS_PER_END = 20
 _MANY_PAIRS = 200_000
 """Where each loose end has more than so many others near it, and there are more than so many in all, or where more

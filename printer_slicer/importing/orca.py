@@ -24,7 +24,6 @@ _KINDS: Final = {
 }
 _DEEPEST: Final = 40
 _MOST_FILES: Final = 5000
-_DEEP_JSON: Final = 50
 
 
 def read_json(text: str, place: str) -> dict[str, Any]:

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from printer_slicer.arrays import Float
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.blocks import SHORTEST, SLOWEST, SMALL_LENGTH, SMALL_TURN, SQUARE, STRAIGHT
 from printer_slicer.motion.rules import SAME
 
 if TYPE_CHECKING:
-    from printer_slicer.arrays import Bool, Float, Int
     from printer_slicer.motion.blocks import MotionLimits
 
 __all__ = [

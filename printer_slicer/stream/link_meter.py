@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from printer_slicer.motion.rules import MotionLimits
-    from printer_slicer.stream.events import Event, PoorLink
+    from printer_slicer.stream.events import Event
     from printer_slicer.stream.session import Transport
 
 __all__ = ["LinkMeter", "LinkQuality", "LinkSeen", "Metered", "poor_link"]

@@ -36,7 +36,6 @@ _SLOW: Final = 2.0  # mm/s; nobody prints like that
 _ENOUGH: Final = 50.0  # mm of beads before a whole file is judged by how fast they are laid
 _STANDS: Final = 0.25  # s in all that a machine may stand still for want of lines
 _AS_LONG: Final = 1e-3  # s; of stops that differ by less, the first is named
-_SHOWN_COMMAND: Final = 60
 
 _KNOWN: Final = re.compile(
     r"G(?:[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-2])\b"

@@ -80,7 +80,7 @@ def _limits(command: LintCommand, printer: Printer) -> Said | None:
     worst: tuple[float, str] = (1.0, "")
     for letter, asked, most in _asked_limits(command, printer):
         if command.code == "M203" and 0 < asked < most / _FAR:
-            unit = "mm/min" if _per_minute(command, printer) else "mm/s"
+            unit = "mm/min" if _unit(command, printer) == _MINUTE else "mm/s"
             return True, f"{letter} {asked:.3g} mm/s, the profile has {most:g}; the firmware expects {unit}"
         if most > 0 and asked / most > worst[0] * 1.001:
             worst = (asked / most, f"{letter} {asked:g}, the profile has {most:g}")
@@ -106,12 +106,9 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
             "velocity": max(printer.max_speed_x, printer.max_speed_y),
         },
     }
-    reads = printer.firmware.dialect.reads
-    # A firmware ignores commands that only another one has; nearly all read those of Marlin.
-    unless_told = None if command.code in _OF_ONE_FIRMWARE else ...
-    if command.code not in known or reads.get(command.code, unless_told) is None:
+    unit = _unit(command, printer)
+    if command.code not in known or unit is None:
         return []
-    unit = _MINUTE if _per_minute(command, printer) else 1.0
     given = {name: max(numbers) for name, numbers in command.words.items() if numbers} | command.settings
     return [
         (name, given[name.upper()] / unit, most)
@@ -120,10 +117,18 @@ def _asked_limits(command: LintCommand, printer: Printer) -> list[tuple[str, flo
     ]
 
 
-def _per_minute(command: LintCommand, printer: Printer) -> bool:
-    """Whether the printer's firmware reads the numbers of a command as per minute."""
-    meaning = printer.firmware.dialect.reads.get(command.code)
-    return isinstance(meaning, SetsLimits) and meaning.scale != 1.0
+def _unit(command: LintCommand, printer: Printer) -> float | None:
+    """How many units of the command a mm and a second are; None: the printer's firmware does not set limits by it.
+
+    A firmware ignores commands that only another one has; nearly all read those of Marlin.
+    """
+    reads = printer.firmware.dialect.reads
+    if command.code not in reads:
+        return None if command.code in _OF_ONE_FIRMWARE else 1.0
+    meaning = reads[command.code]
+    if meaning is None:
+        return None
+    return _MINUTE if isinstance(meaning, SetsLimits) and meaning.scale != 1.0 else 1.0
 
 
 def _corners(printer: Printer) -> dict[str, float]:
