@@ -23,15 +23,15 @@ class Role(IntEnum):
     SKIRT = 1
     BRIM = 2
     RAFT = 3
-    INNER_PERIMETER = 4
-    OUTER_PERIMETER = 5
+    PERIMETER = 4
+    EXTERNAL_PERIMETER = 5
     OVERHANG_PERIMETER = 6
     BRIDGE = 7
-    BOTTOM_SKIN = 8
-    SPARSE = 9
+    BOTTOM_SOLID_INFILL = 8
+    INTERNAL_INFILL = 9
     INTERNAL_BRIDGE = 10
-    SOLID = 11
-    TOP_SKIN = 12
+    SOLID_INFILL = 11
+    TOP_SOLID_INFILL = 12
     IRONING = 13
 
 
@@ -42,7 +42,7 @@ class Phase(Enum):
     PERIMETERS = "perimeters"
     BRIDGES = "bridges"
     INFILL = "infill"
-    TOP = "top skins"
+    TOP = "top solid infill"
     IRONING = "ironing"
 
 
@@ -89,10 +89,10 @@ _ROWS: Final = {
     Role.RAFT: RoleRow(
         "Support material", Phase.BASE, "raft", "default", 0, "#b0a080", is_part=False, is_around=True
     ),
-    Role.INNER_PERIMETER: RoleRow(
+    Role.PERIMETER: RoleRow(
         "Perimeter", Phase.PERIMETERS, "inner_perimeter", "inner_perimeter", 0, "#f0d000"
     ),
-    Role.OUTER_PERIMETER: RoleRow(
+    Role.EXTERNAL_PERIMETER: RoleRow(
         "External perimeter", Phase.PERIMETERS, "outer_perimeter", "outer_perimeter", 1, "#d55e00"
     ),
     # Extrusions of a perimeter of which less than half the width is carried; paths are never of this role.
@@ -100,13 +100,17 @@ _ROWS: Final = {
         "Overhang perimeter", Phase.PERIMETERS, "outer_perimeter", "overhang", 2, "#7a1f1f"
     ),
     Role.BRIDGE: RoleRow("Bridge infill", Phase.BRIDGES, "bridge", "bridge", 2, "#56b4e9", is_bridge=True),
-    Role.BOTTOM_SKIN: RoleRow("Solid infill", Phase.INFILL, "solid", "solid", 0, "#cc79a7", is_infill=True),
-    Role.SPARSE: RoleRow("Internal infill", Phase.INFILL, "sparse", "sparse", 0, "#009e73", is_infill=True),
+    Role.BOTTOM_SOLID_INFILL: RoleRow(
+        "Solid infill", Phase.INFILL, "solid", "solid", 0, "#cc79a7", is_infill=True
+    ),
+    Role.INTERNAL_INFILL: RoleRow(
+        "Internal infill", Phase.INFILL, "sparse", "sparse", 0, "#009e73", is_infill=True
+    ),
     Role.INTERNAL_BRIDGE: RoleRow(
         "Bridge infill", Phase.INFILL, "internal_bridge", "bridge", 2, "#a6d8f0", is_bridge=True
     ),
-    Role.SOLID: RoleRow("Solid infill", Phase.INFILL, "solid", "solid", 0, "#0072b2", is_infill=True),
-    Role.TOP_SKIN: RoleRow(
+    Role.SOLID_INFILL: RoleRow("Solid infill", Phase.INFILL, "solid", "solid", 0, "#0072b2", is_infill=True),
+    Role.TOP_SOLID_INFILL: RoleRow(
         "Top solid infill", Phase.TOP, "top_skin", "top_skin", 1, "#222222", is_infill=True, is_top=True
     ),
     Role.IRONING: RoleRow(
@@ -142,4 +146,4 @@ def roles_with(
 
 def is_perimeter(role: Int) -> Bool:
     """(n,) whether roles (n,) of paths are those of perimeters; OVERHANG_PERIMETER is one of single moves only."""
-    return np.asarray((role == Role.OUTER_PERIMETER) | (role == Role.INNER_PERIMETER))
+    return np.asarray((role == Role.EXTERNAL_PERIMETER) | (role == Role.PERIMETER))

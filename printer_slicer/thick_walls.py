@@ -287,7 +287,7 @@ def thickened(
     """
     plan, limit = paths.plan, min(profile.quality.inner_perimeters_every, profile.highest_bead)
     lowest = within(plan, limit)
-    inner = paths.role == Role.INNER_PERIMETER
+    inner = paths.role == Role.PERIMETER
     if (lowest == np.arange(plan.n_layers)).all() or not inner.any():
         return paths, None
     bands = bands_of(paths.take(np.flatnonzero(inner)), sections, regions, profile.extrusion_width)

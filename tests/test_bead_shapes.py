@@ -23,7 +23,7 @@ def test_beads_of_changing_width_and_own_height_get_the_volume_of_their_own_shap
         xy=np.array([(2, 2), (5, 2), (8, 2), (2, 9), (2, 5)], dtype=float),
         size=np.array([3, 2]),
         layer=np.zeros(2, np.int64),
-        role=np.full(2, int(Role.SPARSE)),
+        role=np.full(2, int(Role.INTERNAL_INFILL)),
         width=np.array([0.4, 0.7, 1.0, 0.5, 0.5]),
         height=np.array([0.3, 0.2]),
         closed=False,

@@ -25,7 +25,7 @@ from tests.parts import box, joined, plain, prism, shape, shapely
 SPACING = np.array([0.45])
 USUAL = np.deg2rad(45)
 ANCHOR = 1.5
-WALLS = (Role.OUTER_PERIMETER, Role.INNER_PERIMETER)
+WALLS = (Role.EXTERNAL_PERIMETER, Role.PERIMETER)
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> Any:
@@ -169,7 +169,7 @@ def test_no_dots_of_sparse_infill_are_laid_beside_bridges() -> None:
     sparse = shape(regions.sparse, layer)
     useful = shape(offset_open(regions.sparse, 1.4 * 0.45), layer)
     assert all(part.intersects(useful) for part in shapely.get_parts(sparse))
-    here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
+    here = np.flatnonzero((paths.layer == layer) & (paths.role == Role.INTERNAL_INFILL))
     assert min(shapely.LineString(paths.path(int(i))).length for i in here) > 3
 
 

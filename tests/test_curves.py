@@ -31,7 +31,7 @@ def path_of(
         xy=xy,
         size=np.array([len(xy)]),
         layer=np.array([0]),
-        role=np.array([int(Role.OUTER_PERIMETER)]),
+        role=np.array([int(Role.EXTERNAL_PERIMETER)]),
         width=np.array([0.45]) if width is None else width,
         closed=closed,
         carried=carried,

@@ -28,7 +28,7 @@ from tests.parts import (
     step_pyramid,
 )
 
-_NOT_SHELL = (Role.SPARSE, Role.SKIRT, Role.IRONING)
+_NOT_SHELL = (Role.INTERNAL_INFILL, Role.SKIRT, Role.IRONING)
 
 
 def usual() -> Profile:

@@ -516,7 +516,7 @@ def only_travels() -> Program:
         filament=np.array([0.0, 1.0, 0.0]),
         speed=np.array([50.0, 20.0, 50.0]),
         layer=np.array([0, 0, 1]),
-        role=np.array([Role.TRAVEL, Role.OUTER_PERIMETER, Role.TRAVEL]),
+        role=np.array([Role.TRAVEL, Role.EXTERNAL_PERIMETER, Role.TRAVEL]),
         width=np.array([0.0, 0.45, 0.0]),
         height=np.array([0.0, 0.2, 0.0]),
     )

@@ -91,7 +91,7 @@ def test_beads_run_along_the_toolpaths_and_nowhere_else(printer: str, mesh: Mesh
     given = np.repeat(paths.role, [len(one) for one in segments])
     # A perimeter's bead that hangs has a name of its own.
     hangs = role == Role.OVERHANG_PERIMETER
-    assert set(given[hangs].tolist()) <= {Role.INNER_PERIMETER, Role.OUTER_PERIMETER}
+    assert set(given[hangs].tolist()) <= {Role.PERIMETER, Role.EXTERNAL_PERIMETER}
     assert np.array_equal(role[~hangs], given[~hangs])
     assert program.width[is_bead(program)] == pytest.approx(np.concatenate(widths))
 
@@ -104,7 +104,7 @@ def test_steps_too_short_to_be_written_are_no_moves() -> None:
         xy=xy,
         size=np.array([5]),
         layer=np.zeros(1, np.int64),
-        role=np.array([Role.SOLID]),
+        role=np.array([Role.SOLID_INFILL]),
         width=np.full(5, 0.45),
         closed=False,
     )
@@ -305,7 +305,10 @@ def test_the_first_layer_is_slow(printer: str, mesh: Mesh) -> None:
     wanted = usual(printer, min_layer_time=0)
     program = made(mesh, wanted).program
     first = is_bead(program) & (program.layer == 0)
-    walls = first & ~np.isin(program.role, (Role.BOTTOM_SKIN, Role.SOLID, Role.SPARSE, Role.TOP_SKIN))
+    walls = first & ~np.isin(
+        program.role,
+        (Role.BOTTOM_SOLID_INFILL, Role.SOLID_INFILL, Role.INTERNAL_INFILL, Role.TOP_SOLID_INFILL),
+    )
 
     assert program.speed[walls].max() <= wanted.speeds.first_layer
     assert program.speed[first].max() <= wanted.speeds.first_layer_infill
@@ -318,11 +321,11 @@ def test_every_role_has_its_speed_above_the_first_layer() -> None:
     above = program.layer > 0
 
     for role, speed in (
-        (Role.OUTER_PERIMETER, speeds.outer_perimeter),
-        (Role.INNER_PERIMETER, speeds.inner_perimeter),
-        (Role.SOLID, speeds.solid),
-        (Role.TOP_SKIN, speeds.top_skin),
-        (Role.SPARSE, speeds.sparse),
+        (Role.EXTERNAL_PERIMETER, speeds.outer_perimeter),
+        (Role.PERIMETER, speeds.inner_perimeter),
+        (Role.SOLID_INFILL, speeds.solid),
+        (Role.TOP_SOLID_INFILL, speeds.top_skin),
+        (Role.INTERNAL_INFILL, speeds.sparse),
     ):
         here = above & (program.role == role)
         assert here.any()
@@ -345,7 +348,7 @@ def test_no_bead_asks_for_more_plastic_than_the_nozzle_melts(mesh: Mesh, max_flo
 def test_thick_layers_are_slowed_by_the_flow_limit_and_thin_ones_are_not() -> None:
     wanted = usual(max_flow=4, min_layer_time=0, speeds__sparse=70)
     program = made(box((20, 20, 2.2)), wanted).program
-    sparse = program.role == Role.SPARSE
+    sparse = program.role == Role.INTERNAL_INFILL
 
     by_layer = {
         int(k): float(program.speed[sparse & (program.layer == k)].max())
@@ -485,7 +488,7 @@ def test_the_fan_is_strong_on_bridges() -> None:
     assert bridge.any()
     assert (fan_at(program)[bridge] == 1).all()
     others = ~np.isin(program.layer, program.layer[bridge])
-    assert fan_at(program)[others & (program.role == Role.OUTER_PERIMETER)].max() == pytest.approx(0.3)
+    assert fan_at(program)[others & (program.role == Role.EXTERNAL_PERIMETER)].max() == pytest.approx(0.3)
 
 
 def test_temperatures_of_the_rest_of_the_part_come_with_the_second_layer() -> None:

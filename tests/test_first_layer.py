@@ -36,10 +36,10 @@ def test_the_first_layer_is_full_at_any_width(mesh: Mesh, wide: float) -> None:
 
     # Inner perimeters are wider by what the round sides of the outer ones leave empty.
     for layer, usual in ((0, wide), (1, 0.45)):
-        assert widths(stages, Role.OUTER_PERIMETER, layer=layer) == [usual]
-        assert widths(stages, Role.INNER_PERIMETER, layer=layer) == pytest.approx([1.04 * usual], rel=0.04)
+        assert widths(stages, Role.EXTERNAL_PERIMETER, layer=layer) == [usual]
+        assert widths(stages, Role.PERIMETER, layer=layer) == pytest.approx([1.04 * usual], rel=0.04)
     # Rows; beads in what they leave at corners may be narrower.
-    assert max(widths(stages, Role.BOTTOM_SKIN, layer=0)) == pytest.approx(wide, rel=0.05)
+    assert max(widths(stages, Role.BOTTOM_SOLID_INFILL, layer=0)) == pytest.approx(wide, rel=0.05)
     for layer in (0, 1):
         assert plastic(stages, layer) == pytest.approx(solid[layer], rel=0.03)
 
@@ -56,7 +56,7 @@ def test_on_a_raft_the_parts_first_layer_is_as_wide_as_the_others() -> None:
     stages = slice_stages(box((20, 20, 2)), plain(first_layer_width=0.7, skirt_loops=1, raft_height=0.8))
 
     assert widths(stages, Role.SKIRT, layer=0) == [0.7]
-    assert widths(stages, Role.OUTER_PERIMETER, layer=3) == [0.45]
+    assert widths(stages, Role.EXTERNAL_PERIMETER, layer=3) == [0.45]
 
 
 @pytest.mark.parametrize("wide", [0.1, 1.2])

@@ -68,7 +68,7 @@ def test_merging_moves_nothing_by_more_than_the_tolerance() -> None:
     before, _ = sliced()
     after, _ = sliced(link_lines_per_second=25, link_tolerance=0.02)
 
-    for role in (Role.OUTER_PERIMETER, Role.INNER_PERIMETER):
+    for role in (Role.EXTERNAL_PERIMETER, Role.PERIMETER):
         for layer in (3, 8):
             old, new = (
                 shapely.union_all(

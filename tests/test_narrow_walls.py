@@ -135,7 +135,7 @@ def test_ring_walls_of_any_thickness_get_the_plastic_of_their_volume(
     outline = sections.solid.ring_length().sum()
     held, area = plastic(walls)[0] + walls.inside.area()[0], sections.solid.area()[0]
     # Outside, the round sides of the beads leave open what inner ones fill, where there are any.
-    sides = 0.0 if (walls.paths.role == Role.INNER_PERIMETER).any() else outline * bead.side_loss(height)
+    sides = 0.0 if (walls.paths.role == Role.PERIMETER).any() else outline * bead.side_loss(height)
     assert held == pytest.approx(area - sides, rel=0.01)
     assert walls.paths.closed.all()
 
@@ -176,7 +176,7 @@ def test_a_letter_of_one_stroke_is_one_line_and_closed_if_the_letter_is() -> Non
     paths = lay_walls(sections, plain(perimeters=2)).paths
 
     assert paths.closed.tolist() == [True, False]
-    assert paths.role.tolist() == [Role.OUTER_PERIMETER] * 2
+    assert paths.role.tolist() == [Role.EXTERNAL_PERIMETER] * 2
     # Around the corners of the O the wall is thicker.
     assert paths.width.min() == pytest.approx(0.4, abs=1e-3)
     assert paths.width.max() < 0.48
@@ -318,7 +318,7 @@ def test_wide_parts_have_the_loops_they_had() -> None:
     walls = lay_walls(stack([box(0, 0, 10, 10)]), plain(perimeters=2))
 
     paths = walls.paths
-    outer = np.repeat(paths.role == Role.OUTER_PERIMETER, np.diff(paths.start))
+    outer = np.repeat(paths.role == Role.EXTERNAL_PERIMETER, np.diff(paths.start))
     assert (paths.width[outer] == WIDTH).all()
     assert len(set(paths.width[~outer].tolist())) == 1
     assert np.diff(walls.paths.start).tolist() == [4, 4]
@@ -379,7 +379,7 @@ LOBE = [
 def test_a_lobe_on_a_narrow_neck_takes_no_loop_from_what_it_stands_on() -> None:
     """A corner of the loop in the block touches what leads into the neck; the whole loop was taken for narrow."""
     walls = lay_walls(stack([np.array(LOBE)], height=0.25), plain(perimeters=2))
-    inner = walls.paths.length()[walls.paths.role == Role.INNER_PERIMETER]
+    inner = walls.paths.length()[walls.paths.role == Role.PERIMETER]
 
     assert inner.max(initial=0.0) == pytest.approx(2 * (13.8 + 11.6 - 4 * 0.65), abs=1.0)
 
@@ -526,11 +526,11 @@ def test_layers_do_not_know_each_other() -> None:
 def test_a_strip_is_filled_with_one_bead_and_the_rest_is_given_back() -> None:
     strip = np.array([[0, 0], [10, 0], [10, 3], [7, 3], [7, 0.5], [0, 0.5]])
     sections = stack([strip])
-    made = fill_narrow(sections.solid, sections.plan, plain(), role=Role.SOLID)
+    made = fill_narrow(sections.solid, sections.plan, plain(), role=Role.SOLID_INFILL)
     paths, rest = made.paths, made.rest
 
     assert paths.n_paths == 1
-    assert paths.role[0] == Role.SOLID
+    assert paths.role[0] == Role.SOLID_INFILL
     assert paths.width.min() == pytest.approx(0.5 + 0.2 * (1 - np.pi / 4), abs=0.01)
     assert rest.area()[0] == pytest.approx(9, abs=0.3)
 

@@ -56,7 +56,7 @@ def test_layers_are_printed_in_the_order_of_their_tops(stages: Stages) -> None:
 @pytest.mark.parametrize("k", [0, 1])
 def test_each_object_has_the_heights_and_tops_of_its_own_plan(stages: Stages, k: int) -> None:
     own, paths = of_object(stages, k), stages.toolpaths
-    walls = own[np.isin(paths.role[own], (Role.OUTER_PERIMETER, Role.INNER_PERIMETER, Role.SOLID))]
+    walls = own[np.isin(paths.role[own], (Role.EXTERNAL_PERIMETER, Role.PERIMETER, Role.SOLID_INFILL))]
 
     assert np.unique(paths.z_top[own].round(6)) == pytest.approx(PLANS[k].top)
     assert paths.height[walls] == pytest.approx(np.full(len(walls), PLANS[k].height[0]))

@@ -36,7 +36,7 @@ from tests.parts import (
     two_boxes,
 )
 
-PERIMETERS = (Role.INNER_PERIMETER, Role.OUTER_PERIMETER)
+PERIMETERS = (Role.PERIMETER, Role.EXTERNAL_PERIMETER)
 
 
 @cache
@@ -151,9 +151,9 @@ def test_within_an_island_perimeters_come_before_infill_or_after_it(mesh: Mesh, 
     for layer in range(8):
         for island in {owner for owner, _ in islands(sections, after, layer)}:
             roles = [role for owner, role in islands(sections, after, layer) if owner == island]
-            kinds = [role in PERIMETERS for role in roles if role < Role.TOP_SKIN]
+            kinds = [role in PERIMETERS for role in roles if role < Role.TOP_SOLID_INFILL]
             assert kinds == sorted(kinds, reverse=not infill_first)
-            late = [role for role in roles if role >= Role.TOP_SKIN]
+            late = [role for role in roles if role >= Role.TOP_SOLID_INFILL]
             assert roles[len(roles) - len(late) :] == late == sorted(late)
 
 
@@ -164,8 +164,8 @@ def test_an_outer_loop_follows_the_inner_ones_beside_it_or_leads_them(mesh: Mesh
     loops = np.flatnonzero(after.closed & np.isin(after.role, PERIMETERS))
     rings = {i: shapely.linearrings(after.path(i)) for i in loops.tolist() if len(after.path(i)) > 2}
     pairs = 0
-    for outer in (i for i in rings if after.role[i] == Role.OUTER_PERIMETER):
-        for inner in (i for i in rings if after.role[i] == Role.INNER_PERIMETER):
+    for outer in (i for i in rings if after.role[i] == Role.EXTERNAL_PERIMETER):
+        for inner in (i for i in rings if after.role[i] == Role.PERIMETER):
             if after.layer[inner] == after.layer[outer] and rings[inner].distance(rings[outer]) < 0.5:
                 pairs += 1
                 assert (inner < outer) != outer_first
@@ -176,7 +176,7 @@ def test_deeper_loops_are_printed_before_the_outer_one() -> None:
     _, _, after = ordered(box((9, 9, 3)), plain(perimeters=4))
 
     loops = after.closed & (after.layer == 3)
-    assert after.role[loops].tolist() == [Role.INNER_PERIMETER] * 3 + [Role.OUTER_PERIMETER]
+    assert after.role[loops].tolist() == [Role.PERIMETER] * 3 + [Role.EXTERNAL_PERIMETER]
 
 
 def travel(paths: Toolpaths) -> float:
@@ -203,7 +203,7 @@ def test_a_long_line_that_ends_far_off_is_broken_where_the_nozzle_passes() -> No
         xy=np.concatenate([loop, line, loop + 0.5]),
         size=np.array([4, 5, 4]),
         layer=np.zeros(3, np.int64),
-        role=np.array([Role.OUTER_PERIMETER, Role.SPARSE, Role.TOP_SKIN]),
+        role=np.array([Role.EXTERNAL_PERIMETER, Role.INTERNAL_INFILL, Role.TOP_SOLID_INFILL]),
         width=np.full(3, 0.4),
         closed=np.array([True, False, True]),
     )
@@ -227,7 +227,7 @@ def test_infill_that_ends_where_it_begins_is_entered_beside_the_seam() -> None:
         xy=np.concatenate([outer, round_trip]),
         size=np.array([4, 5]),
         layer=np.zeros(2, np.int64),
-        role=np.array([Role.OUTER_PERIMETER, Role.SPARSE]),
+        role=np.array([Role.EXTERNAL_PERIMETER, Role.INTERNAL_INFILL]),
         width=np.full(2, 0.4),
         closed=np.array([True, False]),
     )
@@ -242,7 +242,7 @@ def test_infill_that_ends_where_it_begins_is_entered_beside_the_seam() -> None:
 
 
 def begins(paths: Toolpaths) -> Float:
-    outer = np.flatnonzero(paths.role == Role.OUTER_PERIMETER)
+    outer = np.flatnonzero(paths.role == Role.EXTERNAL_PERIMETER)
     return paths.xy[paths.start[outer]]
 
 
@@ -289,7 +289,7 @@ def test_staggered_inner_seams_lie_beside_the_outer_one_to_and_fro() -> None:
     wanted = plain(seam="aligned", perimeters=2, staggered_inner_seams=True)
     _, _, after = ordered(box((30, 20, 3)), wanted)
 
-    inner = np.flatnonzero(after.closed & (after.role == Role.INNER_PERIMETER))
+    inner = np.flatnonzero(after.closed & (after.role == Role.PERIMETER))
     gap = after.xy[after.start[inner]] - begins(after)
     assert (np.hypot(*gap.T) > 1.0).all()
     assert np.hypot(*(gap[::2] - gap[1::2]).T).min() > 1.5
@@ -300,7 +300,7 @@ def test_seams_in_a_direction_lie_on_that_side(angle: float) -> None:
     _, _, after = ordered(sphere(6), plain(seam="direction", seam_angle_deg=angle), 24)
 
     toward = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-    outer = np.flatnonzero(after.closed & (after.role == Role.OUTER_PERIMETER))
+    outer = np.flatnonzero(after.closed & (after.role == Role.EXTERNAL_PERIMETER))
     for path in outer.tolist():
         ring = after.path(path) @ toward
         assert ring[0] > ring.min() + 0.9 * np.ptp(ring)
@@ -329,7 +329,7 @@ def test_aligned_seams_of_two_islands_stay_on_their_islands() -> None:
 def test_a_nearest_seam_is_the_point_nearest_to_where_the_nozzle_was() -> None:
     _, _, after = ordered(box((9, 9, 3)), plain(seam="nearest", perimeters=1))
 
-    outer = np.flatnonzero(after.role == Role.OUTER_PERIMETER)
+    outer = np.flatnonzero(after.role == Role.EXTERNAL_PERIMETER)
     for path in outer[1:].tolist():
         before = after.path(path - 1)[0 if after.closed[path - 1] else -1]
         gap = np.hypot(*(after.path(path) - before).T)
@@ -353,7 +353,7 @@ def toolpaths(draw: st.DrawFn) -> tuple[Toolpaths, Sections]:
     size = rng.integers(3, 6, count)
     layer = np.sort(rng.integers(0, 3, count))
     xy = rng.integers(-2, 33, (int(size.sum()), 2)) / 1.0
-    closed = role <= Role.OUTER_PERIMETER
+    closed = role <= Role.EXTERNAL_PERIMETER
     paths = Toolpaths.gathered(
         plan, xy=xy, size=size, layer=layer, role=role, width=np.full(count, 0.4), closed=closed
     )
@@ -380,7 +380,7 @@ def test_more_paths_than_are_worth_sorting_are_all_there() -> None:
         xy=rng.uniform(0, 50, (2 * count, 2)),
         size=np.full(count, 2),
         layer=np.zeros(count, np.int64),
-        role=np.full(count, int(Role.SPARSE)),
+        role=np.full(count, int(Role.INTERNAL_INFILL)),
         width=np.full(count, 0.4),
         closed=False,
     )
@@ -402,7 +402,7 @@ def test_the_same_paths_give_the_same_order() -> None:
 def test_a_seam_between_two_points_has_a_width_between_theirs(share: float) -> None:
     plan = LayerPlan.from_tops(np.array([0.2]))
     xy, width = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]), np.array([0.4, 0.8, 0.6])
-    role, closed = np.array([Role.OUTER_PERIMETER]), np.array([True])
+    role, closed = np.array([Role.EXTERNAL_PERIMETER]), np.array([True])
     paths = Toolpaths(plan, xy, width, np.array([0, 3]), np.array([0]), role, np.array([0.2]), closed)
 
     begun = begun_at(paths, Loops.of(paths, np.array([0])), np.array([10 * share]))

@@ -111,7 +111,7 @@ def test_on_uneven_layers_the_share_follows_the_step_of_each() -> None:
     step = np.diff(plan.cut, prepend=0.0)
     _, length, carried = pieces(after)
     layer = np.repeat(after.layer, np.diff(after.start))
-    outer = np.repeat(after.role == Role.OUTER_PERIMETER, np.diff(after.start))
+    outer = np.repeat(after.role == Role.EXTERNAL_PERIMETER, np.diff(after.start))
     for k in range(1, plan.n_layers):
         here = (layer == k) & outer
         mean = float((length[here] * carried[here]).sum() / length[here].sum())
@@ -129,7 +129,7 @@ def test_a_path_turned_around_keeps_what_its_pieces_are_carried_by() -> None:
         xy=xy,
         size=np.array([5]),
         layer=np.array([0]),
-        role=np.array([Role.SPARSE]),
+        role=np.array([Role.INTERNAL_INFILL]),
         width=np.array([WIDTH]),
         closed=False,
         carried=np.array([0.1, 0.2, 0.3, 0.4, 1.0]),
@@ -165,7 +165,7 @@ def test_beads_carried_by_less_than_half_are_overhang_perimeters_and_slow() -> N
 
 def test_speed_changes_with_the_share_and_not_in_steps() -> None:
     program = mushroom()
-    speeds = program.speed[(program.role == Role.OUTER_PERIMETER) & (program.layer > 0)]
+    speeds = program.speed[(program.role == Role.EXTERNAL_PERIMETER) & (program.layer > 0)]
 
     assert len(np.unique(np.round(speeds, 1))) > 5  # grades have their own, and so has what is between
 
@@ -181,4 +181,4 @@ def test_the_fan_is_stronger_on_overhangs() -> None:
     hangs = program.role == Role.OVERHANG_PERIMETER
     assert hangs.any()
     assert (at[hangs] > 0.5).all()
-    assert at[(program.role == Role.OUTER_PERIMETER) & (program.layer > 17)] == pytest.approx(0.2)
+    assert at[(program.role == Role.EXTERNAL_PERIMETER) & (program.layer > 17)] == pytest.approx(0.2)

@@ -149,12 +149,12 @@ def test_every_loop_becomes_one_closed_path_with_role_and_width() -> None:
 
     assert paths.n_paths == 6 * 3 * 2
     assert paths.closed.all()
-    outer = np.repeat(paths.role == Role.OUTER_PERIMETER, np.diff(paths.start))
+    outer = np.repeat(paths.role == Role.EXTERNAL_PERIMETER, np.diff(paths.start))
     assert (paths.width[outer] == 0.45).all()
     # Inner ones hold what the round sides of the outer ones leave empty.
     assert (paths.width[~outer] > 0.45).all()
     assert (paths.width[~outer] < 0.45 * 1.1).all()
-    assert np.bincount(paths.role)[[Role.INNER_PERIMETER, Role.OUTER_PERIMETER]].tolist() == [24, 12]
+    assert np.bincount(paths.role)[[Role.PERIMETER, Role.EXTERNAL_PERIMETER]].tolist() == [24, 12]
     assert (np.diff(paths.layer) >= 0).all()
 
 
@@ -164,7 +164,7 @@ def test_deeper_loops_come_first_within_a_layer() -> None:
     for layer in range(6):
         roles = paths.role[paths.layer == layer].tolist()
         lengths = [np.ptp(paths.path(i), axis=0).sum() for i in np.flatnonzero(paths.layer == layer).tolist()]
-        assert roles == [Role.INNER_PERIMETER, Role.INNER_PERIMETER, Role.OUTER_PERIMETER]
+        assert roles == [Role.PERIMETER, Role.PERIMETER, Role.EXTERNAL_PERIMETER]
         assert lengths == sorted(lengths)
 
 
@@ -214,9 +214,9 @@ def test_only_the_outer_perimeter_goes_around_a_top_surface() -> None:
 
     for layer in range(10):
         roles = single.paths.role[single.paths.layer == layer]
-        assert (roles == Role.OUTER_PERIMETER).sum() == 1
+        assert (roles == Role.EXTERNAL_PERIMETER).sum() == 1
         # The step keeps inner ones around what goes on above; the last layer has none.
-        assert (roles == Role.INNER_PERIMETER).sum() == (0 if layer == 9 else 2)
+        assert (roles == Role.PERIMETER).sum() == (0 if layer == 9 else 2)
     gap = bead.spacing(0.45, 0.2)
     wider = single.inside.area() - usual.inside.area()
     assert (wider > 1).tolist() == [layer in {4, 9} for layer in range(10)]

@@ -135,7 +135,7 @@ def test_sparse_parts_take_between_shell_and_solid() -> None:
 def test_sparse_density_is_the_share_of_the_sparse_area(pattern: str, density: float) -> None:
     wanted = plain(infill=pattern, infill_density=density, layer_height=0.25, first_layer_height=0)
     stages = slice_stages(box((80, 80, 3)), wanted)
-    sparse = stages.program.role == Role.SPARSE
+    sparse = stages.program.role == Role.INTERNAL_INFILL
 
     fed = float(stages.program.filament[sparse].sum()) * pi * 1.75**2 / 4
     room = float(stages.regions.sparse.area() @ stages.program.plan.height)

@@ -59,7 +59,9 @@ def sparse_share(stages: Stages, z: tuple[float, float], *, right: bool | None =
         middle = np.add.reduceat(sparse.xy[:, 0], sparse.ring_start[:-1])
         sparse = sparse.select((middle > 0) == right)
     here = (plan.top > z[0] + 1e-6) & (plan.top <= z[1] + 1e-6)
-    return volume(stages, Role.SPARSE, z=z, right=right) / float((sparse.area() * plan.height)[here].sum())
+    return volume(stages, Role.INTERNAL_INFILL, z=z, right=right) / float(
+        (sparse.area() * plan.height)[here].sum()
+    )
 
 
 # Heights
@@ -93,7 +95,7 @@ def test_the_perimeters_of_heights_are_as_many_as_they_ask(count: int) -> None:
     stages = sliced(TALL, overrides=f"4:8:perimeters={count}")
     paths, plan = stages.toolpaths, stages.sections.plan
     loops = np.bincount(
-        paths.layer[np.isin(paths.role, [Role.OUTER_PERIMETER, Role.INNER_PERIMETER])],
+        paths.layer[np.isin(paths.role, [Role.EXTERNAL_PERIMETER, Role.PERIMETER])],
         minlength=plan.n_layers,
     )
     within = (plan.bottom >= 4 - 1e-6) & (plan.top <= 8 + 1e-6)
@@ -110,7 +112,7 @@ def test_a_pattern_of_heights_is_theirs_alone() -> None:
         return [
             paths.path(i).tolist()
             for i in np.flatnonzero(
-                (paths.role == Role.SPARSE) & (top[paths.layer] > low) & (top[paths.layer] < high)
+                (paths.role == Role.INTERNAL_INFILL) & (top[paths.layer] > low) & (top[paths.layer] < high)
             )
         ]
 
@@ -122,7 +124,7 @@ def test_a_pattern_of_heights_is_theirs_alone() -> None:
 def test_speeds_and_accelerations_of_heights_are_theirs_alone() -> None:
     changes = "4:8:speeds.outer_perimeter=11; 4:8:accelerations.outer_perimeter=123"
     program = sliced(TALL, overrides=changes).program
-    outer, top = program.role == Role.OUTER_PERIMETER, program.plan.top[program.layer]
+    outer, top = program.role == Role.EXTERNAL_PERIMETER, program.plan.top[program.layer]
     within = (top > 4.01) & (top < 8.01)
 
     assert set(program.speed[outer & within].tolist()) == {11.0}
@@ -165,7 +167,7 @@ def test_sparse_infill_does_not_begin_over_what_is_hollow() -> None:
     plan, regions = stages.sections.plan, stages.regions
     first = int(np.searchsorted(plan.bottom, 5 - 1e-6))
 
-    assert volume(stages, Role.SPARSE, z=(0, 5)) == 0
+    assert volume(stages, Role.INTERNAL_INFILL, z=(0, 5)) == 0
     assert regions.sparse.area()[first] == 0
     assert regions.bridge.area()[first] > 0.8 * (SIDE - 2) ** 2
     assert regions.sparse.area()[first + 4] > 0.5 * SIDE**2
@@ -187,7 +189,7 @@ def test_later_heights_win_where_several_overlap() -> None:
 def test_thick_beads_end_where_heights_do() -> None:
     stages = sliced(TALL, layer_height=0.1, sparse_every=0.3, overrides="4.1:8:infill_density=0.3")
     paths, top = stages.toolpaths, stages.sections.plan.top
-    sparse = paths.role == Role.SPARSE
+    sparse = paths.role == Role.INTERNAL_INFILL
     low = top[paths.layer[sparse]] - paths.height[sparse]
 
     assert (paths.height[sparse] > 0.25).any()
@@ -211,7 +213,7 @@ def test_each_object_has_its_own_infill_and_perimeters_on_one_plan() -> None:
 
     assert sparse_share(stages, (1, 5), right=False) == pytest.approx(0.4, rel=0.1)
     assert sparse_share(stages, (1, 5), right=True) == pytest.approx(0.15, rel=0.1)
-    inner = Role.INNER_PERIMETER
+    inner = Role.PERIMETER
     assert volume(stages, inner, right=False) > 1.8 * volume(usual, inner, right=False)
     assert volume(stages, inner, right=True) == pytest.approx(volume(usual, inner, right=True), rel=0.01)
     assert stages.sections.plan.top.tolist() == usual.sections.plan.top.tolist()
@@ -236,7 +238,7 @@ def test_speed_and_flow_of_an_object_are_its_alone() -> None:
     stages = sliced(PLATE, overrides="lid:speeds.sparse=22; lid:flow_ratio=0.9")
     usual = sliced(PLATE)
     program = stages.program
-    sparse = (program.role == Role.SPARSE) & (program.layer > 0)
+    sparse = (program.role == Role.INTERNAL_INFILL) & (program.layer > 0)
     left = program.xyz[:, 0] < 0
 
     assert set(program.speed[sparse & left].tolist()) == {22.0}
@@ -264,7 +266,7 @@ def test_objects_of_one_name_are_meant_together_or_by_number() -> None:
     twins = things(box((10, 10, 3)), box((10, 10, 3), (20, 0, 0)), names=("lid", "lid"))
     both, second = (sliced(twins, overrides=f"{name}:perimeters=4") for name in ("lid", "lid_2"))
 
-    inner = Role.INNER_PERIMETER
+    inner = Role.PERIMETER
     assert volume(both, inner, right=False) == pytest.approx(volume(both, inner, right=True))
     assert volume(second, inner, right=True) > 1.8 * volume(second, inner, right=False)
 

@@ -28,7 +28,9 @@ def test_rows_name_settings_that_there_are() -> None:
 
 
 def test_questions_are_answered_for_whole_arrays() -> None:
-    roles = np.array([Role.TRAVEL, Role.SKIRT, Role.SPARSE, Role.TOP_SKIN, Role.INTERNAL_BRIDGE])
+    roles = np.array(
+        [Role.TRAVEL, Role.SKIRT, Role.INTERNAL_INFILL, Role.TOP_SOLID_INFILL, Role.INTERNAL_BRIDGE]
+    )
 
     assert roles_with(is_part=True)[roles].tolist() == [False, False, True, True, True]
     assert roles_with(is_infill=True)[roles].tolist() == [False, False, True, True, False]
@@ -45,10 +47,10 @@ def test_questions_are_answered_for_whole_arrays() -> None:
 def test_what_comments_say_is_read_back_as_the_same_kind_of_extrusion() -> None:
     purposes = [Purpose(purpose) for purpose in purposes_of_roles(np.arange(len(Role))).tolist()]
 
-    assert purposes[Role.OUTER_PERIMETER] == Purpose.OUTER_PERIMETER
-    assert purposes[Role.OVERHANG_PERIMETER] == Purpose.OVERHANG
-    assert purposes[Role.RAFT] == Purpose.SUPPORT
-    assert {role for role in Role if purposes[role] == Purpose.BESIDE} == {Role.SKIRT, Role.BRIM}
+    assert purposes[Role.EXTERNAL_PERIMETER] == Purpose.EXTERNAL_PERIMETER
+    assert purposes[Role.OVERHANG_PERIMETER] == Purpose.OVERHANG_PERIMETER
+    assert purposes[Role.RAFT] == Purpose.SUPPORT_MATERIAL
+    assert {role for role in Role if purposes[role] == Purpose.SKIRT} == {Role.SKIRT, Role.BRIM}
     assert {role for role in Role if purposes[role] == Purpose.UNKNOWN} == {Role.TRAVEL}
 
 

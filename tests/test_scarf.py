@@ -26,7 +26,7 @@ def loops(points: int, radius: float) -> Toolpaths:
         xy=np.concatenate([ring] * 4),
         size=np.full(4, points),
         layer=np.arange(4),
-        role=np.full(4, int(Role.OUTER_PERIMETER)),
+        role=np.full(4, int(Role.EXTERNAL_PERIMETER)),
         width=np.full(4, 0.45),
         closed=True,
     )
@@ -69,7 +69,7 @@ def test_the_plastic_of_a_part_stays_what_it_was() -> None:
     plain_seams, sloped = of_part(), of_part(scarf_length=8, scarf_start=0)
 
     assert sloped.filament_used == pytest.approx(plain_seams.filament_used, rel=1e-5)
-    outer = (sloped.role == Role.OUTER_PERIMETER) & (sloped.layer > 0)
+    outer = (sloped.role == Role.EXTERNAL_PERIMETER) & (sloped.layer > 0)
     below = sloped.plan.top[sloped.layer] - sloped.xyz[:, 2]
     assert below[outer].max() < sloped.plan.height.max()
     assert (sloped.start[outer, 2] < sloped.plan.top[sloped.layer[outer]] - 0.1).sum() >= 9
@@ -85,7 +85,7 @@ def test_the_nozzle_comes_down_where_the_slope_begins_and_not_before() -> None:
     assert (np.hypot(*way[down, :2].T) == 0).all()
     # What follows is the bead that begins there.
     following = program.role[np.flatnonzero(down) + 1]
-    assert (following == Role.OUTER_PERIMETER).all()
+    assert (following == Role.EXTERNAL_PERIMETER).all()
 
 
 def test_check_knows_slopes_for_what_they_are() -> None:
@@ -100,5 +100,5 @@ def test_check_knows_slopes_for_what_they_are() -> None:
 def test_inner_perimeters_are_sloped_when_asked() -> None:
     program = slice_stages(sphere(8), plain(scarf_length=5, scarf_inner=True)).program
 
-    inner = program.role == Role.INNER_PERIMETER
+    inner = program.role == Role.PERIMETER
     assert (program.start[inner, 2] < program.plan.top[program.layer[inner]] - 0.05).sum() > 20

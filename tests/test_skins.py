@@ -107,7 +107,7 @@ def test_sweeps_of_more_paths_than_are_worth_sorting_stay_in_order() -> None:
         xy=np.column_stack([np.tile([0.0, 5.0], count), y]),
         size=np.full(count, 2),
         layer=np.zeros(count, np.int64),
-        role=np.full(count, Role.TOP_SKIN),
+        role=np.full(count, Role.TOP_SOLID_INFILL),
         width=np.full(count, 0.4),
         closed=False,
         sweep=np.zeros(count, np.int64),

@@ -46,7 +46,7 @@ def test_above_the_bottom_the_bead_never_breaks_and_never_falls(plan: LayerPlan)
     above = turns(program)
     role = program.role[above]
     laid = np.flatnonzero(role != Role.TRAVEL)
-    assert (role[laid[0] :] == Role.OUTER_PERIMETER).all()
+    assert (role[laid[0] :] == Role.EXTERNAL_PERIMETER).all()
     z = program.xyz[above, 2][laid[0] :]
     assert (np.diff(z) >= -1e-9).all()
     assert z[-1] == pytest.approx(plan.top[-1])

@@ -78,7 +78,7 @@ def columns(paths: Toolpaths, window: CellWindow) -> Float:
 
 
 def inner_ones(paths: Toolpaths) -> Toolpaths:
-    return paths.take(np.flatnonzero(paths.role == Role.INNER_PERIMETER))
+    return paths.take(np.flatnonzero(paths.role == Role.PERIMETER))
 
 
 def is_thick(paths: Toolpaths) -> Bool:
@@ -135,7 +135,7 @@ def test_thick_beads_keep_to_their_limit_and_stand_where_every_layer_has_a_perim
     thick = after.take(np.flatnonzero(is_thick(after)))
     assert (thick.height <= min(limit, 0.32) + 1e-6).all()
     assert (thick.width >= np.repeat(thick.height, np.diff(thick.start)) - 1e-9).all()
-    assert (thick.role == Role.INNER_PERIMETER).all()
+    assert (thick.role == Role.PERIMETER).all()
     inner = inner_ones(before)
     for i, first in enumerate(first_layers(thick).tolist()):
         points = shapely.MultiPoint(thick.path(i))
@@ -249,11 +249,11 @@ def test_thick_beads_are_laid_when_the_outer_ones_of_their_layer_are_there(outsi
     )
     paths = slice_stages(box((20, 20, 4)), wanted).toolpaths
 
-    thick = is_thick(paths) & (paths.role == Role.INNER_PERIMETER)
+    thick = is_thick(paths) & (paths.role == Role.PERIMETER)
     assert thick.any()
     for layer in np.unique(paths.layer[thick]).tolist():
         here = paths.layer == layer
-        outer = np.flatnonzero(here & (paths.role == Role.OUTER_PERIMETER))
+        outer = np.flatnonzero(here & (paths.role == Role.EXTERNAL_PERIMETER))
         assert outer.max() < np.flatnonzero(here & thick).min()
         infill = np.flatnonzero(here & (paths.role > Role.OVERHANG_PERIMETER))
         assert infill.min(initial=paths.n_paths) > np.flatnonzero(here & thick).max()
@@ -269,13 +269,13 @@ def test_perimeters_and_infill_share_their_groups() -> None:
             for a, b in zip(first_layers(one).tolist(), one.layer.tolist(), strict=True)
             if b > a
         }
-        for role in (Role.INNER_PERIMETER, Role.SPARSE)
+        for role in (Role.PERIMETER, Role.INTERNAL_INFILL)
         for one in [paths.take(np.flatnonzero(paths.role == role))]
     }
-    assert len(spans[Role.SPARSE]) > 8
+    assert len(spans[Role.INTERNAL_INFILL]) > 8
     # A perimeter that is seen from above, or that a bridge ends on, is on its own; else groups do not overlap.
-    for a, b in spans[Role.SPARSE] - spans[Role.INNER_PERIMETER]:
-        assert all(b < c or d < a for c, d in spans[Role.INNER_PERIMETER])
+    for a, b in spans[Role.INTERNAL_INFILL] - spans[Role.PERIMETER]:
+        assert all(b < c or d < a for c, d in spans[Role.PERIMETER])
 
 
 @given(
@@ -294,7 +294,7 @@ def test_what_is_cut_out_of_a_path_and_what_is_left_make_up_the_path(
         xy=xy + 1e-3 * np.arange(len(xy))[:, None],
         size=np.array([len(xy)]),
         layer=np.array([1]),
-        role=np.array([Role.INNER_PERIMETER]),
+        role=np.array([Role.PERIMETER]),
         width=np.array([width / 10 for _, _, width in points]),
         closed=closed,
     )

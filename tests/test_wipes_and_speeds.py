@@ -123,7 +123,7 @@ def test_small_holes_are_slower_and_the_outside_is_not() -> None:
     wanted = plain(quality__speeds__small_perimeter=11, quality__speeds__small_perimeter_radius=3)
     program = program_of(wanted, box_with_hole((20, 20, 1.7), (4.0, 4.0)))
 
-    outer = (program.role == Role.OUTER_PERIMETER) & (program.layer > 0)
+    outer = (program.role == Role.EXTERNAL_PERIMETER) & (program.layer > 0)
     inside = (np.abs(program.xyz[:, :2] - program.xyz[outer, :2].mean(axis=0)) < 4).all(axis=1)
     assert program.speed[outer & inside] == pytest.approx(11)
     assert program.speed[outer & ~inside] == pytest.approx(wanted.speeds.outer_perimeter)
@@ -134,14 +134,14 @@ def test_speeds_grow_from_the_first_layer_up() -> None:
     program = program_of(wanted)
     low, high = wanted.speeds.first_layer, wanted.speeds.outer_perimeter
 
-    speeds = speed_of(program, Role.OUTER_PERIMETER)
+    speeds = speed_of(program, Role.EXTERNAL_PERIMETER)
     share = np.clip((UNEVEN.top - 0.3) / (1.3 - 0.3), 0, 1)
     assert speeds == pytest.approx(low + share * (high - low))
 
 
 def test_an_even_flow_slows_thick_layers_and_hurries_thin_ones_within_a_factor() -> None:
     wanted = plain(quality__speeds__even_flow_ratio=1, quality__speeds__even_flow_most=1.5)
-    speeds = speed_of(program_of(wanted), Role.OUTER_PERIMETER)
+    speeds = speed_of(program_of(wanted), Role.EXTERNAL_PERIMETER)
 
     assert speeds[1:] == pytest.approx(
         wanted.speeds.outer_perimeter * np.clip(0.2 / UNEVEN.height[1:], 1 / 1.5, 1.5)
@@ -176,9 +176,11 @@ def test_what_is_hidden_is_slowed_down_before_what_is_seen() -> None:
 
     assert np.array_equal(slow.xyz, quick.xyz)
     changed = slow.speed < quick.speed - 1e-9
-    hidden = np.isin(quick.role, [Role.INNER_PERIMETER, Role.SPARSE, Role.SOLID, Role.BOTTOM_SKIN])
+    hidden = np.isin(
+        quick.role, [Role.PERIMETER, Role.INTERNAL_INFILL, Role.SOLID_INFILL, Role.BOTTOM_SOLID_INFILL]
+    )
     assert changed[hidden & (quick.layer == 4)].any()
-    assert not changed[(quick.role == Role.OUTER_PERIMETER) & (quick.layer == 4)].any()
+    assert not changed[(quick.role == Role.EXTERNAL_PERIMETER) & (quick.layer == 4)].any()
 
 
 def test_when_that_is_not_enough_everything_is_slowed_down() -> None:
@@ -205,9 +207,13 @@ def test_every_role_has_its_acceleration_and_the_time_follows(printer: str) -> N
     value = np.array([event.value for event in events])[at]
     above, beads = slow.layer > 0, slow.role != Role.TRAVEL
     assert (value[beads & ~above] == 200).all()
-    for role, expected in ((Role.OUTER_PERIMETER, 300), (Role.INNER_PERIMETER, 400), (Role.SPARSE, 450)):
+    for role, expected in (
+        (Role.EXTERNAL_PERIMETER, 300),
+        (Role.PERIMETER, 400),
+        (Role.INTERNAL_INFILL, 450),
+    ):
         assert (value[above & (slow.role == role)] == expected).all()
-    assert (value[slow.role == Role.SOLID] == wanted.printer.acceleration).all()
+    assert (value[slow.role == Role.SOLID_INFILL] == wanted.printer.acceleration).all()
     assert move_seconds(slow, wanted).sum() > 1.02 * move_seconds(quick, usual).sum()
     # What other programs read from the file takes as long.
     beads_only = profile(printer, **{"min_layer_time": 0, "start_gcode": "", "end_gcode": ""} | changes)

@@ -198,7 +198,7 @@ def _time(verdict: Verdict) -> str:
 
 def _roles(account: Deposition) -> list[str]:
     """Time by what it is for, the longest first."""
-    times = {**account.by_role, "travel": account.travel, "extruder alone": account.extruder}
+    times = {**account.by_role, "Travel": account.travel, "Retraction": account.extruder}
     ordered = sorted(times.items(), key=lambda one: -one[1])
     return [f"{name} {format_duration(seconds)}" for name, seconds in ordered if seconds >= _WORTH]
 

@@ -11,7 +11,7 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Box, Line, Picture, Shape, Text, text_width
 from printer_slicer.drawing.colours import ROLE_COLOURS
 from printer_slicer.model import Program
-from printer_slicer.roles import Role
+from printer_slicer.roles import ROLES, Role
 
 __all__ = ["draw_layer", "layer_picture"]
 
@@ -73,7 +73,7 @@ def _legend(role: Int, wide: float) -> tuple[list[Shape], float]:
     x, y = 8.0, float(_HEAD)
     roles = [Role(number) for number in np.unique(role).tolist() if number != Role.TRAVEL]
     for one in roles:
-        name = one.name.lower().replace("_", " ")
+        name = ROLES[one].type_comment
         needs = 40 + text_width(name, _LETTERS)
         if x + needs > wide and x > 8:
             x, y = 8.0, y + _ROW

@@ -26,13 +26,14 @@ _CLOSE: Final = 8.0  # mm that a close-up shows, or a third of the layer, whatev
 _SEEN: Final = 0.85  # of a bead's width is drawn, so that neighbours stay apart
 _INK: Final = "#222222"
 _BEAD: Final = {
-    Purpose.OUTER_PERIMETER: "#9fb4c4",
-    Purpose.INNER_PERIMETER: "#b4c5d1",
-    Purpose.OVERHANG: "#9fb4c4",
+    Purpose.EXTERNAL_PERIMETER: "#9fb4c4",
+    Purpose.PERIMETER: "#b4c5d1",
+    Purpose.OVERHANG_PERIMETER: "#9fb4c4",
     Purpose.BRIDGE: "#bcd9ea",
-    Purpose.SPARSE: "#d9dfe3",
-    Purpose.SUPPORT: "#ece6d8",
-    Purpose.BESIDE: "#ece6d8",
+    Purpose.INTERNAL_INFILL: "#d9dfe3",
+    Purpose.SUPPORT_MATERIAL: "#ece6d8",
+    Purpose.SKIRT: "#ece6d8",
+    Purpose.CUSTOM: "#ece6d8",
 }
 _OTHER: Final = "#c8d4dc"
 _UNCOVERED, _OVERLAP, _OUTSIDE, _AIR = "#d7191c", "#f28e00", "#8e44ad", "#0050d8"

@@ -31,16 +31,18 @@ _INK, _TRAVEL, _EMPTY, _OUTLINE, _PAPER = "#222222", "#c2188b", "#ffe3d0", "#000
 _BEYOND: Final = 4.0  # px outside of the drawing where its section ends
 _DASH: Final = (4.0, 3.0)  # px
 _COLOURS: Final = {
-    Purpose.OUTER_PERIMETER: ROLE_COLOURS[Role.OUTER_PERIMETER],
-    Purpose.INNER_PERIMETER: ROLE_COLOURS[Role.INNER_PERIMETER],
-    Purpose.OVERHANG: ROLE_COLOURS[Role.OVERHANG_PERIMETER],
-    Purpose.SKIN: ROLE_COLOURS[Role.SOLID],
+    Purpose.EXTERNAL_PERIMETER: ROLE_COLOURS[Role.EXTERNAL_PERIMETER],
+    Purpose.PERIMETER: ROLE_COLOURS[Role.PERIMETER],
+    Purpose.OVERHANG_PERIMETER: ROLE_COLOURS[Role.OVERHANG_PERIMETER],
+    Purpose.SOLID_INFILL: ROLE_COLOURS[Role.SOLID_INFILL],
     Purpose.BRIDGE: ROLE_COLOURS[Role.BRIDGE],
-    Purpose.SPARSE: ROLE_COLOURS[Role.SPARSE],
-    Purpose.GAP: ROLE_COLOURS[Role.BOTTOM_SKIN],
+    Purpose.INTERNAL_INFILL: ROLE_COLOURS[Role.INTERNAL_INFILL],
+    Purpose.GAP_FILL: ROLE_COLOURS[Role.BOTTOM_SOLID_INFILL],
     Purpose.IRONING: ROLE_COLOURS[Role.IRONING],
-    Purpose.SUPPORT: ROLE_COLOURS[Role.RAFT],
-    Purpose.BESIDE: ROLE_COLOURS[Role.SKIRT],
+    Purpose.SUPPORT_MATERIAL: ROLE_COLOURS[Role.RAFT],
+    Purpose.SKIRT: ROLE_COLOURS[Role.SKIRT],
+    Purpose.CUSTOM: ROLE_COLOURS[Role.SKIRT],
+    Purpose.TOP_SOLID_INFILL: ROLE_COLOURS[Role.TOP_SOLID_INFILL],
 }
 _OTHER: Final = "#4477aa"
 _LIGHT: Final = 0.25  # of white is added to the colours, so that dark ones keep an edge
@@ -181,16 +183,14 @@ def _cut_section(view: View, frame: _Frame) -> list[Float]:
 def _colours(sheet: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
     """(B,) the kind of each bead, and name and colour of each kind, in the order of their colours.
 
-    A kind is what the file calls by one name; the names of a purpose share its colour, but for top skins.
+    A kind is what the file calls by one name; the names of a purpose share its colour.
     """
     pairs = np.stack([sheet.name, sheet.beads.purpose], axis=1)
     kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
     result = []
     for index, purpose in kinds.tolist():
-        name = sheet.names[index] or Purpose(purpose).spoken
+        name = sheet.names[index] or Purpose(purpose).label
         colour = _COLOURS.get(Purpose(purpose), _OTHER)
-        if purpose == Purpose.SKIN and name.lower().startswith("top"):
-            colour = ROLE_COLOURS[Role.TOP_SKIN]
         name = name.replace("_", " ").capitalize()
         result.append((name, mixed(colour, "#ffffff", _LIGHT)))
     return kind.ravel(), result

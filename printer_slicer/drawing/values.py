@@ -33,12 +33,12 @@ _SEEN: Final = 0.92  # of a bead's width is drawn, so that neighbours stay apart
 _STEP: Final = 0.05  # mm: beads whose widths differ by less are drawn as one
 _SOFT, _OUTLINE, _TRAVEL = "#5b6472", "#222222", "#c2188b"
 _REGIONS: Final = {
-    "bottom_skin": ROLE_COLOURS[Role.BOTTOM_SKIN],
+    "bottom_skin": ROLE_COLOURS[Role.BOTTOM_SOLID_INFILL],
     "bridge": ROLE_COLOURS[Role.BRIDGE],
     "internal_bridge": ROLE_COLOURS[Role.INTERNAL_BRIDGE],
-    "top_skin": ROLE_COLOURS[Role.TOP_SKIN],
-    "solid": ROLE_COLOURS[Role.SOLID],
-    "sparse": ROLE_COLOURS[Role.SPARSE],
+    "top_skin": ROLE_COLOURS[Role.TOP_SOLID_INFILL],
+    "solid": ROLE_COLOURS[Role.SOLID_INFILL],
+    "sparse": ROLE_COLOURS[Role.INTERNAL_INFILL],
 }
 
 

@@ -128,7 +128,7 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     """(M,) mm/s that paths are laid at where they are carried."""
     speeds = profile.speeds
     wanted = _of_roles(speeds)[paths.role]
-    single = (paths.role == Role.INNER_PERIMETER) & ~paths.closed
+    single = (paths.role == Role.PERIMETER) & ~paths.closed
     wanted = np.where(single, speeds.gap, wanted)
     if speeds.small_perimeter:
         small = is_perimeter(paths.role) & paths.closed

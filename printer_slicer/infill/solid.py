@@ -26,7 +26,7 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     parts = _bridges(regions, profile) + _internal_bridges(regions, profile)
     even, others = strip_paths(regions, pieces_of(regions.solid), profile)
     pieces, which = Pieces.joined([pieces_of(regions.bottom_skin), others, pieces_of(regions.top_skin)])
-    role = np.array([Role.BOTTOM_SKIN, Role.SOLID, Role.TOP_SKIN])[which]
+    role = np.array([Role.BOTTOM_SOLID_INFILL, Role.SOLID_INFILL, Role.TOP_SOLID_INFILL])[which]
     along, left = along_narrow(plan, pieces, role, profile)
     across = pieces.take(left)
     beads = _usual(plan, across, role[left], turned[across.layer], profile)

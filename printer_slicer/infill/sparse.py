@@ -222,7 +222,7 @@ def _toolpaths(task: Task, lines: Polylines, across: Float) -> Toolpaths:
         xy=lines.xy,
         size=lines.size,
         layer=task.layer[entry],
-        role=np.full(len(entry), Role.SPARSE),
+        role=np.full(len(entry), Role.INTERNAL_INFILL),
         width=width[entry],
         closed=lines.closed,
         height=task.height[entry],

@@ -103,7 +103,7 @@ def _filled(plan: LayerPlan, strips: Pieces, lines: _Lines, gap: Float) -> tuple
         xy=xy.compress(np.repeat(kept, size), axis=0),
         size=size[kept],
         layer=layer,
-        role=np.full(len(layer), Role.SOLID),
+        role=np.full(len(layer), Role.SOLID_INFILL),
         width=wide[piece[kept]],
         closed=False,
     )

@@ -24,7 +24,7 @@ def scarfed(paths: Toolpaths, profile: Profile) -> Toolpaths:
     quality = profile.quality
     if not quality.scarf_length:
         return paths
-    roles = [Role.OUTER_PERIMETER, *([Role.INNER_PERIMETER] if quality.scarf_inner else [])]
+    roles = [Role.EXTERNAL_PERIMETER, *([Role.PERIMETER] if quality.scarf_inner else [])]
     loops = Loops.of(paths, np.flatnonzero(paths.closed & np.isin(paths.role, roles) & (paths.layer > 0)))
     long = np.flatnonzero(loops.length > 2 * quality.scarf_length)
     if not len(long):

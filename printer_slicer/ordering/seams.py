@@ -18,7 +18,7 @@ _SEED = 20_181
 
 def outer_loops(paths: Toolpaths) -> Int:
     """The outer perimeters that are loops."""
-    return np.flatnonzero(paths.closed & (paths.role == Role.OUTER_PERIMETER))
+    return np.flatnonzero(paths.closed & (paths.role == Role.EXTERNAL_PERIMETER))
 
 
 def with_seams(paths: Toolpaths, profile: Profile) -> Toolpaths:

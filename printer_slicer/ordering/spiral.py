@@ -47,7 +47,7 @@ def turns_of_spiral(paths: Toolpaths, profile: Profile) -> Toolpaths:
         PartError: a layer above the bottom has no outline, or several.
     """
     first = _first_turn(paths, profile)
-    outer = paths.closed & (paths.role == Role.OUTER_PERIMETER) & (paths.layer >= first)
+    outer = paths.closed & (paths.role == Role.EXTERNAL_PERIMETER) & (paths.layer >= first)
     n_loops = np.bincount(paths.layer[outer], minlength=paths.plan.n_layers)[first:]
     wrong = np.flatnonzero(n_loops != 1)
     # The tip of a part may be too thin for any bead; there the spiral ends.
@@ -72,7 +72,7 @@ def spiralled(paths: Toolpaths, profile: Profile) -> Toolpaths:
     paths = _begun_above_each_other(paths, chosen)
     loops = Loops.of(paths, chosen)
     below = np.flatnonzero(paths.layer == first - 1)
-    base = below[paths.closed[below] & (paths.role[below] == Role.OUTER_PERIMETER)]
+    base = below[paths.closed[below] & (paths.role[below] == Role.EXTERNAL_PERIMETER)]
     turns = _turns(paths, loops, Loops.of(paths, base[:1]), profile)
     return Toolpaths.joined(paths.plan, [paths.take(np.flatnonzero(paths.layer < first)), turns])
 
@@ -120,7 +120,7 @@ def _turns(paths: Toolpaths, loops: Loops, base: Loops, profile: Profile) -> Too
         xy=xy,
         size=n + 1,
         layer=np.append(loops.layer, loops.layer[-1]),
-        role=np.full(len(n), int(Role.OUTER_PERIMETER)),
+        role=np.full(len(n), int(Role.EXTERNAL_PERIMETER)),
         width=paths.width[of_paths],
         closed=False,
         carried=paths.carried[of_paths],

@@ -49,7 +49,7 @@ class Units:
 
 def inner_loops(paths: Toolpaths) -> Int:
     """The inner perimeters that are loops and one layer high."""
-    return np.flatnonzero(paths.closed & (paths.role == Role.INNER_PERIMETER) & ~_deep(paths))
+    return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_deep(paths))
 
 
 def units_of(paths: Toolpaths, island: Int, clusters: Clusters, profile: Profile) -> Units:
@@ -96,10 +96,10 @@ def _steps(paths: Toolpaths, *, infill_first: bool) -> Int:
     # What reaches down through several layers is laid into the gap that they leave: between beads that hold it.
     of[_deep(paths)] = walls + 2
     # A bead beside the perimeters is as good as infill once they are there.
-    of[(paths.role == Role.INNER_PERIMETER) & ~paths.closed] = walls + 2 if infill_first else fill + 2
+    of[(paths.role == Role.PERIMETER) & ~paths.closed] = walls + 2 if infill_first else fill + 2
     return of
 
 
 def _deep(paths: Toolpaths) -> Bool:
     higher = paths.height > paths.plan.height[paths.layer] + _DEEPER
-    return np.asarray(higher & (paths.role == Role.INNER_PERIMETER))
+    return np.asarray(higher & (paths.role == Role.PERIMETER))

@@ -61,14 +61,14 @@ def shell(areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outerm
     narrow = fill_narrow_places(given, count, 0.0 if outermost else _SIMPLER)
     wide = areas.of_layers(~narrow.layers)
     ordinary, inside, lost = ordinary_loops(wide, width if outermost else gap, gap, loops)
-    role = Role.OUTER_PERIMETER if outermost else Role.INNER_PERIMETER
+    role = Role.EXTERNAL_PERIMETER if outermost else Role.PERIMETER
     own = np.arange(plan.n_layers)
-    paths = [_loops(plan, ordinary, width, role), _varying(plan, own, narrow, role, Role.INNER_PERIMETER)[0]]
+    paths = [_loops(plan, ordinary, width, role), _varying(plan, own, narrow, role, Role.PERIMETER)[0]]
     return Filled(Toolpaths.joined(plan, paths), inside.merge(narrow.inside), lost + narrow.lost)
 
 
 def fill_narrow(
-    areas: Areas, plan: LayerPlan, profile: Profile, *, beads: int = 1, role: Role = Role.INNER_PERIMETER
+    areas: Areas, plan: LayerPlan, profile: Profile, *, beads: int = 1, role: Role = Role.PERIMETER
 ) -> Filled:
     """Beads of varying width where areas between other beads are too narrow for anything else, and what is left.
 
@@ -131,7 +131,7 @@ def _loops(plan: LayerPlan, loops: list[Areas], width: Float, outermost: Role) -
     layer, role, widths, xy, size = [], [], [], [], []
     for depth, loop in reversed(list(enumerate(loops))):
         layer.append(loop.ring_layer)
-        role.append(np.full(loop.n_rings, Role.INNER_PERIMETER if depth else outermost))
+        role.append(np.full(loop.n_rings, Role.PERIMETER if depth else outermost))
         widths.append(width[loop.ring_layer])
         xy.append(loop.xy)
         size.append(np.diff(loop.ring_start))

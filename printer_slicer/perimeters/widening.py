@@ -30,7 +30,7 @@ def widen_inner(paths: Toolpaths, room: Float) -> Toolpaths:
     """
     if not paths.n_paths:
         return paths
-    area, inner = paths.area(), paths.role == Role.INNER_PERIMETER
+    area, inner = paths.area(), paths.role == Role.PERIMETER
     whole, own = (np.bincount(paths.layer[some], area[some], len(room)) for some in (slice(None), inner))
     missing = (room - whole) / np.maximum(own, 1e-9)
     size = np.diff(paths.start)

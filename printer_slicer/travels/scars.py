@@ -62,7 +62,7 @@ def over_top_skin(paths: Toolpaths, ways: Routes, leads_to: Int) -> Bool:
 def _scarred(paths: Toolpaths, leads_to: Int, way: Int, over: Int) -> Bool:
     """(W,) the travels that pass over a finished path, from pairs `way`, `over` (X,)."""
     result = np.zeros(len(leads_to), np.bool_)
-    ironed_yet = (paths.role[leads_to[way]] == Role.IRONING) & (paths.role[over] == Role.TOP_SKIN)
+    ironed_yet = (paths.role[leads_to[way]] == Role.IRONING) & (paths.role[over] == Role.TOP_SOLID_INFILL)
     result[way[(over < leads_to[way]) & ~ironed_yet]] = True
     return result
 

@@ -131,7 +131,7 @@ def test_lines_of_each_layer_cross_those_below_and_the_parts_first_layer_crosses
     paths = stages.toolpaths
     directions = []
     for layer in range(4):
-        role = Role.RAFT if layer < 3 else Role.BOTTOM_SKIN
+        role = Role.RAFT if layer < 3 else Role.BOTTOM_SOLID_INFILL
         chosen = np.flatnonzero((paths.layer == layer) & (paths.role == role) & ~paths.closed)
         longest = max(
             (np.diff(paths.path(i), axis=0) for i in chosen.tolist()), key=lambda d: np.abs(d).max()

@@ -51,7 +51,7 @@ def columns(task: ps.InfillTask) -> ps.Polylines:
 def sparse_volume(stages: ps.Stages) -> float:
     program = stages.program
     area = np.pi / 4 * PROFILE.material.filament_diameter**2
-    return float(program.filament[program.role == ps.Role.SPARSE].sum() * area)
+    return float(program.filament[program.role == ps.Role.INTERNAL_INFILL].sum() * area)
 
 
 # What can be done
@@ -77,7 +77,7 @@ def test_a_planner_may_name_itself_and_is_asked_by_plan_part_too() -> None:
 def test_infill_from_outside_is_cut_to_the_areas_and_has_the_density() -> None:
     stages = sliced(infill=columns)
     own, ours = sparse_volume(stages), sparse_volume(sliced())
-    sparse = stages.toolpaths.role == ps.Role.SPARSE
+    sparse = stages.toolpaths.role == ps.Role.INTERNAL_INFILL
     points = np.repeat(sparse, np.diff(stages.toolpaths.start))
     low, high = stages.part.bounds[:, :2]
 

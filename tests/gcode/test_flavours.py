@@ -133,7 +133,7 @@ def straight() -> Program:
     """A line of 5000 beads, to be printed in any time."""
     xyz = np.column_stack([np.arange(1, 5001) / 50, np.zeros(5000), np.full(5000, 0.2)])
     each = {"filament": np.full(5000, 0.01), "speed": np.full(5000, 20.0), "width": np.full(5000, 0.5)}
-    kinds = {"layer": np.zeros(5000, int), "role": np.full(5000, int(Role.SPARSE))}
+    kinds = {"layer": np.zeros(5000, int), "role": np.full(5000, int(Role.INTERNAL_INFILL))}
     plan = LayerPlan.from_tops(np.array([0.2]))
     return Program(plan, np.zeros(3), xyz, **each, **kinds, height=np.full(5000, 0.2))
 
@@ -191,7 +191,7 @@ def test_events_of_acceleration_and_pressure_advance_stand_before_their_moves(fl
         "width": np.full(3, 0.5),
         "height": np.full(3, 0.2),
     }
-    kinds = {"layer": np.zeros(3, int), "role": np.full(3, int(Role.SPARSE))}
+    kinds = {"layer": np.zeros(3, int), "role": np.full(3, int(Role.INTERNAL_INFILL))}
     program = Program(plan, np.zeros(3), xyz, **each, **kinds, events=events)
     lines = lines_of(program, wanted(flavour))
     moves = [i for i, line in enumerate(lines) if line.startswith("G1")]
@@ -362,7 +362,7 @@ def programs(draw: st.DrawFn) -> Program:
         xyz[move] = at
         share = draw(st.floats(0.01, 0.06))
         fed[move] = {"bead": share * length, "travel": 0.0, "turn": draw(st.floats(-5, 5))}[kind]
-        role[move] = Role.SPARSE if kind == "bead" else Role.TRAVEL
+        role[move] = Role.INTERNAL_INFILL if kind == "bead" else Role.TRAVEL
     beads = role != Role.TRAVEL
     speed = np.array([draw(st.floats(0.1, 500)) for _ in range(n_moves)])
     plan = LayerPlan.from_tops(np.array([0.2]))

@@ -22,7 +22,7 @@ def program(
     xyz: Float,
     filament: Sequence[float],
     speed: Sequence[float] | float = 50.0,
-    role: Sequence[int] | int = Role.SPARSE,
+    role: Sequence[int] | int = Role.INTERNAL_INFILL,
 ) -> Program:
     """Moves without layers, width and events."""
     count = len(xyz)

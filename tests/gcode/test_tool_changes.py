@@ -44,7 +44,7 @@ PROFILE = TwoExtruders(printer=PLAIN.printer, material=PLAIN.material, quality=P
 def program() -> Program:
     """A cube whose outermost perimeters come from the second extruder."""
     stages = slice_stages(box((10.0, 10.0, 2.0)), PLAIN)
-    paths = replace(stages.toolpaths, tool=np.where(stages.toolpaths.role == Role.OUTER_PERIMETER, 1, 0))
+    paths = replace(stages.toolpaths, tool=np.where(stages.toolpaths.role == Role.EXTERNAL_PERIMETER, 1, 0))
     return extrude(paths, stages.travels, PROFILE)
 
 
@@ -55,16 +55,16 @@ def test_the_tool_changes_wherever_the_paths_do(program: Program) -> None:
     assert len(at) >= 2
     assert [event.index for event in changes] == at.tolist()
     assert [event.tool for event in changes] == program.tool[at].tolist()
-    assert (program.tool[program.role == Role.OUTER_PERIMETER] == 1).all()
+    assert (program.tool[program.role == Role.EXTERNAL_PERIMETER] == 1).all()
 
 
 def test_each_extruder_feeds_its_own_filament(program: Program) -> None:
     alone = slice_stages(box((10.0, 10.0, 2.0)), PLAIN).program
-    walls = program.role == Role.OUTER_PERIMETER
+    walls = program.role == Role.EXTERNAL_PERIMETER
     ratio = (PLAIN.material.filament_diameter / THICKER) ** 2
 
     assert program.filament[walls].sum() == pytest.approx(
-        alone.filament[alone.role == Role.OUTER_PERIMETER].sum() * ratio, rel=1e-6
+        alone.filament[alone.role == Role.EXTERNAL_PERIMETER].sum() * ratio, rel=1e-6
     )
 
 

@@ -405,7 +405,7 @@ def test_beads_that_are_not_as_high_as_their_layer_say_so() -> None:
         filament=np.ones(4),
         speed=np.full(4, 20.0),
         layer=np.array([0, 0, 0, 1]),
-        role=np.full(4, int(Role.SPARSE)),
+        role=np.full(4, int(Role.INTERNAL_INFILL)),
         width=np.full(4, 0.5),
         height=np.array([0.2, 0.3, 0.2, 0.2]),
     )

@@ -21,7 +21,7 @@ __all__ = [
 
 WIDTH = 0.45
 UNEVEN = np.array([0.1, 0.42, 0.5, 0.82, 1.0, 1.32])
-SOLID_ROLES = (Role.BRIDGE, Role.BOTTOM_SKIN, Role.SOLID, Role.TOP_SKIN)
+SOLID_ROLES = (Role.BRIDGE, Role.BOTTOM_SOLID_INFILL, Role.SOLID_INFILL, Role.TOP_SOLID_INFILL)
 
 
 def rectangle(x: float, y: float, at: tuple[float, float] = (0.0, 0.0)) -> Float:
@@ -41,15 +41,15 @@ def sparse_only(rings: Sequence[Float], tops: Float = UNEVEN) -> Regions:
     return sparse_stack([rings for _ in tops], tops)
 
 
-def solid_only(rings: Sequence[Float], role: Role = Role.SOLID, tops: Float = UNEVEN) -> Regions:
+def solid_only(rings: Sequence[Float], role: Role = Role.SOLID_INFILL, tops: Float = UNEVEN) -> Regions:
     sparse = sparse_only(rings, tops)
     areas = {one: sparse.sparse if one == role else Areas.empty(len(tops)) for one in SOLID_ROLES}
     return Regions(
         sparse.plan,
-        areas[Role.BOTTOM_SKIN],
+        areas[Role.BOTTOM_SOLID_INFILL],
         areas[Role.BRIDGE],
-        areas[Role.TOP_SKIN],
-        areas[Role.SOLID],
+        areas[Role.TOP_SOLID_INFILL],
+        areas[Role.SOLID_INFILL],
         Areas.empty(len(tops)),
         np.zeros(areas[Role.BRIDGE].n_rings),
     )
@@ -102,7 +102,9 @@ def outside(stages: Stages) -> float:
     """mm of infill outside the sections."""
     paths, length = stages.toolpaths, 0.0
     for layer in range(stages.sections.plan.n_layers):
-        here = np.flatnonzero((paths.layer == layer) & np.isin(paths.role, (*SOLID_ROLES, Role.SPARSE)))
+        here = np.flatnonzero(
+            (paths.layer == layer) & np.isin(paths.role, (*SOLID_ROLES, Role.INTERNAL_INFILL))
+        )
         lines = [shapely.LineString(paths.path(int(i))) for i in here]
         section = shape(stages.sections.solid, layer)
         length += sum(float(shapely.length(shapely.difference(line, section))) for line in lines)

@@ -35,7 +35,7 @@ def grown(rings: Sequence[Sequence[Float]], tops: Float, density: float = 0.2) -
     return regions, infill_paths(regions, plain(infill_density=density, **SETTINGS))
 
 
-def branches(paths: Toolpaths, layer: int, role: Role = Role.SPARSE) -> shapely.MultiLineString:
+def branches(paths: Toolpaths, layer: int, role: Role = Role.INTERNAL_INFILL) -> shapely.MultiLineString:
     lines = np.flatnonzero((paths.layer == layer) & (paths.role == role))
     return shapely.MultiLineString([paths.path(int(i)) for i in lines])
 
@@ -129,7 +129,9 @@ def test_whole_parts_have_trees_below_their_roofs_only(mesh: Mesh) -> None:
     usual = slice_stages(mesh, plain(infill_density=0.2, infill="grid"))
 
     assert hanging(stages.regions, stages.toolpaths) < 0.5
-    sparse = [float(one.program.filament[one.program.role == Role.SPARSE].sum()) for one in (stages, usual)]
+    sparse = [
+        float(one.program.filament[one.program.role == Role.INTERNAL_INFILL].sum()) for one in (stages, usual)
+    ]
     assert 0 < sparse[0] < 0.6 * sparse[1]
 
 

@@ -43,8 +43,8 @@ def test_ends_of_all_infill_reach_a_quarter_into_the_perimeter_by_default() -> N
 def test_only_ends_reach_into_the_perimeter(pattern: str, share: float) -> None:
     stages = slice_stages(MESH, plain(infill=pattern, sparse_overlap=share, layer_height=0.2))
 
-    inner = shapely.union_all(lines(stages, Role.INNER_PERIMETER))
-    sparse = lines(stages, Role.SPARSE)
+    inner = shapely.union_all(lines(stages, Role.PERIMETER))
+    sparse = lines(stages, Role.INTERNAL_INFILL)
     nearest = min(inner.distance(line) for line in sparse)
     assert nearest == pytest.approx((1 - share) * GAP, abs=SLACK)
     # What joins the ends runs beside the perimeter; it needs a bead's length to get there.
@@ -62,7 +62,7 @@ def test_overlap_of_solid_infill_moves_ends_and_not_the_volume(share: float) -> 
     paths = stages.toolpaths
     laid = (paths.area() * paths.height).sum()
     assert laid == pytest.approx(MESH.volume, rel=0.01)
-    inner = shapely.union_all(lines(stages, Role.INNER_PERIMETER))
+    inner = shapely.union_all(lines(stages, Role.PERIMETER))
     gap = float(bead.spacing(WIDTH, 0.3))
-    ends = [shapely.Point(line.coords[k]) for line in lines(stages, Role.SOLID) for k in (0, -1)]
+    ends = [shapely.Point(line.coords[k]) for line in lines(stages, Role.SOLID_INFILL) for k in (0, -1)]
     assert min(inner.distance(end) for end in ends) <= (1 - share) * gap + 0.02

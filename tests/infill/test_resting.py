@@ -186,7 +186,7 @@ def test_sparse_lines_keep_clear_of_the_ends_of_bridges() -> None:
         role: shapely.MultiLineString(
             [paths.path(int(i)) for i in np.flatnonzero((paths.layer == 1) & (paths.role == role))]
         )
-        for role in (Role.SPARSE, Role.INTERNAL_BRIDGE)
+        for role in (Role.INTERNAL_INFILL, Role.INTERNAL_BRIDGE)
     }
-    assert not lines_of[Role.SPARSE].is_empty
-    assert lines_of[Role.SPARSE].distance(lines_of[Role.INTERNAL_BRIDGE]) > 0.5 * WIDTH
+    assert not lines_of[Role.INTERNAL_INFILL].is_empty
+    assert lines_of[Role.INTERNAL_INFILL].distance(lines_of[Role.INTERNAL_BRIDGE]) > 0.5 * WIDTH

@@ -29,9 +29,9 @@ def test_beads_over_parallel_lines_cross_them(every: float, height: float) -> No
     paths = slice_stages(box((30, 30, height)), wanted).toolpaths
 
     (bridge,) = np.unique(paths.layer[paths.role == Role.INTERNAL_BRIDGE]).tolist()
-    below = int(paths.layer[paths.role == Role.SPARSE].max())
+    below = int(paths.layer[paths.role == Role.INTERNAL_INFILL].max())
     assert below == bridge - 1
-    across = direction(paths, Role.INTERNAL_BRIDGE, bridge) @ direction(paths, Role.SPARSE, below)
+    across = direction(paths, Role.INTERNAL_BRIDGE, bridge) @ direction(paths, Role.INTERNAL_INFILL, below)
     assert abs(across) < 0.05
 
 
@@ -40,7 +40,10 @@ def test_parallel_lines_turn_from_each_bead_to_the_next_above_it(every: float) -
     wanted = plain(layer_height=0.1, first_layer_height=0.1, infill="rectilinear", sparse_every=every)
     paths = slice_stages(box((30, 30, 4.1)), wanted).toolpaths
 
-    used = np.unique(paths.layer[paths.role == Role.SPARSE]).tolist()
+    used = np.unique(paths.layer[paths.role == Role.INTERNAL_INFILL]).tolist()
     assert len(used) < 20
     for low, high in pairwise(used):
-        assert abs(direction(paths, Role.SPARSE, low) @ direction(paths, Role.SPARSE, high)) < 0.05
+        assert (
+            abs(direction(paths, Role.INTERNAL_INFILL, low) @ direction(paths, Role.INTERNAL_INFILL, high))
+            < 0.05
+        )

@@ -117,7 +117,7 @@ def test_full_density_leaves_nothing_sparse(pattern: str) -> None:
     stages = slice_stages(sphere(4), sparse_with(pattern, 1))
 
     assert stages.regions.sparse.n_rings == 0
-    assert not (stages.toolpaths.role == Role.SPARSE).any()
+    assert not (stages.toolpaths.role == Role.INTERNAL_INFILL).any()
 
 
 @patterns
@@ -175,7 +175,7 @@ def test_paths_have_a_length_and_no_point_twice(pattern: str) -> None:
         sparse_only([rectangle(20, 20), rectangle(4, 4, (8, 8))[::-1]]), sparse_with(pattern, 0.2)
     )
 
-    assert (paths.role == Role.SPARSE).all()
+    assert (paths.role == Role.INTERNAL_INFILL).all()
     assert (np.diff(paths.start) >= 2).all()
     assert (np.diff(paths.layer) >= 0).all()
     assert min(float(np.hypot(*np.diff(paths.path(i), axis=0).T).min()) for i in range(paths.n_paths)) > 0
@@ -258,8 +258,8 @@ def test_ends_reach_into_the_innermost_perimeter() -> None:
     stages = slice_stages(box_with_hole((30, 30, 4), (10, 10)), wanted)
     paths, layer = stages.toolpaths, 10
 
-    inner = np.flatnonzero((paths.layer == layer) & (paths.role == Role.INNER_PERIMETER))
+    inner = np.flatnonzero((paths.layer == layer) & (paths.role == Role.PERIMETER))
     loops = shapely.union_all([shapely.LinearRing(paths.path(int(i))) for i in inner])
-    sparse = np.flatnonzero((paths.layer == layer) & (paths.role == Role.SPARSE))
+    sparse = np.flatnonzero((paths.layer == layer) & (paths.role == Role.INTERNAL_INFILL))
     nearest = min(loops.distance(shapely.LineString(paths.path(int(i)))) for i in sparse)
     assert nearest == pytest.approx(0.9 * float(bead.spacing(WIDTH, 0.2)), abs=1e-3)

@@ -161,7 +161,9 @@ def test_a_part_of_thin_layers_prints_faster_with_the_same_plastic() -> None:
     wanted = plain()
 
     seconds = [float(move_seconds(one.program, wanted).sum()) for one in (usual, thick)]
-    filament = [float(one.program.filament[one.program.role == Role.SPARSE].sum()) for one in (usual, thick)]
+    filament = [
+        float(one.program.filament[one.program.role == Role.INTERNAL_INFILL].sum()) for one in (usual, thick)
+    ]
     assert seconds[1] < 0.9 * seconds[0]
     assert filament[1] == pytest.approx(filament[0], rel=0.02)
 
@@ -171,13 +173,13 @@ def test_thick_beads_keep_to_the_flow_limit_and_lie_inside_skins() -> None:
     stages = slice_stages(step_pyramid([20, 14, 9], [3.0, 2.0, 2.0]), wanted)
     program = stages.program
 
-    sparse = program.role == Role.SPARSE
+    sparse = program.role == Role.INTERNAL_INFILL
     section = bead.cross_section(program.width[sparse], program.height[sparse])
     assert program.height[sparse].max() == pytest.approx(0.3)
     assert (section * program.speed[sparse] <= 4 + 1e-6).all()
     # What a thick bead fills is sparse on every layer that it reaches down through.
     paths, plan = stages.toolpaths, stages.sections.plan
-    for i in np.flatnonzero((paths.role == Role.SPARSE) & (paths.height > 0.15)).tolist():
+    for i in np.flatnonzero((paths.role == Role.INTERNAL_INFILL) & (paths.height > 0.15)).tolist():
         first = int(np.searchsorted(plan.top, plan.top[paths.layer[i]] - paths.height[i] + 1e-6))
         box_of = np.concatenate([paths.path(i).min(axis=0), paths.path(i).max(axis=0)])
         for layer in range(first, int(paths.layer[i]) + 1):

@@ -158,12 +158,12 @@ def test_the_first_layer_has_speeds_of_its_own(fast: Profile) -> None:
     wanted = profile_with(fast, {"min_layer_time": 0, "max_flow": 200, "hotend_max_flow": 0})
     program = slice_stages(two_boxes((20, 20, 0.6)), wanted).program
     first, speed = program.layer == 0, program.speed
-    walls = (program.role == Role.OUTER_PERIMETER) | (program.role == Role.INNER_PERIMETER)
+    walls = (program.role == Role.EXTERNAL_PERIMETER) | (program.role == Role.PERIMETER)
     flat = (
         (program.xyz[:, 2] == program.start[:, 2]) & (program.role == Role.TRAVEL) & (program.filament == 0)
     )
     assert np.unique(speed[first & walls]).tolist() == [50]
-    assert np.unique(speed[first & (program.role == Role.BOTTOM_SKIN)]).tolist() == [60]
+    assert np.unique(speed[first & (program.role == Role.BOTTOM_SOLID_INFILL)]).tolist() == [60]
     assert speed[first & flat].max() == 250
     assert speed[~first & flat].max() == 400
 

@@ -30,7 +30,9 @@ def sections_of(*layers: Any) -> Sections:
     return Sections(plan, Areas.from_rings(rings))
 
 
-def places(sections: Sections, points: Any, layer: Any = None, role: Role = Role.SPARSE) -> Toolpaths:
+def places(
+    sections: Sections, points: Any, layer: Any = None, role: Role = Role.INTERNAL_INFILL
+) -> Toolpaths:
     """A path at each of the points (M, 2), of no length, on its `layer` (M,) or all on the first."""
     xy = np.array(points, np.float64).reshape(-1, 2)
     return Toolpaths.gathered(

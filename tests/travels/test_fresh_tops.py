@@ -29,7 +29,7 @@ def bracket(bosses: tuple[tuple[int, int], ...], size: int) -> Mesh:
 def unretracted_over_tops(stages: Stages, shortest: float) -> Iterator[str]:
     """Travels over top surfaces that are printed before in their layer, sampled, farther than a bead from both ends."""
     paths, travels = stages.toolpaths, stages.travels
-    tops = paths.role == Role.TOP_SKIN
+    tops = paths.role == Role.TOP_SOLID_INFILL
     for layer in np.unique(paths.layer[tops]).tolist():
         own = np.flatnonzero(tops & (paths.layer == layer))
         beads = np.array(
@@ -70,7 +70,7 @@ def test_travels_over_printed_top_surfaces_retract(
 
     stages = slice_stages(bracket(bosses, size), wanted, plan=plan)
 
-    assert (stages.toolpaths.role == Role.TOP_SKIN).any()
+    assert (stages.toolpaths.role == Role.TOP_SOLID_INFILL).any()
     assert not list(unretracted_over_tops(stages, wanted.printer.retract_before_travel))
 
 
@@ -80,7 +80,7 @@ def along_lines(y: float, *, order: int = 1) -> bool:
     rows = [[(5.0, 10 + 0.4 * i), (30.0, 10 + 0.4 * i)] for i in range(10)]
     ends = [[(8.0, 10 + y)] * 2, [(28.0, 10 + y)] * 2]
     lines = [*rows, *ends][::order]
-    roles = [int(Role.TOP_SKIN)] * len(rows) + [int(Role.SOLID)] * 2
+    roles = [int(Role.TOP_SOLID_INFILL)] * len(rows) + [int(Role.SOLID_INFILL)] * 2
     paths = Toolpaths.gathered(
         sections.plan,
         xy=np.array(lines, np.float64).reshape(-1, 2),

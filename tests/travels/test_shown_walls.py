@@ -31,7 +31,7 @@ def over_outer_beads(stages: Stages) -> tuple[int, int]:
         line = shapely.LineString(np.concatenate([begin[way : way + 1], passed, end[way : way + 1]]))
         ends = shapely.buffer(shapely.MultiPoint([begin[way], end[way]]), 0.6)
         outer = np.flatnonzero(
-            (paths.layer == paths.layer[way]) & (paths.role == Role.OUTER_PERIMETER) & paths.closed
+            (paths.layer == paths.layer[way]) & (paths.role == Role.EXTERNAL_PERIMETER) & paths.closed
         )
         rings = shapely.union_all([shapely.linearrings(paths.path(i)) for i in outer.tolist()])
         long += line.length > 2

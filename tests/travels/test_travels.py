@@ -203,7 +203,9 @@ def test_ways_to_a_new_layer_follow_its_section() -> None:
 # --- top skin ---
 
 
-def skinned(last: tuple[float, float], role: Role = Role.SPARSE, over: Role = Role.TOP_SKIN) -> Any:
+def skinned(
+    last: tuple[float, float], role: Role = Role.INTERNAL_INFILL, over: Role = Role.TOP_SOLID_INFILL
+) -> Any:
     """Ten lines side by side, printed one after the other, then a way to `last`."""
     sections = sections_of(SQUARE)
     lines = [[(5, 10 + y), (30, 10 + y)][:: 1 if y % 2 else -1] for y in range(10)]
@@ -234,7 +236,7 @@ def test_skin_that_is_yet_to_be_ironed_may_be_passed() -> None:
 
 
 def test_other_beads_may_be_passed() -> None:
-    assert not skinned((20, 2), over=Role.SOLID).retract.any()
+    assert not skinned((20, 2), over=Role.SOLID_INFILL).retract.any()
 
 
 # --- nothing to do ---

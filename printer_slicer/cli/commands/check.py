@@ -364,7 +364,7 @@ def _table(coverage: Coverage) -> Iterator[str]:
     share = f", {laid / wanted:.1%} of its volume" if wanted else ""
     yield f"  {laid:.1f} mm3 laid for the part in {coverage.stack.n_layers} layers{share}; in all"
     kinds = [
-        (volume, Purpose(i).spoken) for i, volume in enumerate(coverage.by_purpose.tolist()) if volume > 0.05
+        (volume, Purpose(i).label) for i, volume in enumerate(coverage.by_purpose.tolist()) if volume > 0.05
     ]
     yield f"  {', '.join(f'{name} {volume:.1f}' for volume, name in sorted(kinds, reverse=True))}"
 
@@ -428,7 +428,7 @@ def _facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
         "shell_depth": _number(coverage.shell_depth),
         "cell": coverage.fill.cell,
         "volume_by_purpose": {
-            Purpose(i).spoken: _number(volume)
+            Purpose(i).label: _number(volume)
             for i, volume in enumerate(coverage.by_purpose.tolist())
             if volume
         },

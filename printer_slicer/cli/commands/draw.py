@@ -202,8 +202,8 @@ def _beads(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     for name, purpose in np.unique(pairs, axis=0).tolist():
         own = beads.take((sheet.name == name) & (beads.purpose == purpose))
         yield {
-            "name": sheet.names[name] or Purpose(purpose).spoken,
-            "purpose": Purpose(purpose).spoken,
+            "name": sheet.names[name] or Purpose(purpose).label,
+            "purpose": Purpose(purpose).label,
             "length": round(float(own.length.sum()), _DIGITS),
             "volume": round(float(own.volume.sum()), _DIGITS),
             "width": [round(float(width), _DIGITS) for width in (own.width.min(), own.width.max())],

@@ -92,7 +92,7 @@ def levels_of(deposit: Deposit, stack: Stack) -> Levels:
     """
     beads, told = stack.beads, deposit.beads.height
     loose = stack.layer < 0
-    more = _new_heights(beads.z_top[loose & (beads.purpose == Purpose.SUPPORT)], stack.top)
+    more = _new_heights(beads.z_top[loose & (beads.purpose == Purpose.SUPPORT_MATERIAL)], stack.top)
     top = np.concatenate([stack.top, more])
     if not len(top):
         return Levels(beads, np.full(beads.n_beads, -1), top, top, np.zeros(0, np.int64))

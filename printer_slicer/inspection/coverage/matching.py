@@ -12,6 +12,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.geometry.nearest import Outlines
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, spread_out
 from printer_slicer.inspection.coverage.stack import Stack
+from printer_slicer.inspection.deposition.marks import NOT_PART
 
 __all__ = ["Match", "apart", "first_guess", "fitted", "moved"]
 
@@ -101,7 +102,7 @@ def fitted(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
             break
     depth = _depth(outlines, sections, point - shift, layer)[1]
     off = np.abs(depth - half)
-    if not (beads.purpose[chosen] == Purpose.OUTER_PERIMETER).any():
+    if not (beads.purpose[chosen] == Purpose.EXTERNAL_PERIMETER).any():
         # Only those that lie near the outlines, or outside, may be outer perimeters.
         off = off[depth < 2 * half]
         half = half[depth < 2 * half]
@@ -131,8 +132,8 @@ def apart(stack: Stack, sections: Areas) -> Bool:
 
 def _outer(beads: Extrusions) -> Bool:
     """(B,) the outer perimeters, or all beads of the part where nobody tells them apart."""
-    outer = beads.purpose == Purpose.OUTER_PERIMETER
-    return outer if outer.any() else ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+    outer = beads.purpose == Purpose.EXTERNAL_PERIMETER
+    return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
 
 
 def _depth(outlines: Outlines, sections: Areas, points: Float, layer: Int) -> tuple[Float, Float]:

@@ -21,7 +21,7 @@ from printer_slicer.inspection.coverage.zones import (
     shell_depth,
     without_slits,
 )
-from printer_slicer.inspection.deposition.marks import Marks
+from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
 from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
 
 __all__ = ["Coverage", "CoverageRules", "coverage_of", "overlapping"]
@@ -170,7 +170,7 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
     """Find unsupported extrusion as `slice`, `print` and a dry run do; far from the part nothing is looked at."""
     beads, n_beads = stack.beads, stack.beads.n_beads
     # What is printed before the first layer of the part primes the nozzle.
-    part = np.flatnonzero((stack.layer >= 0) & ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)))
+    part = np.flatnonzero((stack.layer >= 0) & ~np.isin(beads.purpose, NOT_PART))
     if not sections.n_rings or not len(part):
         return ()
     changes = np.flatnonzero(np.diff(beads.purpose, prepend=-1)) if beads.purpose.any() else part[:0]
@@ -178,7 +178,7 @@ def _unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
         layers=part[:1] + 1,
         roles=changes + 1,
         names=beads.purpose[changes],
-        loose=frozenset({int(Purpose.SUPPORT)}),
+        loose=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
     (left, front), (right, back) = (
         (sections.xy.min(axis=0) - _FAR).tolist(),
@@ -211,7 +211,7 @@ def _to_be_full(sections: Areas, stack: Stack, depth: float) -> Areas:
 
 def _sorted_out(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
     """(B,) which beads make up the part, and which should but lie far from it."""
-    mine = ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) & (stack.layer >= 0)
+    mine = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
     mine &= True if beside is None else ~beside
     astray = mine & _far_off(stack.beads, sections)
     return mine & ~astray, astray

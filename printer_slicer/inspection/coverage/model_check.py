@@ -19,7 +19,7 @@ from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRul
 from printer_slicer.inspection.coverage.stack import Stack, stacked
 from printer_slicer.inspection.coverage.text import Deposit, beads_of_gcode
 from printer_slicer.inspection.coverage.zones import footprint
-from printer_slicer.inspection.deposition.marks import Purpose
+from printer_slicer.inspection.deposition.marks import NOT_PART, Purpose
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet
@@ -227,7 +227,7 @@ def _around(part: Mesh, beads: Extrusions) -> Bool:
     """(B,) the beads of a part that begin near its box."""
     low, high = part.bounds[:, :2]
     near = ((beads.begin > low - _NEAR) & (beads.begin < high + _NEAR)).all(axis=1)
-    return np.asarray(near) & ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+    return np.asarray(near) & ~np.isin(beads.purpose, NOT_PART)
 
 
 def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
@@ -239,7 +239,7 @@ def _likelier(stack: Stack, low: Areas, high: Areas) -> Areas:
     if not doubtful.any():
         return low
     chosen = doubtful[stack.layer] & (stack.layer >= 0)
-    chosen &= ~np.isin(stack.beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE))
+    chosen &= ~np.isin(stack.beads.purpose, NOT_PART)
     printed = footprint(stack, chosen)
     wrong = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
     upper = doubtful & (wrong[1] < wrong[0])
@@ -293,10 +293,10 @@ def _notes(deposit: Deposit, coverage: Coverage) -> Iterator[str]:
     if stack.spiral:
         yield "z rises along the beads: every turn is taken for a layer; the first and the last, a ramp, are not judged"
     volume = stack.beads.volume
-    beside = float(volume[~coverage.of_part & (stack.beads.purpose != Purpose.SUPPORT)].sum())
+    beside = float(volume[~coverage.of_part & (stack.beads.purpose != Purpose.SUPPORT_MATERIAL)].sum())
     if beside > 0.1:
         yield f"{beside:.1f} mm3 lie beside the part (skirt, brim, priming)"
-    support = float(volume[stack.beads.purpose == Purpose.SUPPORT].sum())
+    support = float(volume[stack.beads.purpose == Purpose.SUPPORT_MATERIAL].sum())
     if support > 0:
         yield f"{support:.1f} mm3 are supports"
     if deposit.standing > 0.1:

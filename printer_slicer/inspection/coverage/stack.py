@@ -11,6 +11,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose, beads_of, median_of
+from printer_slicer.inspection.deposition.marks import NOT_PART
 from printer_slicer.model import Program
 
 __all__ = ["Stack", "stack_of", "stacked", "through_layers"]
@@ -30,9 +31,18 @@ _CONTACT: Final = 0.3  # mm that slicers leave between raft and part, at most
 _FLAT: Final = 1e-4  # mm of z along a bead
 _SHORT: Final = 5.0  # mm
 _UNKNOWN: Final = 0.2  # mm: how thick beads are where there is no layer to tell
-_WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
-_MAY_BE_THICK: Final = (Purpose.UNKNOWN, Purpose.BRIDGE, Purpose.SPARSE, Purpose.SUPPORT, Purpose.OVERHANG)
-_FILL_SEVERAL: Final = (Purpose.INNER_PERIMETER, Purpose.SPARSE)  # layers, where they are thick; threads hang
+_WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
+_MAY_BE_THICK: Final = (
+    Purpose.UNKNOWN,
+    Purpose.BRIDGE,
+    Purpose.INTERNAL_INFILL,
+    Purpose.SUPPORT_MATERIAL,
+    Purpose.OVERHANG_PERIMETER,
+)
+_FILL_SEVERAL: Final = (
+    Purpose.PERIMETER,
+    Purpose.INTERNAL_INFILL,
+)  # layers, where they are thick; threads hang
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +112,7 @@ def through_layers(stack: Stack) -> tuple[Stack, Int]:
     beads, own = stack.beads, np.maximum(stack.layer, 0)
     deep = stack.layer > 0
     deep &= beads.height > stack.height[own] + _AGREES if stack.n_layers else False
-    outermost = deep & (beads.purpose == Purpose.OUTER_PERIMETER)
+    outermost = deep & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
     apart = np.isin(stack.layer, stack.layer[outermost]) & (beads.purpose != Purpose.BRIDGE)
     deep &= np.isin(beads.purpose, _FILL_SEVERAL) | apart
     if not deep.any():
@@ -146,7 +156,7 @@ def stacked(beads: Extrusions, part: Bool | None = None) -> Stack:
         beads: in the order in which they are laid.
         part: (B,) which beads are of the part; the rest makes no layers. None: all but supports and what lies beside.
     """
-    own = ~np.isin(beads.purpose, (Purpose.SUPPORT, Purpose.BESIDE)) if part is None else part
+    own = ~np.isin(beads.purpose, NOT_PART) if part is None else part
     own = own & (beads.z_top > _LEVEL)  # what is laid on the bed itself, or under it, has no height
     flat = _lie_flat(beads, own)
     levels = _levels(beads.z_top[own & flat])
@@ -161,7 +171,7 @@ def stacked(beads: Extrusions, part: Bool | None = None) -> Stack:
     bottom[len(levels) : len(levels) + 1] = turns[:1] - np.diff(edges)[:1]
     if len(levels):
         # On a raft, what lies below the first layer of the part is the raft, or a little air over it.
-        raft = (beads.purpose == Purpose.SUPPORT) & (beads.z_top < top[0] - _THINNEST)
+        raft = (beads.purpose == Purpose.SUPPORT_MATERIAL) & (beads.z_top < top[0] - _THINNEST)
         below = float(beads.z_top[raft].max(initial=0.0))
         told = beads.height[own & (np.abs(beads.z_top - top[0]) < _LEVEL)]
         told = told[~np.isnan(told)]
@@ -252,16 +262,14 @@ def _heights(beads: Extrusions, layer: Int, top: Float, bottom: Float, n_flat: i
     usual = median_of(width, beads.length * (thin if thin.any() else walls if walls.any() else layer >= 0))
     height, may = own.copy(), np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0)
     wide = may & (width > _WIDE * usual)
-    may |= (beads.purpose == Purpose.INNER_PERIMETER) & (
-        layer >= 0
-    )  # if a comment says so; else they are wide
+    may |= (beads.purpose == Purpose.PERIMETER) & (layer >= 0)  # if a comment says so; else they are wide
     for deep in range(1, _DEEPEST):
         reach = top[layer] - bottom[np.maximum(layer - deep, 0)]
         width = bead.width_for_section(beads.area, reach)
         wide &= layer >= deep
         agrees = may & (layer >= deep) & (np.abs(reach - told) < _AGREES) & (width * _WIDE > usual)
         told_so = (layer >= deep) & (np.abs(reach - told) < _AGREES) & (np.abs(told - own) > _AGREES)
-        agrees |= told_so & np.isin(layer, layer[told_so & (beads.purpose == Purpose.OUTER_PERIMETER)])
+        agrees |= told_so & np.isin(layer, layer[told_so & (beads.purpose == Purpose.EXTERNAL_PERIMETER)])
         height[wide | agrees] = reach[wide | agrees]
         wide &= ~agrees & (width > _WIDE * usual)
     # Threads across a gap hang freely, as thick as they leave the nozzle.

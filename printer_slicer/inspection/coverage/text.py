@@ -163,7 +163,7 @@ def _noted(text: bytes, line: Int) -> _Notes:
     turn = latest(_LAYERS)[0]
     # What is laid before the first layer primes the nozzle.
     if turn.max(initial=0):
-        purpose[turn == 0] = Purpose.BESIDE
+        purpose[turn == 0] = Purpose.CUSTOM
     return _Notes(purpose, name, names, height, turn)
 
 

@@ -26,7 +26,7 @@ __all__ = ["body_of", "exposed", "footprint", "lines_of", "shell_depth", "withou
 _JOINED: Final = 1e-3  # mm: the next bead of a path begins where the one before ended
 _SAME_WIDTH: Final = 0.002  # mm: beads whose widths differ by less are drawn with one pen
 _WIDEST: Final = 10.0  # mm
-_WALLS: Final = (Purpose.OUTER_PERIMETER, Purpose.INNER_PERIMETER)
+_WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
 _POINTS: Final = 10_000  # enough to know a depth
 _FARTHEST: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
 _UPRIGHT: Final = 0.01  # mm from layer to layer: a spiral's wall that moves by less is upright
@@ -78,9 +78,9 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
     near = depth < _FARTHEST
     if not near.any():
         return 1.0
-    outer = near & (beads.purpose[bead] == Purpose.OUTER_PERIMETER)
+    outer = near & (beads.purpose[bead] == Purpose.EXTERNAL_PERIMETER)
     half = float(np.median(depth[outer] if outer.any() else beads.width[walls] / 2))
-    if not (beads.purpose[walls] == Purpose.INNER_PERIMETER).any():
+    if not (beads.purpose[walls] == Purpose.PERIMETER).any():
         return 2 * half
     # Deeper ones stand in corners and narrow places only.
     return float(np.quantile(depth[near], 0.9)) + half

@@ -14,59 +14,66 @@ from printer_slicer.arrays import Int
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.roles import ROLES
 
-__all__ = ["Defect", "Marks", "Purpose", "marks_of", "purpose_of", "purposes_of_roles"]
+__all__ = ["NOT_PART", "Defect", "Marks", "Purpose", "marks_of", "purpose_of", "purposes_of_roles"]
 
 
 class Purpose(IntEnum):
-    """Purpose of an extrusion, as far as comments name it."""
+    """Role of an extrusion, as far as the comments of a slicer name it; `label` is its name in `;TYPE:` comments."""
 
     UNKNOWN = 0
-    OUTER_PERIMETER = 1
-    INNER_PERIMETER = 2
-    OVERHANG = 3
-    SKIN = 4
+    EXTERNAL_PERIMETER = 1
+    PERIMETER = 2
+    OVERHANG_PERIMETER = 3
+    SOLID_INFILL = 4
     BRIDGE = 5
-    SPARSE = 6
-    GAP = 7
+    INTERNAL_INFILL = 6
+    GAP_FILL = 7
     IRONING = 8
-    SUPPORT = 9
-    BESIDE = 10
+    SUPPORT_MATERIAL = 9
+    SKIRT = 10
+    TOP_SOLID_INFILL = 11
+    CUSTOM = 12
 
     @property
-    def spoken(self) -> str:
-        """Name for messages."""
-        return self.name.lower().replace("_", " ")
+    def label(self) -> str:
+        """Name for users: that of PrusaSlicer's `;TYPE:` comment."""
+        return _LABELS.get(self, self.name.capitalize().replace("_", " "))
 
+
+NOT_PART: Final = (Purpose.SUPPORT_MATERIAL, Purpose.SKIRT, Purpose.CUSTOM)
+"""Extrusions that are not of the part."""
+
+_LABELS: Final = {Purpose.BRIDGE: "Bridge infill", Purpose.SKIRT: "Skirt/Brim"}
 
 # Role names of slicers, in lower case with spaces; the first entry that a name starts with applies.
 # PrusaSlicer and SuperSlicer; OrcaSlicer and Bambu Studio; CuraEngine.
 _NAMES: Final = (
-    ("external perimeter", Purpose.OUTER_PERIMETER),
-    ("outer wall", Purpose.OUTER_PERIMETER),
-    ("wall outer", Purpose.OUTER_PERIMETER),
-    ("overhang", Purpose.OVERHANG),
-    ("perimeter", Purpose.INNER_PERIMETER),
-    ("inner wall", Purpose.INNER_PERIMETER),
-    ("wall inner", Purpose.INNER_PERIMETER),
-    ("internal infill", Purpose.SPARSE),
-    ("sparse infill", Purpose.SPARSE),
+    ("external perimeter", Purpose.EXTERNAL_PERIMETER),
+    ("outer wall", Purpose.EXTERNAL_PERIMETER),
+    ("wall outer", Purpose.EXTERNAL_PERIMETER),
+    ("overhang", Purpose.OVERHANG_PERIMETER),
+    ("perimeter", Purpose.PERIMETER),
+    ("inner wall", Purpose.PERIMETER),
+    ("wall inner", Purpose.PERIMETER),
+    ("internal infill", Purpose.INTERNAL_INFILL),
+    ("sparse infill", Purpose.INTERNAL_INFILL),
     ("internal bridge", Purpose.BRIDGE),
     ("bridge", Purpose.BRIDGE),
-    ("gap", Purpose.GAP),
-    ("thin wall", Purpose.GAP),
+    ("gap", Purpose.GAP_FILL),
+    ("thin wall", Purpose.GAP_FILL),
     ("ironing", Purpose.IRONING),
-    ("solid infill", Purpose.SKIN),
-    ("internal solid infill", Purpose.SKIN),
-    ("top", Purpose.SKIN),
-    ("bottom", Purpose.SKIN),
-    ("skin", Purpose.SKIN),
-    ("fill", Purpose.SPARSE),
-    ("support", Purpose.SUPPORT),
-    ("skirt", Purpose.BESIDE),
-    ("brim", Purpose.BESIDE),
-    ("prime", Purpose.BESIDE),
-    ("wipe", Purpose.BESIDE),
-    ("custom", Purpose.BESIDE),
+    ("solid infill", Purpose.SOLID_INFILL),
+    ("internal solid infill", Purpose.SOLID_INFILL),
+    ("top", Purpose.TOP_SOLID_INFILL),
+    ("bottom", Purpose.SOLID_INFILL),
+    ("skin", Purpose.SOLID_INFILL),
+    ("fill", Purpose.INTERNAL_INFILL),
+    ("support", Purpose.SUPPORT_MATERIAL),
+    ("skirt", Purpose.SKIRT),
+    ("brim", Purpose.SKIRT),
+    ("prime", Purpose.CUSTOM),
+    ("wipe", Purpose.CUSTOM),
+    ("custom", Purpose.CUSTOM),
 )
 
 
@@ -85,15 +92,6 @@ def purposes_of_roles(roles: Int) -> Int:
 
 
 _OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", re.MULTILINE)
-
-_SPOKEN: Final = {
-    Purpose.UNKNOWN: "printing",
-    Purpose.SPARSE: "sparse infill",
-    Purpose.GAP: "gaps and thin walls",
-    Purpose.BESIDE: "skirt, brim, priming",
-    Purpose.SUPPORT: "support and raft",
-}
-"""Names of purposes for messages, where the enum's own name is not clear enough."""
 
 
 class Defect(NamedTuple):
@@ -125,8 +123,8 @@ class Marks:
     Attributes:
         layers: (M,) commands at which a layer begins, ascending; empty if no comment names layers.
         roles: (R,) commands at which the role changes.
-        names: (R,) index into `spoken` of each change.
-        spoken: role names; the first is that of extrusion without a role.
+        names: (R,) index into `labels` of each change.
+        labels: names of roles; the first is that of extrusion without a role.
         loose: indices of roles that are removed after the print, such as supports.
         changes: (T,) commands that choose a tool.
         tools: (T,) the tool of each; before the first it is 0.
@@ -135,7 +133,7 @@ class Marks:
     layers: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     roles: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     names: Int = field(default_factory=lambda: np.zeros(0, np.int64))
-    spoken: tuple[str, ...] = ("printing",)
+    labels: tuple[str, ...] = (Purpose.UNKNOWN.label,)
     loose: frozenset[int] = frozenset()
     changes: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     tools: Int = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -175,14 +173,14 @@ def marks_of(
     first = int(layers[0]) - 1 if len(layers) else 0
     if roles and first:
         # Extrusion before the first layer is priming.
-        roles = {0: Purpose.BESIDE} | {command: kind for command, kind in roles.items() if command >= first}
+        roles = {0: Purpose.CUSTOM} | {command: kind for command, kind in roles.items() if command >= first}
     changes, tools = _tools_of(commands, text)
     return Marks(
         layers=layers,
         roles=np.array(list(roles), np.int64) + 1,
         names=np.array([int(kind) for kind in roles.values()], np.int64),
-        spoken=tuple(_SPOKEN.get(kind, kind.spoken) for kind in Purpose),
-        loose=frozenset({int(Purpose.SUPPORT)}),
+        labels=tuple(kind.label for kind in Purpose),
+        loose=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
         changes=changes,
         tools=tools,
     )

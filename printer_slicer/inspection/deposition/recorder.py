@@ -64,7 +64,7 @@ class DepositionRecorder:
         self._layers: dict[int, LayerDeposition] = {}
         self._heights: dict[float, int] = {}
         self._number = 0
-        self._seconds = np.zeros(len(marks.spoken))
+        self._seconds = np.zeros(len(marks.labels))
         self._travel = self._extruder = self._volume = self._standing = 0.0
         self._speeds = np.zeros(len(_BINS) + 1)
         self._laid_first: int | None = None
@@ -115,7 +115,7 @@ class DepositionRecorder:
     def close(self) -> Deposition:
         """All that was found."""
         self._look()
-        names = self._marks.spoken
+        names = self._marks.labels
         return Deposition(
             layers=tuple(self._layers.values()),
             by_role={names[i]: float(s) for i, s in enumerate(self._seconds) if s > 0},

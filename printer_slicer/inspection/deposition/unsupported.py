@@ -196,7 +196,7 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         layers=np.searchsorted(program.layer, np.arange(program.plan.n_layers)) + 1,
         roles=first + 1,
         names=role[first],
-        loose=frozenset({int(Purpose.SUPPORT)}),
+        loose=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
     tracker = UnsupportedTracker(
         profile.printer.corners, pi * profile.material.filament_diameter**2 / 4, marks

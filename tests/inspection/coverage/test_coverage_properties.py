@@ -42,7 +42,7 @@ def loops(side: float, deep: float, count: int = 1) -> Extrusions:
     for k in range(count):
         a = WIDTH / 2 + k * GAP
         corners = [(a, a), (side - a, a), (side - a, deep - a), (a, deep - a), (a, a)]
-        found.append(beads_along(corners, purpose=Purpose.OUTER_PERIMETER))
+        found.append(beads_along(corners, purpose=Purpose.EXTERNAL_PERIMETER))
     return joined(*found)
 
 
@@ -197,7 +197,7 @@ def spiral(slope: float, share: float, turns: int = 5, height: float = 0.2) -> t
     xy = (middle - WIDTH / 2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     n = len(nth) - 1
     area = np.full(n, share * float(bead.cross_section(WIDTH, height)))
-    purpose = np.full(n, Purpose.OUTER_PERIMETER)
+    purpose = np.full(n, Purpose.EXTERNAL_PERIMETER)
     rise = np.full(n, height / sides)
     beads = Extrusions(xy[:-1], xy[1:], z[1:], rise, np.full(n, np.nan), area, purpose, np.zeros(n))
     stack = stacked(beads)

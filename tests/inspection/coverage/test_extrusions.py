@@ -90,27 +90,27 @@ def test_what_is_fed_on_the_spot_is_no_bead() -> None:
 
 
 NAMES = [
-    (";TYPE:External perimeter", Purpose.OUTER_PERIMETER),
-    (";TYPE:Perimeter", Purpose.INNER_PERIMETER),
-    (";TYPE:Overhang perimeter", Purpose.OVERHANG),
-    (";TYPE:Internal infill", Purpose.SPARSE),
-    (";TYPE:Top solid infill", Purpose.SKIN),
+    (";TYPE:External perimeter", Purpose.EXTERNAL_PERIMETER),
+    (";TYPE:Perimeter", Purpose.PERIMETER),
+    (";TYPE:Overhang perimeter", Purpose.OVERHANG_PERIMETER),
+    (";TYPE:Internal infill", Purpose.INTERNAL_INFILL),
+    (";TYPE:Top solid infill", Purpose.SOLID_INFILL),
     (";TYPE:Bridge infill", Purpose.BRIDGE),
-    (";TYPE:Gap fill", Purpose.GAP),
-    (";TYPE:Support material interface", Purpose.SUPPORT),
-    (";TYPE:Skirt/Brim", Purpose.BESIDE),
-    (";TYPE:Wipe tower", Purpose.BESIDE),
-    (";TYPE:Outer wall", Purpose.OUTER_PERIMETER),
-    ("; FEATURE: Inner wall", Purpose.INNER_PERIMETER),
-    (";TYPE:Internal solid infill", Purpose.SKIN),
-    (";TYPE:Bottom surface", Purpose.SKIN),
-    (";TYPE:Sparse infill", Purpose.SPARSE),
-    (";TYPE:WALL-OUTER", Purpose.OUTER_PERIMETER),
-    (";TYPE:WALL-INNER", Purpose.INNER_PERIMETER),
-    (";TYPE:SKIN", Purpose.SKIN),
-    (";TYPE:FILL", Purpose.SPARSE),
-    (";TYPE:SUPPORT-INTERFACE", Purpose.SUPPORT),
-    (";TYPE:PRIME-TOWER", Purpose.BESIDE),
+    (";TYPE:Gap fill", Purpose.GAP_FILL),
+    (";TYPE:Support material interface", Purpose.SUPPORT_MATERIAL),
+    (";TYPE:Skirt/Brim", Purpose.SKIRT),
+    (";TYPE:Wipe tower", Purpose.SKIRT),
+    (";TYPE:Outer wall", Purpose.EXTERNAL_PERIMETER),
+    ("; FEATURE: Inner wall", Purpose.PERIMETER),
+    (";TYPE:Internal solid infill", Purpose.SOLID_INFILL),
+    (";TYPE:Bottom surface", Purpose.SOLID_INFILL),
+    (";TYPE:Sparse infill", Purpose.INTERNAL_INFILL),
+    (";TYPE:WALL-OUTER", Purpose.EXTERNAL_PERIMETER),
+    (";TYPE:WALL-INNER", Purpose.PERIMETER),
+    (";TYPE:SKIN", Purpose.SOLID_INFILL),
+    (";TYPE:FILL", Purpose.INTERNAL_INFILL),
+    (";TYPE:SUPPORT-INTERFACE", Purpose.SUPPORT_MATERIAL),
+    (";TYPE:PRIME-TOWER", Purpose.SKIRT),
     (";TYPE:Something else", Purpose.UNKNOWN),
     ("; nothing", Purpose.UNKNOWN),
 ]
@@ -126,7 +126,7 @@ def test_the_comments_of_every_slicer_tell_the_purpose(comment: str, purpose: Pu
 def test_what_is_laid_before_the_first_layer_comment_primes() -> None:
     beads = read("M83", "G0 X0 Y0 Z0.3", "G1 X50 E5", ";LAYER_CHANGE", "G0 X9 Z0.2", "G1 X20 E1").beads
 
-    assert beads.purpose.tolist() == [Purpose.BESIDE, Purpose.UNKNOWN]
+    assert beads.purpose.tolist() == [Purpose.SKIRT, Purpose.UNKNOWN]
 
 
 @pytest.mark.parametrize(

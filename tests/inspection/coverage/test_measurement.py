@@ -241,7 +241,7 @@ def test_a_bead_a_little_beside_the_one_below_rests_on_it() -> None:
 def test_supports_carry_what_is_laid_over_them_at_a_little_distance() -> None:
     post = [beads_along([(0, y * GAP), (5, y * GAP)], z=z) for z in BELOW for y in range(20)]
     over = beads_along([(1, 3), (20, 3)], z=1.0)
-    support = [beads_along([(5, 3), (25, 3)], z=z, purpose=Purpose.SUPPORT) for z in BELOW[:3]]
+    support = [beads_along([(5, 3), (25, 3)], z=z, purpose=Purpose.SUPPORT_MATERIAL) for z in BELOW[:3]]
     rings = [*[[square(5)]] * 4, [square(25)]]
 
     assert account(joined(*post, over), *rings).hanging[4] > 8

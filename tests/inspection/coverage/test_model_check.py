@@ -95,7 +95,7 @@ def test_what_is_laid_is_what_is_fed() -> None:
     fed = made.filament[made.role != Role.TRAVEL].sum() * np.pi * 1.75**2 / 4
     assert coverage.by_purpose.sum() == pytest.approx(fed, rel=1e-3)
     assert coverage.volume.sum() == pytest.approx(
-        coverage.by_purpose.sum() - coverage.by_purpose[Purpose.BESIDE]
+        coverage.by_purpose.sum() - coverage.by_purpose[Purpose.SKIRT]
     )
 
 
@@ -130,7 +130,7 @@ def test_any_box_passes_wherever_it_lies(size: tuple[int, int, int], x: float, y
 
 def test_a_missing_wall_is_found() -> None:
     made = program()
-    check = checked(without(made, (made.layer == 7) & (made.role == Role.OUTER_PERIMETER)))
+    check = checked(without(made, (made.layer == 7) & (made.role == Role.EXTERNAL_PERIMETER)))
 
     assert {"uncovered", "underfilled", "outline"} <= kinds_at(check, 7)
     assert other_layers(check, 7) == []
@@ -143,7 +143,7 @@ def test_a_missing_wall_is_found() -> None:
 
 def test_a_missing_inner_wall_is_found() -> None:
     made = program()
-    check = checked(without(made, (made.layer == 9) & (made.role == Role.INNER_PERIMETER)))
+    check = checked(without(made, (made.layer == 9) & (made.role == Role.PERIMETER)))
 
     assert {"uncovered", "underfilled"} <= kinds_at(check, 9)
     assert other_layers(check, 9) == []
@@ -216,7 +216,7 @@ def test_a_skipped_layer_with_all_above_it_lowered_is_found() -> None:
 
 def test_infill_laid_twice_is_found() -> None:
     made = program()
-    twice = (made.layer == 0) & (made.role == Role.BOTTOM_SKIN)
+    twice = (made.layer == 0) & (made.role == Role.BOTTOM_SOLID_INFILL)
     check = checked(replace(made, filament=made.filament * np.where(twice, 2.0, 1.0)))
 
     assert "overlap" in kinds_at(check, 0)
@@ -301,7 +301,7 @@ def test_beads_on_the_bed_itself_make_no_layer() -> None:
 
 def test_beads_of_absurd_width_are_drawn_no_wider_than_a_centimetre() -> None:
     made = program()
-    huge = (made.layer == 3) & (made.role == Role.OUTER_PERIMETER)
+    huge = (made.layer == 3) & (made.role == Role.EXTERNAL_PERIMETER)
     check = checked(replace(made, filament=made.filament * np.where(huge, 1e4, 1.0)))
 
     assert {"overfilled", "outside", "outline"} <= kinds_at(check, 3)

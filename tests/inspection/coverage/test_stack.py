@@ -50,7 +50,7 @@ def test_sparse_infill_printed_every_second_layer_is_twice_as_thick(comment: lis
     thick = [";TYPE:Internal infill", *comment, *path([(2, 2), (18, 18)], 0.4, 0.4)]
     wall = [";TYPE:Perimeter", ";HEIGHT:0.2"]
     stack = read(*wall, *loop(0.2), *wall, *loop(0.4), *thick, *wall, *loop(0.6))
-    sparse = stack.beads.purpose == Purpose.SPARSE
+    sparse = stack.beads.purpose == Purpose.INTERNAL_INFILL
 
     assert stack.beads.height[sparse] == pytest.approx([0.4])
     assert stack.beads.width[sparse] == pytest.approx([WIDTH], abs=1e-4)
@@ -63,7 +63,7 @@ def test_inner_perimeters_that_fill_two_layers_are_known_by_their_comments(loops
     outer, inner = [";TYPE:External perimeter", ";HEIGHT:0.2"], [";TYPE:Perimeter", ";HEIGHT:0.4"]
     thick = [row for k in range(loops) for row in path([(2 + k, 2), (2 + k, 18)], 0.4, 0.4)]
     stack = read(*outer, *loop(0.2), *loop(0.4), *inner, *thick)
-    deep = stack.beads.purpose == Purpose.INNER_PERIMETER
+    deep = stack.beads.purpose == Purpose.PERIMETER
 
     assert stack.beads.height[deep] == pytest.approx(np.full(loops, 0.4))
     assert stack.beads.width[deep] == pytest.approx(np.full(loops, WIDTH), abs=1e-4)
@@ -152,7 +152,7 @@ def test_the_first_layer_of_a_part_on_a_raft_begins_where_the_raft_ends_or_a_lit
 
 def test_beads_beside_the_part_make_no_layers() -> None:
     beads = joined(
-        beads_along([(0, 0), (50, 0)], z=0.3, height=0.3, purpose=Purpose.BESIDE),
+        beads_along([(0, 0), (50, 0)], z=0.3, height=0.3, purpose=Purpose.SKIRT),
         beads_along([(0, 9), (50, 9)], z=0.2),
     )
 
