@@ -145,10 +145,10 @@ def _shape(profile: Profile) -> dict[str, object]:
     return {
         "line_width": width,
         "wall_line_count": quality.perimeters,
-        "outer_inset_first": quality.outer_perimeter_first,
+        "outer_inset_first": quality.external_perimeter_first,
         "top_thickness": quality.top_thickness,
         "bottom_thickness": quality.bottom_thickness,
-        "min_infill_area": quality.min_sparse_area,
+        "min_infill_area": quality.solid_infill_below_area,
         "infill_sparse_density": 100 * quality.infill_density,
         "infill_pattern": {"rectilinear": "lines"}.get(quality.infill, quality.infill),
         "adhesion_type": "brim" if quality.brim_width else "skirt" if quality.skirt_loops else "none",
@@ -163,12 +163,12 @@ def _shape(profile: Profile) -> dict[str, object]:
 def _speeds(profile: Profile) -> dict[str, object]:
     speeds = profile.speeds
     return {
-        "speed_wall_0": speeds.outer_perimeter,
-        "speed_wall_x": speeds.inner_perimeter,
-        "speed_infill": speeds.sparse,
-        "speed_topbottom": speeds.solid,
-        "speed_roofing": speeds.top_skin,
-        "speed_print": speeds.sparse,
+        "speed_wall_0": speeds.external_perimeter,
+        "speed_wall_x": speeds.perimeter,
+        "speed_infill": speeds.internal_infill,
+        "speed_topbottom": speeds.solid_infill,
+        "speed_roofing": speeds.top_solid_infill,
+        "speed_print": speeds.internal_infill,
         "speed_layer_0": speeds.first_layer,
         "speed_travel": speeds.travel,
         "speed_travel_layer_0": speeds.travel,

@@ -68,7 +68,9 @@ CASES: Final = (
     Case("arcs", ("cylinder",), _set("arc_tolerance=0.02")),
     Case("scarf", ("cylinder",), _set("scarf_length=10", "scarf_inner=true")),
     Case(
-        "thick_interior", ("box",), _set("sparse_every=0.3", "inner_perimeters_every=0.3", "layer_height=0.1")
+        "thick_interior",
+        ("box",),
+        _set("internal_infill_every=0.3", "perimeters_every=0.3", "layer_height=0.1"),
     ),
     Case("infill_gyroid", ("gallery:gyroid",), _set("infill=gyroid")),
     Case("infill_lightning", ("gallery:dome",), _set("infill=lightning")),

@@ -47,12 +47,12 @@ PARTS: Final = ("benchy", "bp_case", "crazyradio")
 SAMPLE_PARTS: Final = ("case_study", "thin_wall")
 _BARE: Final = {"start_gcode": "", "end_gcode": "", "progress": False, "printer.thumbnails": []}
 _OLD: Final = {
-    "speeds.outer_perimeter": 35,
-    "speeds.inner_perimeter": 50,
-    "speeds.sparse": 70,
-    "speeds.solid": 60,
-    "speeds.top_skin": 40,
-    "speeds.gap": 50,
+    "speeds.external_perimeter": 35,
+    "speeds.perimeter": 50,
+    "speeds.internal_infill": 70,
+    "speeds.solid_infill": 60,
+    "speeds.top_solid_infill": 40,
+    "speeds.gap_fill": 50,
     "speeds.bridge": 30,
     "speeds.internal_bridge": 40,
     "speeds.travel": 150,

@@ -68,7 +68,7 @@ def _shape(profile: Profile) -> dict[str, str]:
         "bottom-solid-min-thickness": quality.bottom_thickness,
         "top-solid-min-thickness": quality.top_thickness,
         "fill-angle": quality.infill_angle_deg,
-        "solid-infill-below-area": quality.min_sparse_area,
+        "solid-infill-below-area": quality.solid_infill_below_area,
         "skirts": quality.skirt_loops,
         "skirt-distance": quality.skirt_distance,
         "min-skirt-length": 0,
@@ -85,22 +85,22 @@ def _shape(profile: Profile) -> dict[str, str]:
             "top-fill-pattern": "rectilinear",
             "bottom-fill-pattern": "rectilinear",
             "fill-density": f"{100 * quality.infill_density:g}%",
-            "infill-overlap": f"{100 * quality.sparse_overlap:g}%",
+            "infill-overlap": f"{100 * quality.internal_infill_overlap:g}%",
         }
-        | ({"external-perimeters-first": ""} if quality.outer_perimeter_first else {})
+        | ({"external-perimeters-first": ""} if quality.external_perimeter_first else {})
     )
 
 
 def _speeds(profile: Profile) -> dict[str, str]:
     speeds = profile.speeds
     numbers = {
-        "perimeter-speed": speeds.inner_perimeter,
-        "external-perimeter-speed": speeds.outer_perimeter,
-        "small-perimeter-speed": speeds.outer_perimeter,
-        "gap-fill-speed": speeds.inner_perimeter,
-        "infill-speed": speeds.sparse,
-        "solid-infill-speed": speeds.solid,
-        "top-solid-infill-speed": speeds.top_skin,
+        "perimeter-speed": speeds.perimeter,
+        "external-perimeter-speed": speeds.external_perimeter,
+        "small-perimeter-speed": speeds.external_perimeter,
+        "gap-fill-speed": speeds.perimeter,
+        "infill-speed": speeds.internal_infill,
+        "solid-infill-speed": speeds.solid_infill,
+        "top-solid-infill-speed": speeds.top_solid_infill,
         "bridge-speed": speeds.bridge,
         "first-layer-speed": speeds.first_layer,
         "travel-speed": speeds.travel,

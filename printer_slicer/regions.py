@@ -117,7 +117,7 @@ class _Rules:
             layered.values(lambda profile: profile.quality.top_thickness),
             layered.values(lambda profile: profile.quality.bottom_thickness),
             layered.values(lambda profile: profile.quality.slope_shell_ratio),
-            layered.values(lambda profile: profile.quality.min_sparse_area),
+            layered.values(lambda profile: profile.quality.solid_infill_below_area),
             layered.values(lambda profile: profile.quality.perimeters),
             layered.values(lambda profile: profile.quality.bridge_anchor),
             np.deg2rad(layered.values(lambda profile: profile.quality.infill_angle_deg)),

@@ -81,7 +81,7 @@ class RoleRow:
 _ROWS: Final = {
     Role.TRAVEL: RoleRow("", Phase.BASE, "travel", "default", 0, "#000000", is_part=False),
     Role.SKIRT: RoleRow(
-        "Skirt/Brim", Phase.BASE, "outer_perimeter", "default", 1, "#999999", is_part=False, is_around=True
+        "Skirt/Brim", Phase.BASE, "external_perimeter", "default", 1, "#999999", is_part=False, is_around=True
     ),
     Role.BRIM: RoleRow(
         "Skirt/Brim", Phase.BASE, "first_layer", "default", 1, "#666666", is_part=False, is_around=True
@@ -89,32 +89,39 @@ _ROWS: Final = {
     Role.RAFT: RoleRow(
         "Support material", Phase.BASE, "raft", "default", 0, "#b0a080", is_part=False, is_around=True
     ),
-    Role.PERIMETER: RoleRow(
-        "Perimeter", Phase.PERIMETERS, "inner_perimeter", "inner_perimeter", 0, "#f0d000"
-    ),
+    Role.PERIMETER: RoleRow("Perimeter", Phase.PERIMETERS, "perimeter", "perimeter", 0, "#f0d000"),
     Role.EXTERNAL_PERIMETER: RoleRow(
-        "External perimeter", Phase.PERIMETERS, "outer_perimeter", "outer_perimeter", 1, "#d55e00"
+        "External perimeter", Phase.PERIMETERS, "external_perimeter", "external_perimeter", 1, "#d55e00"
     ),
     # Extrusions of a perimeter of which less than half the width is carried; paths are never of this role.
     Role.OVERHANG_PERIMETER: RoleRow(
-        "Overhang perimeter", Phase.PERIMETERS, "outer_perimeter", "overhang", 2, "#7a1f1f"
+        "Overhang perimeter", Phase.PERIMETERS, "external_perimeter", "overhang", 2, "#7a1f1f"
     ),
     Role.BRIDGE: RoleRow("Bridge infill", Phase.BRIDGES, "bridge", "bridge", 2, "#56b4e9", is_bridge=True),
     Role.BOTTOM_SOLID_INFILL: RoleRow(
-        "Solid infill", Phase.INFILL, "solid", "solid", 0, "#cc79a7", is_infill=True
+        "Solid infill", Phase.INFILL, "solid_infill", "solid_infill", 0, "#cc79a7", is_infill=True
     ),
     Role.INTERNAL_INFILL: RoleRow(
-        "Internal infill", Phase.INFILL, "sparse", "sparse", 0, "#009e73", is_infill=True
+        "Internal infill", Phase.INFILL, "internal_infill", "internal_infill", 0, "#009e73", is_infill=True
     ),
     Role.INTERNAL_BRIDGE: RoleRow(
         "Bridge infill", Phase.INFILL, "internal_bridge", "bridge", 2, "#a6d8f0", is_bridge=True
     ),
-    Role.SOLID_INFILL: RoleRow("Solid infill", Phase.INFILL, "solid", "solid", 0, "#0072b2", is_infill=True),
+    Role.SOLID_INFILL: RoleRow(
+        "Solid infill", Phase.INFILL, "solid_infill", "solid_infill", 0, "#0072b2", is_infill=True
+    ),
     Role.TOP_SOLID_INFILL: RoleRow(
-        "Top solid infill", Phase.TOP, "top_skin", "top_skin", 1, "#222222", is_infill=True, is_top=True
+        "Top solid infill",
+        Phase.TOP,
+        "top_solid_infill",
+        "top_solid_infill",
+        1,
+        "#222222",
+        is_infill=True,
+        is_top=True,
     ),
     Role.IRONING: RoleRow(
-        "Ironing", Phase.IRONING, "ironing", "top_skin", 1, "#e0e0e0", is_infill=True, is_top=True
+        "Ironing", Phase.IRONING, "ironing", "top_solid_infill", 1, "#e0e0e0", is_infill=True, is_top=True
     ),
 }
 

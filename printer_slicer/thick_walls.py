@@ -271,7 +271,7 @@ def thickened(
 ) -> tuple[Toolpaths, Int | None]:
     """The perimeters, with the inner ones of several layers as one bead where these are in the same place.
 
-    Layers are printed together in groups up to `quality.inner_perimeters_every` high, the same groups as for sparse
+    Layers are printed together in groups up to `quality.perimeters_every` high, the same groups as for sparse
     infill. What of the inner perimeters is in one place on all layers of a group is laid on the last of them, with as
     much plastic; the rest on its own layer. So are the first layer, what hangs over air, what nothing lies on, and
     what bridges end on in the midst of a group.
@@ -285,7 +285,7 @@ def thickened(
     Returns:
         The paths, and (L,) the first layer of the group of each layer; None where nothing is printed together.
     """
-    plan, limit = paths.plan, min(profile.quality.inner_perimeters_every, profile.highest_bead)
+    plan, limit = paths.plan, min(profile.quality.perimeters_every, profile.highest_bead)
     lowest = within(plan, limit)
     inner = paths.role == Role.PERIMETER
     if (lowest == np.arange(plan.n_layers)).all() or not inner.any():
@@ -308,7 +308,7 @@ def thickened(
 def _groups(bands: Bands, plan: LayerPlan, lowest: Int, sparse: Areas, profile: Profile) -> Int:
     """(L,) the first layer of each one's group: what saves most of perimeters and sparse infill together, mm."""
     quality = profile.quality
-    of_infill = area_savings(sparse, within(plan, min(quality.sparse_every, profile.highest_bead)))
+    of_infill = area_savings(sparse, within(plan, min(quality.internal_infill_every, profile.highest_bead)))
     of_infill *= quality.infill_density / profile.extrusion_width
     saved = bands.savings(lowest)
     several = np.zeros((max(len(saved), len(of_infill)), plan.n_layers))

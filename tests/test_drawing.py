@@ -538,5 +538,5 @@ def test_a_layer_with_one_straight_bead_is_drawn() -> None:
 def test_the_roles_of_a_layer_are_named_and_its_png_is_as_large() -> None:
     picture = layer_picture(PROGRAM, 0)
 
-    assert {"outer perimeter", "inner perimeter", "bottom skin", "skirt"} <= set(words(picture))
+    assert {"External perimeter", "Perimeter", "Solid infill", "Skirt/Brim"} <= set(words(picture))
     assert pixels(picture).shape == (picture.height, picture.width, 3)

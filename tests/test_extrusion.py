@@ -321,11 +321,11 @@ def test_every_role_has_its_speed_above_the_first_layer() -> None:
     above = program.layer > 0
 
     for role, speed in (
-        (Role.EXTERNAL_PERIMETER, speeds.outer_perimeter),
-        (Role.PERIMETER, speeds.inner_perimeter),
-        (Role.SOLID_INFILL, speeds.solid),
-        (Role.TOP_SOLID_INFILL, speeds.top_skin),
-        (Role.INTERNAL_INFILL, speeds.sparse),
+        (Role.EXTERNAL_PERIMETER, speeds.external_perimeter),
+        (Role.PERIMETER, speeds.perimeter),
+        (Role.SOLID_INFILL, speeds.solid_infill),
+        (Role.TOP_SOLID_INFILL, speeds.top_solid_infill),
+        (Role.INTERNAL_INFILL, speeds.internal_infill),
     ):
         here = above & (program.role == role)
         assert here.any()
@@ -346,7 +346,7 @@ def test_no_bead_asks_for_more_plastic_than_the_nozzle_melts(mesh: Mesh, max_flo
 
 
 def test_thick_layers_are_slowed_by_the_flow_limit_and_thin_ones_are_not() -> None:
-    wanted = usual(max_flow=4, min_layer_time=0, speeds__sparse=70)
+    wanted = usual(max_flow=4, min_layer_time=0, speeds__internal_infill=70)
     program = made(box((20, 20, 2.2)), wanted).program
     sparse = program.role == Role.INTERNAL_INFILL
 

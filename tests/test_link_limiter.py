@@ -18,7 +18,7 @@ PLAN = LayerPlan.from_tops(np.arange(1, 13) * 0.25)
 
 
 def sliced(**changes: object) -> tuple[Stages, Profile]:
-    wanted = plain(**{"resolution": 0.001, "quality.speeds.outer_perimeter": 120} | changes)
+    wanted = plain(**{"resolution": 0.001, "quality.speeds.external_perimeter": 120} | changes)
     return slice_stages(sphere(8), wanted, plan=PLAN), wanted
 
 

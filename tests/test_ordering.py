@@ -159,7 +159,7 @@ def test_within_an_island_perimeters_come_before_infill_or_after_it(mesh: Mesh, 
 
 @pytest.mark.parametrize(("mesh", "outer_first"), crossed(MESHES, [False, True]))
 def test_an_outer_loop_follows_the_inner_ones_beside_it_or_leads_them(mesh: Mesh, outer_first: bool) -> None:
-    _, _, after = ordered(mesh, plain(outer_perimeter_first=outer_first, perimeters=3))
+    _, _, after = ordered(mesh, plain(external_perimeter_first=outer_first, perimeters=3))
 
     loops = np.flatnonzero(after.closed & np.isin(after.role, PERIMETERS))
     rings = {i: shapely.linearrings(after.path(i)) for i in loops.tolist() if len(after.path(i)) > 2}

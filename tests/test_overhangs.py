@@ -147,7 +147,7 @@ def test_a_path_turned_around_keeps_what_its_pieces_are_carried_by() -> None:
 def mushroom() -> Program:
     """A stalk under a cap that stands out on all sides, and a ball: every grade."""
     part = joined([box((10, 10, 3), (10, 10, 0)), box((12, 12, 2), (9, 9, 3)), sphere(4).moved((40, 15, 0))])
-    return slice_part(part, plain(min_sparse_area=0), plan=layers(39, 0.2))
+    return slice_part(part, plain(solid_infill_below_area=0), plan=layers(39, 0.2))
 
 
 def test_beads_carried_by_less_than_half_are_overhang_perimeters_and_slow() -> None:
@@ -156,10 +156,10 @@ def test_beads_carried_by_less_than_half_are_overhang_perimeters_and_slow() -> N
 
     assert hangs.any()
     assert program.layer[hangs].min() > 0
-    assert (program.speed[hangs] <= speeds.overhang_50_ratio * speeds.inner_perimeter + 1e-9).all()
+    assert (program.speed[hangs] <= speeds.overhang_50_ratio * speeds.perimeter + 1e-9).all()
     slowest = np.unique(program.speed[hangs & (program.layer == 15)]).min()
     assert slowest == pytest.approx(
-        min(speeds.overhang_0_ratio * speeds.outer_perimeter, speeds.bridge), rel=0.05
+        min(speeds.overhang_0_ratio * speeds.external_perimeter, speeds.bridge), rel=0.05
     )
 
 
@@ -171,7 +171,7 @@ def test_speed_changes_with_the_share_and_not_in_steps() -> None:
 
 
 def test_the_fan_is_stronger_on_overhangs() -> None:
-    wanted = plain(min_sparse_area=0, **{"material.fan_ratio": 0.2, "material.fan_ratio_max": 0.2})
+    wanted = plain(solid_infill_below_area=0, **{"material.fan_ratio": 0.2, "material.fan_ratio_max": 0.2})
     part = joined([box((20, 20, 3), (10, 10, 0)), box((26, 26, 2), (7, 7, 3))])
     program = slice_part(part, wanted, plan=layers(25, 0.2))
     fans = [event for event in program.events if isinstance(event, Fan)]

@@ -122,7 +122,7 @@ def test_a_pattern_of_heights_is_theirs_alone() -> None:
 
 
 def test_speeds_and_accelerations_of_heights_are_theirs_alone() -> None:
-    changes = "4:8:speeds.outer_perimeter=11; 4:8:accelerations.outer_perimeter=123"
+    changes = "4:8:speeds.external_perimeter=11; 4:8:accelerations.external_perimeter=123"
     program = sliced(TALL, overrides=changes).program
     outer, top = program.role == Role.EXTERNAL_PERIMETER, program.plan.top[program.layer]
     within = (top > 4.01) & (top < 8.01)
@@ -187,7 +187,7 @@ def test_later_heights_win_where_several_overlap() -> None:
 
 
 def test_thick_beads_end_where_heights_do() -> None:
-    stages = sliced(TALL, layer_height=0.1, sparse_every=0.3, overrides="4.1:8:infill_density=0.3")
+    stages = sliced(TALL, layer_height=0.1, internal_infill_every=0.3, overrides="4.1:8:infill_density=0.3")
     paths, top = stages.toolpaths, stages.sections.plan.top
     sparse = paths.role == Role.INTERNAL_INFILL
     low = top[paths.layer[sparse]] - paths.height[sparse]
@@ -235,7 +235,7 @@ def test_the_ledger_finds_every_object_closed() -> None:
 
 
 def test_speed_and_flow_of_an_object_are_its_alone() -> None:
-    stages = sliced(PLATE, overrides="lid:speeds.sparse=22; lid:flow_ratio=0.9")
+    stages = sliced(PLATE, overrides="lid:speeds.internal_infill=22; lid:flow_ratio=0.9")
     usual = sliced(PLATE)
     program = stages.program
     sparse = (program.role == Role.INTERNAL_INFILL) & (program.layer > 0)
@@ -335,7 +335,7 @@ def test_a_spiral_has_no_places_of_its_own() -> None:
 
 
 def test_overrides_are_written_as_text_and_read_back() -> None:
-    text = "lid:infill_density=0.4; 5:10:speeds.sparse=40; lid:1:2.5:ironing=true"
+    text = "lid:infill_density=0.4; 5:10:speeds.internal_infill=40; lid:1:2.5:ironing=true"
     profile = attempt(text)
     from printer_slicer.profile import settings_text
 

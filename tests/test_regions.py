@@ -207,7 +207,7 @@ def test_points_near_a_surface_are_solid_and_points_far_from_all_are_not(
 ) -> None:
     with using_engine(engine):
         sections, walls, regions = classified(
-            mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6, min_sparse_area=0)
+            mesh, uneven(height), plain(top_thickness=0.8, bottom_thickness=0.6, solid_infill_below_area=0)
         )
 
     check_shell(sections, walls, regions, 0.8, 0.6)
@@ -224,7 +224,7 @@ def test_the_shell_is_right_on_any_layers_for_any_thickness(
     seed: int, top: int, bottom: int, sides: Sequence[int]
 ) -> None:
     blocks = [box((side, side, 1.5), ((20 - side) / 2,) * 2 + (1.5 * i,)) for i, side in enumerate(sides)]
-    wanted = plain(top_thickness=top / 100, bottom_thickness=bottom / 100, min_sparse_area=0)
+    wanted = plain(top_thickness=top / 100, bottom_thickness=bottom / 100, solid_infill_below_area=0)
 
     sections, walls, regions = classified(joined(blocks), uneven(4.5, seed), wanted)
 
@@ -364,7 +364,7 @@ def test_slopes_of_every_angle_keep_walls_or_skins_across_them(
         top_thickness=thickness,
         bottom_thickness=thickness,
         perimeters=perimeters,
-        min_sparse_area=0,
+        solid_infill_below_area=0,
         slope_shell_ratio=share,
     )
     plan = uneven(height, int(degrees))
@@ -396,7 +396,7 @@ def frustum(bottom: float, top: float, height: float) -> Mesh:
 @pytest.mark.parametrize("thickness", [0.4, 0.8, 1.2])
 def test_a_dome_keeps_walls_or_skins_everywhere(thickness: float) -> None:
     plan = uneven(15.9, 3)
-    wanted = plain(top_thickness=thickness, bottom_thickness=thickness, min_sparse_area=0)
+    wanted = plain(top_thickness=thickness, bottom_thickness=thickness, solid_infill_below_area=0)
     _, _, regions = classified(sphere(8), plan, wanted)
 
     sparse = offset_open(regions.sparse, WIDTH / 4)
@@ -428,7 +428,7 @@ def test_small_and_narrow_areas_are_solid() -> None:
     sizes = [(3.5, 4), (10, 10), (1, 28)]
     parts = [box((x + 2 * depth, y + 2 * depth, 4), (25.0 * i, 0, 0)) for i, (x, y) in enumerate(sizes)]
     _, _, regions = classified(joined(parts), layers(20, 0.2), plain())
-    _, walls, kept = classified(joined(parts), layers(20, 0.2), plain(min_sparse_area=0))
+    _, walls, kept = classified(joined(parts), layers(20, 0.2), plain(solid_infill_below_area=0))
 
     assert regions.sparse.area()[10] == pytest.approx(100, abs=0.5)
     assert kept.sparse.area()[10] == pytest.approx(walls.inside.area()[10], abs=1e-3)

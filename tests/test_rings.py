@@ -95,7 +95,7 @@ def stages_of(mesh: Mesh) -> list[object]:
     fitted = compensated(sections, USUAL)
     walls = lay_walls(fitted, USUAL)
     regions = classify(fitted, walls, USUAL)
-    groups = groups_of(regions.sparse, plan, USUAL.quality.sparse_every)
+    groups = groups_of(regions.sparse, plan, USUAL.quality.internal_infill_every)
     layout = laid_out(regions, groups, PATTERNS[USUAL.quality.infill], USUAL, measured=True)
     bridged = rested(regions, bare_lines(layout, carried_layers(regions)), USUAL)
     return [sections, fitted, walls, regions, bridged]

@@ -113,7 +113,7 @@ def steps(draw: st.DrawFn) -> Sections:
 @settings(max_examples=examples(8))
 @given(sections=steps(), perimeters=st.integers(2, 4), varying=st.booleans())
 def test_every_column_holds_as_much_as_before(sections: Sections, perimeters: int, varying: bool) -> None:
-    wanted = plain(inner_perimeters_every=LIMIT, perimeters=perimeters, varying_walls=varying)
+    wanted = plain(perimeters_every=LIMIT, perimeters=perimeters, varying_walls=varying)
     before, after, _ = made(sections, wanted)
 
     volume = [float(beads_of(paths).volume.sum()) for paths in (before, after)]
@@ -129,7 +129,7 @@ def test_every_column_holds_as_much_as_before(sections: Sections, perimeters: in
 def test_thick_beads_keep_to_their_limit_and_stand_where_every_layer_has_a_perimeter(
     sections: Sections, limit: float
 ) -> None:
-    wanted = plain(inner_perimeters_every=limit, perimeters=3)
+    wanted = plain(perimeters_every=limit, perimeters=3)
     before, after, _ = made(sections, wanted)
 
     thick = after.take(np.flatnonzero(is_thick(after)))
@@ -155,7 +155,7 @@ def test_a_prism_has_a_third_of_its_inner_perimeters(engine: str) -> None:
     """The first layer is on its own; the last one is seen from above."""
     with using_engine(engine):
         before, after, groups = made(
-            stack([[rectangle(0, 0, 20, 20)]] * 11), plain(inner_perimeters_every=LIMIT, infill_density=0)
+            stack([[rectangle(0, 0, 20, 20)]] * 11), plain(perimeters_every=LIMIT, infill_density=0)
         )
 
     inner = inner_ones(after)
@@ -190,7 +190,7 @@ def test_only_the_stretch_that_changes_is_printed_on_every_layer() -> None:
         ]
         for k in range(8)
     ]
-    before, after, _ = made(stack(notched), plain(inner_perimeters_every=LIMIT, infill_density=0))
+    before, after, _ = made(stack(notched), plain(perimeters_every=LIMIT, infill_density=0))
 
     inner = inner_ones(after)
     thick = inner.take(np.flatnonzero(is_thick(inner)))
@@ -208,7 +208,7 @@ def test_only_the_stretch_that_changes_is_printed_on_every_layer() -> None:
 
 def test_slopes_stay_as_they_are() -> None:
     rings = [[rectangle(0.05 * k, 0.05 * k, 20 - 0.05 * k, 20 - 0.05 * k)] for k in range(12)]
-    before, after, _ = made(stack(rings), plain(inner_perimeters_every=LIMIT))
+    before, after, _ = made(stack(rings), plain(perimeters_every=LIMIT))
 
     assert not is_thick(after).any()
     assert after.n_paths == before.n_paths
@@ -216,7 +216,7 @@ def test_slopes_stay_as_they_are() -> None:
 
 def test_a_hundredth_of_a_millimetre_is_no_change() -> None:
     rings = [[rectangle(0, 0, 20 + 0.01 * (k % 2), 20)] for k in range(12)]
-    _, after, _ = made(stack(rings), plain(inner_perimeters_every=LIMIT))
+    _, after, _ = made(stack(rings), plain(perimeters_every=LIMIT))
 
     # All but the first and the last layer; of ten layers three groups of three save as much as four groups.
     assert after.height[is_thick(after)].sum() == pytest.approx(0.95, abs=0.06)
@@ -226,7 +226,7 @@ def test_beads_of_one_place_but_of_different_widths_stay_apart() -> None:
     """A wall that is 1.25 and 1.4 mm thick in turns has its middle bead in the same place on every layer."""
     wide = [[rectangle(0, -0.625 - 0.075 * (k % 2), 30, 0.625 + 0.075 * (k % 2))] for k in range(8)]
     even = [[rectangle(0, -0.625, 30, 0.625)]] * 8
-    wanted = plain(inner_perimeters_every=LIMIT, perimeters=3)
+    wanted = plain(perimeters_every=LIMIT, perimeters=3)
 
     assert not is_thick(made(stack(wide), wanted)[1]).any()
     assert is_thick(made(stack(even), wanted)[1]).any()
@@ -236,7 +236,7 @@ def test_without_the_setting_or_room_for_two_layers_nothing_is_touched() -> None
     sections = stack([[rectangle(0, 0, 20, 20)]] * 6)
 
     for every in (0.0, 0.15):
-        before, after, groups = made(sections, plain(inner_perimeters_every=every))
+        before, after, groups = made(sections, plain(perimeters_every=every))
         assert groups is None
         assert after.n_paths == before.n_paths
         assert after.height.tolist() == before.height.tolist()
@@ -245,7 +245,7 @@ def test_without_the_setting_or_room_for_two_layers_nothing_is_touched() -> None
 @pytest.mark.parametrize("outside_in", [False, True])
 def test_thick_beads_are_laid_when_the_outer_ones_of_their_layer_are_there(outside_in: bool) -> None:
     wanted = plain(
-        **FINE, inner_perimeters_every=LIMIT, perimeters=3, outer_perimeter_first=outside_in, raft_height=0.6
+        **FINE, perimeters_every=LIMIT, perimeters=3, external_perimeter_first=outside_in, raft_height=0.6
     )
     paths = slice_stages(box((20, 20, 4)), wanted).toolpaths
 
@@ -260,7 +260,7 @@ def test_thick_beads_are_laid_when_the_outer_ones_of_their_layer_are_there(outsi
 
 
 def test_perimeters_and_infill_share_their_groups() -> None:
-    wanted = plain(**FINE, inner_perimeters_every=LIMIT, sparse_every=LIMIT)
+    wanted = plain(**FINE, perimeters_every=LIMIT, internal_infill_every=LIMIT)
     paths = slice_stages(step_pyramid([30, 20], [5.05, 3.0]), wanted).toolpaths
 
     spans = {
@@ -324,7 +324,7 @@ def test_the_ledger_finds_nothing_that_it_does_not_find_without(name: str) -> No
     """The same volume, nothing uncovered, nothing in the air, printed in less time."""
     ledgers, seconds = [], []
     for every in (0.0, LIMIT):
-        wanted = plain(**FINE, sparse_every=LIMIT, inner_perimeters_every=every)
+        wanted = plain(**FINE, internal_infill_every=LIMIT, perimeters_every=every)
         stages = slice_stages(PARTS[name](), wanted)
         ledgers.append(
             coverage_of(stack_of(stages.program, wanted.material.filament_diameter), stages.sections.solid)

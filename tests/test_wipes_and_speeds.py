@@ -126,13 +126,13 @@ def test_small_holes_are_slower_and_the_outside_is_not() -> None:
     outer = (program.role == Role.EXTERNAL_PERIMETER) & (program.layer > 0)
     inside = (np.abs(program.xyz[:, :2] - program.xyz[outer, :2].mean(axis=0)) < 4).all(axis=1)
     assert program.speed[outer & inside] == pytest.approx(11)
-    assert program.speed[outer & ~inside] == pytest.approx(wanted.speeds.outer_perimeter)
+    assert program.speed[outer & ~inside] == pytest.approx(wanted.speeds.external_perimeter)
 
 
 def test_speeds_grow_from_the_first_layer_up() -> None:
     wanted = plain(quality__speeds__slow_below=1.3)
     program = program_of(wanted)
-    low, high = wanted.speeds.first_layer, wanted.speeds.outer_perimeter
+    low, high = wanted.speeds.first_layer, wanted.speeds.external_perimeter
 
     speeds = speed_of(program, Role.EXTERNAL_PERIMETER)
     share = np.clip((UNEVEN.top - 0.3) / (1.3 - 0.3), 0, 1)
@@ -144,7 +144,7 @@ def test_an_even_flow_slows_thick_layers_and_hurries_thin_ones_within_a_factor()
     speeds = speed_of(program_of(wanted), Role.EXTERNAL_PERIMETER)
 
     assert speeds[1:] == pytest.approx(
-        wanted.speeds.outer_perimeter * np.clip(0.2 / UNEVEN.height[1:], 1 / 1.5, 1.5)
+        wanted.speeds.external_perimeter * np.clip(0.2 / UNEVEN.height[1:], 1 / 1.5, 1.5)
     )
 
 
@@ -196,7 +196,13 @@ def test_when_that_is_not_enough_everything_is_slowed_down() -> None:
 
 @pytest.mark.parametrize("printer", ["marlin_220", "corexy_klipper"])
 def test_every_role_has_its_acceleration_and_the_time_follows(printer: str) -> None:
-    asked = {"outer_perimeter": 300, "inner_perimeter": 400, "sparse": 450, "first_layer": 200, "bridge": 150}
+    asked = {
+        "external_perimeter": 300,
+        "perimeter": 400,
+        "internal_infill": 450,
+        "first_layer": 200,
+        "bridge": 150,
+    }
     changes = {f"quality.accelerations.{name}": value for name, value in asked.items()}
     wanted = profile(printer, **{"min_layer_time": 0} | changes)
     usual = profile(printer, min_layer_time=0)

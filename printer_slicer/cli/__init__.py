@@ -7,6 +7,7 @@ import contextlib
 import gc
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 from printer_slicer.cli.inputs import inputs
@@ -34,6 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     gc.set_threshold(_OBJECTS)  # values are frozen and hold arrays, in no cycles
     outlive_readers()
+    warnings.showwarning = _show_warning  # type: ignore[assignment]
     asks = "_ARGCOMPLETE" in os.environ  # a shell asks what could be typed
     words = os.environ.get("COMP_LINE", "").split() if asks else sys.argv[1:] if argv is None else argv
     parser = build_parser([word for word in words if word in COMMANDS][:1])
@@ -89,6 +91,12 @@ def _output_failed(error: OSError) -> int:
     return _fail(
         f"the output is not all there: {error.strerror or error}\n  check free space and permissions", 2
     )
+
+
+def _show_warning(message: Warning | str, *_: object) -> None:
+    """Print a warning of Python's as one of this program."""
+    with contextlib.suppress(OSError):  # nobody is left to be told
+        print(visible(f"printer-slicer: warning: {message}"), file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> int:

@@ -60,18 +60,28 @@ def profile_from(
     }
     folders = named_folders(arguments)
     changes = changes_from(arguments)
-    if gcode is None:
-        own = _OwnSettings({}, ())
-        profile = load_profile(**names, changes=changes, slices=slices, folders=folders)
-    else:
-        own = _own_settings(gcode, folders)
-        profile = profile_over(own.values, names, changes, folders)
+    own = _OwnSettings({}, ()) if gcode is None else _own_settings(gcode, folders)
+    try:
+        if gcode is None:
+            profile = load_profile(**names, changes=changes, slices=slices, folders=folders)
+        else:
+            profile = profile_over(own.values, names, changes, folders)
+    except ProfileError as error:
+        raise _with_flag(error, arguments) from None
     used = {"printer", "material", *own.values, *(("quality",) if slices and gcode is None else ())}
     told = _provenance({kind: name for kind, name in names.items() if kind in used}, own, folders)
     arguments.profile_facts = {"profile": told}
     if tell:
         _tell_profile(arguments, told, own.refused)
     return profile
+
+
+def _with_flag(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
+    """Return the error with --set before a setting that was changed by it."""
+    message = str(error.args[0])
+    keys = (change.partition("=")[0].strip() for change in arguments.set)
+    typed = any(message.startswith((f"{key}:", f"{key}=")) for key in keys)
+    return ProfileError(f"--set {message}", remedy=error.remedy) if typed else error
 
 
 def _tell_profile(

@@ -129,7 +129,7 @@ def _wanted(paths: Toolpaths, profile: Profile) -> Float:
     speeds = profile.speeds
     wanted = _of_roles(speeds)[paths.role]
     single = (paths.role == Role.PERIMETER) & ~paths.closed
-    wanted = np.where(single, speeds.gap, wanted)
+    wanted = np.where(single, speeds.gap_fill, wanted)
     if speeds.small_perimeter:
         small = is_perimeter(paths.role) & paths.closed
         small &= paths.length() < 2 * np.pi * speeds.small_perimeter_radius
@@ -162,7 +162,7 @@ def _of_roles(speeds: Speeds) -> Float:
     """(roles,) mm/s."""
     of_role = np.array([getattr(speeds, row.speed) for row in ROLES])
     # A draft shield goes on over the first layer.
-    of_role[Role.SKIRT] = max(speeds.first_layer, speeds.outer_perimeter)
+    of_role[Role.SKIRT] = max(speeds.first_layer, speeds.external_perimeter)
     return of_role
 
 

@@ -216,9 +216,9 @@ def _walls(made: Conversion) -> None:
     order = preset.text("wall_sequence") or preset.text("wall_infill_order")
     if order:
         name = "wall_sequence" if preset.has("wall_sequence") else "wall_infill_order"
-        made.put("outer_perimeter_first", order.startswith("outer wall"), name)
+        made.put("external_perimeter_first", order.startswith("outer wall"), name)
     else:
-        made.switch("outer_perimeter_first", "external_perimeters_first")
+        made.switch("external_perimeter_first", "external_perimeters_first")
     made.switch("infill_first", "infill_first")
     for name in ("extra_perimeters_on_overhangs", "extra_perimeters_overhangs"):
         if preset.has(name):
@@ -303,7 +303,9 @@ def _infill(made: Conversion, height: float, width: float) -> None:
     if preset.has("infill_overlap"):
         _overlap(made, height, width)
     made.held("infill_angle_deg", preset.number("fill_angle"), -360, 360, "fill_angle")
-    made.held("min_sparse_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area")
+    made.held(
+        "solid_infill_below_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area"
+    )
     for name, most in (("infill_anchor", 50), ("infill_anchor_max", 1000)):
         found = preset.quantity(name)
         length = min(found.of(width), most)  # 1000 says there that it is not limited
@@ -312,7 +314,7 @@ def _infill(made: Conversion, height: float, width: float) -> None:
         made.held(name, length, 0, most, name, how)
     every = preset.number("infill_every_layers")
     if every > 1:
-        made.held("sparse_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers")
+        made.held("internal_infill_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers")
     made.skip(["infill_every_layers"])
 
 
@@ -321,7 +323,7 @@ def _overlap(made: Conversion, height: float, width: float) -> None:
     found = made.quantity("infill_overlap")
     spacing = float(bead.spacing(width, height))
     how = "" if found.percent else "mm as a share of the spacing"
-    for ours in ("infill_overlap", "sparse_overlap"):
+    for ours in ("infill_overlap", "internal_infill_overlap"):
         made.held(ours, round(found.of(spacing) / spacing, 4), 0, 0.5, "infill_overlap", how)
 
 

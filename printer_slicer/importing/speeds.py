@@ -11,11 +11,11 @@ from printer_slicer.importing.conversion import Conversion
 __all__ = ["speeds_of"]
 
 _SPEEDS: Final = (
-    ("inner_perimeter", "perimeter_speed"),
-    ("outer_perimeter", "external_perimeter_speed"),
-    ("sparse", "infill_speed"),
-    ("solid", "solid_infill_speed"),
-    ("top_skin", "top_solid_infill_speed"),
+    ("perimeter", "perimeter_speed"),
+    ("external_perimeter", "external_perimeter_speed"),
+    ("internal_infill", "infill_speed"),
+    ("solid_infill", "solid_infill_speed"),
+    ("top_solid_infill", "top_solid_infill_speed"),
     ("bridge", "bridge_speed"),
     ("internal_bridge", "bridge_speed_internal"),
     ("ironing", "ironing_speed"),
@@ -62,12 +62,15 @@ _USUAL: Final = "default_acceleration"
 _ACCELERATIONS: Final = (
     ("default", (_USUAL,)),
     ("first_layer", ("first_layer_acceleration",)),
-    ("outer_perimeter", ("external_perimeter_acceleration", "perimeter_acceleration")),
-    ("inner_perimeter", ("perimeter_acceleration",)),
+    ("external_perimeter", ("external_perimeter_acceleration", "perimeter_acceleration")),
+    ("perimeter", ("perimeter_acceleration",)),
     ("bridge", ("bridge_acceleration",)),
-    ("sparse", ("infill_acceleration",)),
-    ("solid", ("solid_infill_acceleration", "infill_acceleration")),
-    ("top_skin", ("top_solid_infill_acceleration", "solid_infill_acceleration", "infill_acceleration")),
+    ("internal_infill", ("infill_acceleration",)),
+    ("solid_infill", ("solid_infill_acceleration", "infill_acceleration")),
+    (
+        "top_solid_infill",
+        ("top_solid_infill_acceleration", "solid_infill_acceleration", "infill_acceleration"),
+    ),
 )
 _OVERHANGS: Final = (("0", 0), ("25", 1), ("50", 2), ("75", 3))
 
@@ -136,7 +139,7 @@ def _gap(made: Conversion) -> None:
     """Convert the gap fill speed; 0 disables gap fill there, and means the speed of perimeters here."""
     name = "gap_fill_speed"
     value, how = _speed(made, name) if made.quantity(name).value else (0.0, "")
-    made.held("speeds.gap", value, 0, 1000, name, how)
+    made.held("speeds.gap_fill", value, 0, 1000, name, how)
     if made.preset.has("raft_speed"):
         _put(made, "raft", "raft_speed")
 
@@ -144,7 +147,7 @@ def _gap(made: Conversion) -> None:
 def _first_layer(made: Conversion) -> None:
     """Convert the speeds of perimeters and infill on the first layer; a percentage refers to each role's speed."""
     speeds = made.values["speeds"]
-    inner, sparse, solid = (float(speeds[name]) for name in ("inner_perimeter", "sparse", "solid"))
+    inner, sparse, solid = (float(speeds[name]) for name in ("perimeter", "internal_infill", "solid_infill"))
     name, infill = "first_layer_speed", "first_layer_infill_speed"
     found = made.quantity(name)
     _positive(made, name, found.value)
@@ -193,7 +196,7 @@ def _overhangs(made: Conversion) -> None:
     """Overhangs as the source grades them; else only bridges are slower."""
     preset = made.preset
     graded = preset.has("enable_dynamic_overhang_speeds") and preset.on("enable_dynamic_overhang_speeds")
-    outer = float(made.values["speeds"]["outer_perimeter"])
+    outer = float(made.values["speeds"]["external_perimeter"])
     for share, number in _OVERHANGS:
         name = f"overhang_speed_{number}"
         speed = preset.quantity(name).of(outer) if graded and preset.has(name) else 0.0

@@ -49,7 +49,7 @@ def _speeds(quality: Imported) -> list[Taken]:
         ratio = speeds.get(f"overhang_{share}_ratio", 1)
         graded = next((one for one in quality.taken if one.ours == f"speeds.overhang_{share}_ratio"), None)
         if graded and ratio < 1:
-            value = round(ratio * speeds["outer_perimeter"], 6)
+            value = round(ratio * speeds["external_perimeter"], 6)
             found.append(replace(graded, ours=f"speeds.overhang_{share}", value=value, how=""))
     return found
 

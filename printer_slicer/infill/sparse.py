@@ -93,7 +93,7 @@ def sparse_paths(layout: PatternLayout, regions: Regions, profile: Profile) -> T
     """
     own = _task(layout.task.regions, regions.sparse, layout.groups, profile)
     # A share of the mean of both spacings, which are equal here.
-    overlap = profile.quality.sparse_overlap * own.bead if profile.quality.perimeters else 0.0
+    overlap = profile.quality.internal_infill_overlap * own.bead if profile.quality.perimeters else 0.0
     # Lines reach into the walls to hold on to them; the ends of bridges are there already and would lie under them.
     around = own.bead / 2 + overlap
     bridges = offset(regions.bridge.merge(regions.internal_bridge), around).for_each(own.layer)

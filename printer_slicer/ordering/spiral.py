@@ -25,7 +25,7 @@ _SETTINGS: Final = {
     "quality.perimeters": 1,
     "quality.infill_density": 0,
     "quality.top_thickness": 0,
-    "quality.min_sparse_area": 0,
+    "quality.solid_infill_below_area": 0,
     "quality.extra_perimeters": False,
     "quality.seam": "aligned",
 }

@@ -56,7 +56,7 @@ def clustered(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths
     is_outer = np.arange(len(path)) >= len(some)
     of = np.concatenate([owner[some], np.arange(outer.n_loops)])
     far = np.concatenate([gap[some], np.zeros(outer.n_loops)])
-    turn = _turns(label[of], of, far, is_outer, outside_in=profile.quality.outer_perimeter_first)
+    turn = _turns(label[of], of, far, is_outer, outside_in=profile.quality.external_perimeter_first)
     return begun, Clusters(path, outer.path[label[of]], turn)
 
 

@@ -153,12 +153,12 @@ class LayerTimes:
 
         outer, inner = (
             time_contours(at.contours, motion(name), slowest, limits)
-            for name in ("outer_perimeter", "inner_perimeter")
+            for name in ("external_perimeter", "perimeter")
         )
         rows = (
-            (width, motion("solid")),
-            (self._sparse_spacing, motion("sparse")),
-            (width, motion("top_skin")),
+            (width, motion("solid_infill")),
+            (self._sparse_spacing, motion("internal_infill")),
+            (width, motion("top_solid_infill")),
             (width, motion("bridge")),
             (width, motion("internal_bridge", "bridge")),
         )

@@ -29,6 +29,7 @@ from printer_slicer.profile.reading import (
     merged,
     read_chain,
 )
+from printer_slicer.profile.renamed import current_names, warn_of
 from printer_slicer.texts import describe_type
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "settings_text",
 ]
 
+_SHARES = ("0-1", "ratio")
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 
 
@@ -171,7 +173,9 @@ def profile_from(values: Mapping[str, Mapping[str, Any]]) -> Profile:
     Raises:
         ProfileError: they are of another version of this program.
     """
-    sources = {kind: SettingsSource(dict(values.get(kind, {})), {}, f"the kept {kind}") for kind in KINDS}
+    sources = {
+        kind: SettingsSource(current_names(values.get(kind, {})), {}, f"the kept {kind}") for kind in KINDS
+    }
     return _built(sources, slices=False)
 
 
@@ -185,9 +189,11 @@ def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
 def _change(sources: dict[str, SettingsSource], key: str, value: object) -> None:
     """Apply one change in place."""
     adds = key.endswith("+")
-    kind, path = resolved(sources, key.removesuffix("+"))
+    kind, path = resolved(sources, warn_of(key.removesuffix("+")))
     typed = value
     value = list_from_text(path, value) if path in LISTS and isinstance(value, str) else _plain(value)
+    if isinstance(value, str) and value.endswith("%"):
+        value = _share(kind, path, value)
     *tables, leaf = path.split(".")
     change: dict[str, Any] = {leaf: value}
     for table in reversed(tables):
@@ -199,18 +205,28 @@ def _change(sources: dict[str, SettingsSource], key: str, value: object) -> None
         sources[kind] = laid_over(source, SettingsSource(change, _places_of(path, value), source.file))
         return
     places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
-    places[path] = f"--set {key}={typed}"
+    places[path] = f"{key}={typed}"
     sources[kind] = SettingsSource(merged(source.values, change), places, source.file)
 
 
 def _places_of(path: str, rules: Sequence[Any]) -> dict[str, str]:
-    """What was typed for each rule that is added, and for the list the last of it."""
-    places = {path: f"--set {path}"}
+    """Return the text of each rule that is added as its place, and the last one's as that of the list."""
+    places = {path: path}
     for i, one in enumerate(rules):
-        flag = "--set-for" if isinstance(one, dict) and one.get("object") else "--range"
         with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
-            places[path] = places[f"{path}[{i}]"] = f"{flag} {list_as_text([one])}"
+            places[path] = places[f"{path}[{i}]"] = f"override {list_as_text([one])}"
     return places
+
+
+def _share(kind: str, path: str, text: str) -> str:
+    """Return a percentage as the share that a setting without a unit expects; the text itself for other settings."""
+    from printer_slicer.profile.tables import settings_table  # noqa: PLC0415 - for percentages only
+
+    units = {row.key: row.unit for row in settings_table()}
+    try:
+        return f"{float(text[:-1]) / 100:.10g}" if units.get(f"{kind}.{path}") in _SHARES else text
+    except ValueError:
+        return text
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile.files import load_profile, settings_of
+from printer_slicer.profile.renamed import current_name
 
 __all__ = ["is_own_gcode", "settings_in_gcode"]
 
@@ -35,7 +36,7 @@ def settings_in_gcode(path: Path) -> dict[str, dict[str, Any]]:
         _, sign, tail = file.read().replace(b"\r\n", b"\n").rpartition(_BEGIN)
     found = map(_SETTING.fullmatch, tail.decode("utf-8", "replace").split("\n") if sign else [])
     changes: dict[str, object] = {
-        one[1]: (one[2] or "").replace("\\n", "\n") for one in found if one is not None
+        current_name(one[1]): (one[2] or "").replace("\\n", "\n") for one in found if one is not None
     }
     if not changes:
         raise ProfileError(

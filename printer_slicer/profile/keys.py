@@ -65,7 +65,7 @@ def nearest(key: str, known: Sequence[str]) -> str:
     return near[0] if near else ""
 
 
-def resolved(sources: Mapping[str, SettingsSource], key: str, flag: str = "--set") -> tuple[str, str]:
+def resolved(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]:
     """Which section and key a change means: `quality.perimeters`, or `perimeters` where only one section has it.
 
     Settings of the chosen planner may be named alone, too: `smooth` for `quality.planner.smooth`.
@@ -83,22 +83,20 @@ def resolved(sources: Mapping[str, SettingsSource], key: str, flag: str = "--set
         return matches[0]
     if matches:
         choices = ", ".join(f"{kind}.{path}" for kind, path in matches)
-        raise ProfileError(
-            f"{flag} {key}: more than one section has this key", remedy=f"say which: {choices}"
-        )
+        raise ProfileError(f"{key}: more than one section has this key", remedy=f"say which: {choices}")
     leaf = key.rpartition(".")[2]
     having = [kind for kind, struct in PLANNER_SETTINGS.items() if leaf in struct.__struct_fields__]
     if having and key in (leaf, f"planner.{leaf}", f"quality.planner.{leaf}"):
         raise ProfileError(
-            f"{flag} {key}: the chosen planner has no such setting",
+            f"{key}: the chosen planner has no such setting",
             remedy=f"it belongs to: {', '.join(f'--planner {kind}' for kind in having)}",
         )
     group = [path for _, path in known if path.startswith(f"{key.removeprefix('quality.')}.")]
     if group:
-        raise ProfileError(f"{flag} {key}: is a group of settings", remedy=f"name one: {', '.join(group)}")
+        raise ProfileError(f"{key}: is a group of settings", remedy=f"name one: {', '.join(group)}")
     names = sorted({f"{kind}.{path}" for kind, path in known} | {path for _, path in known})
     near = nearest(key, names)
     hint = f"did you mean {near!r}? " if near else ""
     raise ProfileError(
-        f"{flag} {key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all"
+        f"{key}: no such setting", remedy=f"{hint}`printer-slicer profiles settings` lists all"
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final
 
 from printer_slicer.profile.base import Settings, meta
+from printer_slicer.profile.renamed import warn_of
 
 __all__ = ["HIGHEST", "Override", "as_text", "from_text", "has_heights"]
 
@@ -45,7 +46,7 @@ def from_text(text: str) -> dict[str, Any]:
     found = _TYPED.fullmatch(text.strip())
     if not found or not (found["object"] or found["low"]):
         raise ValueError(text)
-    table: dict[str, Any] = {"set": {found["key"]: found["value"].strip()}}
+    table: dict[str, Any] = {"set": {warn_of(found["key"], text.strip()): found["value"].strip()}}
     if found["object"]:
         table["object"] = found["object"].strip()
     if found["low"]:

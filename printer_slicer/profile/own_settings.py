@@ -71,7 +71,7 @@ def _of_key(
     what |= set() if one.is_everywhere else {HEIGHT}
     allowed = [row.key for row in rows.values() if row.own and what <= set(row.own)]
     found = [row.key for row in rows.values() if key in (row.key, row.key.partition(".")[2])]
-    found.sort(key=lambda name: name not in allowed)  # printer and quality both have `speeds.sparse`
+    found.sort(key=lambda name: name not in allowed)  # printer and quality both have `speeds.internal_infill`
     if not found:
         near = nearest(key, [*allowed, *(name.partition(".")[2] for name in allowed)])
         hint = f"did you mean {near!r}? " if near else ""

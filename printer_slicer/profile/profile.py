@@ -143,8 +143,16 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 USUAL_FLOW: Final = 12.0
 """Flow limit of a standard 0.4 mm hotend for PLA, mm³/s, if neither printer nor material sets one."""
 
-_SCALED: Final = ("outer_perimeter", "inner_perimeter", "sparse", "solid", "top_skin", "gap", "support")
-_VISIBLE: Final = ("outer_perimeter", "top_skin")
+_SCALED: Final = (
+    "external_perimeter",
+    "perimeter",
+    "internal_infill",
+    "solid_infill",
+    "top_solid_infill",
+    "gap_fill",
+    "support",
+)
+_VISIBLE: Final = ("external_perimeter", "top_solid_infill")
 _AS_THEY_ARE: Final = ("bridge", "internal_bridge", "small_perimeter", "travel", "first_layer")
 
 
@@ -157,14 +165,14 @@ def resolve_speeds(printer: Printer, quality: Quality) -> Speeds:
     own, wanted = printer.speeds, quality.speeds
     fastest = max(printer.max_speed_x, printer.max_speed_y)
     usual = {name: getattr(own, name) for name in (*_SCALED, *_AS_THEY_ARE)}
-    usual["gap"] = own.gap or own.inner_perimeter
+    usual["gap_fill"] = own.gap_fill or own.perimeter
     usual["support_interface"] = own.support_interface or own.support
     usual |= {name: usual[name] * wanted.ratio for name in (*_SCALED, "support_interface")}
     if wanted.visible_most:
         usual |= {name: min(usual[name], wanted.visible_most) for name in _VISIBLE}
     filled = {name: getattr(wanted, name) or min(speed, fastest) for name, speed in usual.items()}
-    if not own.gap and not wanted.gap:
-        filled["gap"] = filled["inner_perimeter"]
+    if not own.gap_fill and not wanted.gap_fill:
+        filled["gap_fill"] = filled["perimeter"]
     filled["raft"] = wanted.raft or filled["support"]
     infill = wanted.first_layer or own.first_layer_infill or own.first_layer
     filled["first_layer_infill"] = wanted.first_layer_infill or infill

@@ -132,7 +132,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     extra_perimeters: Annotated[
         bool, meta("more perimeters where the edge of a layer hangs over air", own=ANYWHERE)
     ] = False
-    outer_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
+    external_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
     infill_first: Annotated[bool, meta("print infill before the perimeters around it")] = False
     seam: Annotated[
         Literal["aligned", "nearest", "rear", "direction", "random"],
@@ -195,7 +195,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             own=ANYWHERE,
         ),
     ] = 0.9
-    min_sparse_area: Annotated[
+    solid_infill_below_area: Annotated[
         float,
         meta(
             "smaller areas, and strips under three beads wide, are not sparse but solid; 0: none",
@@ -258,7 +258,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             own=ANYWHERE,
         ),
     ] = 0.25
-    sparse_overlap: Annotated[
+    internal_infill_overlap: Annotated[
         float,
         meta(
             "overlap of sparse infill ends with the perimeter, as a share of the mean of both spacings",
@@ -284,7 +284,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             own=ANYWHERE,
         ),
     ] = 24
-    sparse_every: Annotated[
+    internal_infill_every: Annotated[
         float,
         meta(
             "sparse infill of several layers in beads up to this high, at most 0.8 nozzles; 0: layer by layer",
@@ -294,7 +294,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             own=EACH_OBJECT,
         ),
     ] = 0
-    inner_perimeters_every: Annotated[
+    perimeters_every: Annotated[
         float,
         meta(
             "inner perimeters of several layers in beads up to this high where the section does not change; 0: "

@@ -16,6 +16,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.input_files import read_input
 from printer_slicer.profile.folders import FOLDERS, profile_paths, searched
 from printer_slicer.profile.lists import LISTS, added, list_as_text, list_from_text
+from printer_slicer.profile.renamed import current_name, current_names, overridden, warn_of
 from printer_slicer.profile.settings import Material, Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES, TomlError, key_lines, parse_toml
 
@@ -99,7 +100,12 @@ def read_chain(
             f"{seen[0]}: more than {MOST_ANCESTORS} levels of inheritance", remedy="inherit from fewer files"
         )
     text, values = _read(path)
-    lines = key_lines(text)
+    lines = {current_name(key): line for key, line in key_lines(text).items()}
+    for key in _leaves(values):
+        warn_of(key, f"{path}:{_line(lines, current_name(key))}")
+    for key in overridden(values):
+        warn_of(key, f"{path}:{_line(lines, 'overrides')}: override")
+    values = current_names(values)
     parent = values.pop("inherits", None)
     if parent is not None and not isinstance(parent, str):
         raise ProfileError(

@@ -12,12 +12,12 @@ __all__ = ["Accelerations", "PrinterAccelerations", "PrinterSpeeds", "Speeds"]
 class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Usual speed of each role on a printer, for layers of about 0.2 mm."""
 
-    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
-    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
-    sparse: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
-    solid: Annotated[float, meta("solid infill, bottom layers included", "mm/s", gt=0, le=1000)] = 60
-    top_skin: Annotated[float, meta("top solid infill", "mm/s", gt=0, le=1000)] = 40
-    gap: Annotated[float, meta("gap fill; 0: as inner perimeters", "mm/s", ge=0, le=1000)] = 0
+    external_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
+    perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
+    internal_infill: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
+    solid_infill: Annotated[float, meta("solid infill, bottom layers included", "mm/s", gt=0, le=1000)] = 60
+    top_solid_infill: Annotated[float, meta("top solid infill", "mm/s", gt=0, le=1000)] = 40
+    gap_fill: Annotated[float, meta("gap fill; 0: as inner perimeters", "mm/s", ge=0, le=1000)] = 0
     bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
     internal_bridge: Annotated[
         float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
@@ -64,15 +64,17 @@ class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw
     first_layer: Annotated[
         float, meta("everything on the first layer; 0: as on other layers", "mm/s²", ge=0, le=100000)
     ] = 0
-    outer_perimeter: Annotated[float, meta("outer perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    inner_perimeter: Annotated[float, meta("inner perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    external_perimeter: Annotated[float, meta("outer perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    perimeter: Annotated[float, meta("inner perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
     overhang: Annotated[float, meta("overhanging perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
     bridge: Annotated[float, meta("bridges; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    sparse: Annotated[float, meta("sparse infill; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    solid: Annotated[
+    internal_infill: Annotated[float, meta("sparse infill; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    solid_infill: Annotated[
         float, meta("solid infill, bottom layers included; 0: default", "mm/s²", ge=0, le=100000)
     ] = 0
-    top_skin: Annotated[float, meta("top solid infill and ironing; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    top_solid_infill: Annotated[
+        float, meta("top solid infill and ironing; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
 
 
 class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -101,21 +103,23 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             own=ANYWHERE,
         ),
     ] = 0
-    outer_perimeter: Annotated[
+    external_perimeter: Annotated[
         float, meta("outer perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
-    inner_perimeter: Annotated[
+    perimeter: Annotated[
         float, meta("inner perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
-    sparse: Annotated[float, meta("sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
-    solid: Annotated[
+    internal_infill: Annotated[
+        float, meta("sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
+    solid_infill: Annotated[
         float,
         meta("solid infill, bottom layers included; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE),
     ] = 0
-    top_skin: Annotated[
+    top_solid_infill: Annotated[
         float, meta("top solid infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
-    gap: Annotated[float, meta("gap fill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
+    gap_fill: Annotated[float, meta("gap fill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
     ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 15
     bridge: Annotated[float, meta("bridges; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
     internal_bridge: Annotated[
@@ -232,12 +236,12 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     first_layer: Annotated[
         float, meta("everything on the first layer; 0: the printer's", "mm/s²", ge=0, le=100000)
     ] = 0
-    outer_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    inner_perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
+    external_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
+    perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     overhang: Annotated[float, meta("overhanging perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
     bridge: Annotated[float, meta("bridges", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    sparse: Annotated[float, meta("sparse infill", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    solid: Annotated[
+    internal_infill: Annotated[float, meta("sparse infill", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
+    solid_infill: Annotated[
         float,
         meta(
             "solid infill, bottom layers included",
@@ -247,6 +251,6 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
             own=ANYWHERE,
         ),
     ] = 0
-    top_skin: Annotated[
+    top_solid_infill: Annotated[
         float, meta("top solid infill and ironing", "mm/s²", ge=0, le=100000, own=ANYWHERE)
     ] = 0

@@ -207,4 +207,4 @@ def test_a_draft_shield_is_quicker_over_the_first_layer() -> None:
     shield = program.role == Role.SKIRT
 
     assert set(program.speed[shield & (program.layer == 0)].tolist()) == {20.0}
-    assert set(program.speed[shield & (program.layer > 0)].tolist()) == {wanted.speeds.outer_perimeter}
+    assert set(program.speed[shield & (program.layer > 0)].tolist()) == {wanted.speeds.external_perimeter}

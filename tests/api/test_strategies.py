@@ -117,7 +117,7 @@ def test_loops_can_be_infill() -> None:
 
 def test_a_flavour_from_outside_says_things_its_own_way() -> None:
     mine = replace(ps.FLAVOURS["marlin"], acceleration=lambda value: f"M204 S{value:g} ; mine")
-    profile = ps.profile_with(PROFILE, {"accelerations.outer_perimeter": 400})
+    profile = ps.profile_with(PROFILE, {"accelerations.external_perimeter": 400})
     stages = ps.slice_stages(PART, profile)
     job = ps.job_of(stages, profile, strategies=ps.Strategies(flavour=mine))
 
@@ -390,7 +390,7 @@ FLAVOURS: dict[str, tuple[dict[str, Any], str, str]] = {
 @pytest.mark.parametrize("case", FLAVOURS)
 def test_a_flavour_that_says_no_lines_is_refused(case: str) -> None:
     given, what, remedy = FLAVOURS[case]
-    profile = ps.profile_with(PROFILE, {"accelerations.outer_perimeter": 400, "progress": "true"})
+    profile = ps.profile_with(PROFILE, {"accelerations.external_perimeter": 400, "progress": "true"})
     flavour = replace(ps.FLAVOURS["marlin"], **given)
 
     with pytest.raises(ps.StrategyError, match=re.escape(what)) as refused:

@@ -45,7 +45,7 @@ def test_the_layers_of_a_raft_can_be_drawn_and_rehearsed(tmp_path: Path) -> None
     verdict = json.loads(typed("dry-run", BOX, "--json", *QUICK, *sets(raft_height=0.8)).out)
 
     assert outcome.code == 0
-    assert "raft</text>" in (tmp_path / "raft.svg").read_text(encoding="utf-8")
+    assert "Support material</text>" in (tmp_path / "raft.svg").read_text(encoding="utf-8")
     assert verdict["heights_equal_plan"]
     assert verdict["planned"][:4] == pytest.approx([0.32, 0.56, 0.8, 0.8 + 0.16 + 0.2])
 

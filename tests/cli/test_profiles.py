@@ -68,7 +68,7 @@ def test_what_is_shown_without_places_is_toml() -> None:
 def test_show_of_a_print_tells_what_was_typed() -> None:
     shown = told("show", "--printer", "prusa_mini", "--quality", "fine", "--set", "perimeters=5")
 
-    assert shown["quality.perimeters"] == {"value": 5, "from": "--set perimeters=5"}
+    assert shown["quality.perimeters"] == {"value": 5, "from": "perimeters=5"}
     assert shown["printer.bed_x"]["value"] == 180
     assert shown["material.name"]["value"] == "PLA"
 

@@ -35,7 +35,7 @@ def test_it_writes_three_files_that_slice(tmp_path: Path, capsys: pytest.Capture
         "materials/plain_pla.toml", "printers/little_printer.toml", "qualities/0_20mm_plain.toml",
     ]  # fmt: skip
     assert (
-        "external_perimeter_speed = 50% -> speeds.outer_perimeter = 24 (percentage of perimeter_speed)"
+        "external_perimeter_speed = 50% -> speeds.external_perimeter = 24 (percentage of perimeter_speed)"
         in said
     )
     assert "left out support_material_spacing = 2.5 (no supports here)" in said

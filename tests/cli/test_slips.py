@@ -41,7 +41,7 @@ def test_a_height_under_the_bed_is_refused_as_a_height() -> None:
     outcome = typed("slice", BOX, "-o", "-", "--range", "-5:5:perimeters=4")
 
     assert outcome.code == 2
-    assert is_message(outcome, "--range -5:5:perimeters=4", "it is -5")
+    assert is_message(outcome, "-5:5:perimeters=4", "it is -5")
 
 
 @pytest.mark.parametrize("heights", ["0:inf", "5:", ":5", "box:5:6", "low:high"])

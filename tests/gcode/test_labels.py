@@ -275,7 +275,7 @@ def test_a_thing_that_is_given_up_takes_no_temperature_fan_or_acceleration_with_
         "printer.labels": labels,
         "first_layer_nozzle_temperature": 220,
         "fan_full_above": 2.5,
-        "quality.accelerations.outer_perimeter": 300,
+        "quality.accelerations.external_perimeter": 300,
     }
     lines = text_of(**changes)
     owner = marked(lines)

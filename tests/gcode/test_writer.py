@@ -33,7 +33,13 @@ either = pytest.mark.parametrize("relative", [True, False], ids=["relative", "ab
 
 @cache
 def wanted(printer: str, relative: bool) -> Profile:
-    changes = {"start_gcode": "", "end_gcode": "", "brim_width": 2, "min_sparse_area": 0, "ironing": True}
+    changes = {
+        "start_gcode": "",
+        "end_gcode": "",
+        "brim_width": 2,
+        "solid_infill_below_area": 0,
+        "ironing": True,
+    }
     return profile(printer, relative_extrusion=relative, **changes)
 
 

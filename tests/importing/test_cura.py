@@ -94,12 +94,12 @@ def test_a_machine_with_what_it_inherits_makes_a_profile(folder: Path) -> None:
     assert (material.fan_ratio, material.fan_ratio_max, material.fan_off_below) == (0.5, 1, 0.3)
     assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.3, 2)
     assert (quality.extrusion_width, quality.first_layer_width) == (0.66, 0.75)
-    assert (quality.speeds.inner_perimeter, quality.speeds.outer_perimeter, quality.speeds.sparse) == (
+    assert (quality.speeds.perimeter, quality.speeds.external_perimeter, quality.speeds.internal_infill) == (
         60,
         40,
         80,
     )
-    assert (quality.speeds.travel, quality.speeds.solid) == (200, 33)
+    assert (quality.speeds.travel, quality.speeds.solid_infill) == (200, 33)
     assert (quality.infill, quality.seam, quality.skirt_loops, quality.brim_width) == ("grid", "rear", 2, 0)
     assert (quality.elephant_foot, quality.top_thickness) == (0.1, 0.8)
 
@@ -112,7 +112,7 @@ def test_the_overlap_of_infill_is_a_share_of_the_mean_width_of_infill_and_wall(
     quality = imported(folder / "acme.def.json", cura=changes)["quality"].values
 
     spacing = float(bead.spacing(quality["extrusion_width"], quality["layer_height"]))
-    assert quality["sparse_overlap"] * spacing == pytest.approx(mm, abs=1e-4)
+    assert quality["internal_infill_overlap"] * spacing == pytest.approx(mm, abs=1e-4)
 
 
 def test_it_heats_before_its_start_gcode_as_the_source_does(folder: Path) -> None:
@@ -132,7 +132,7 @@ def test_changes_reach_what_hangs_on_them(folder: Path) -> None:
     made = imported(folder / "acme.def.json", cura=changes)
 
     assert made["quality"].values["first_layer_height"] == 0.15
-    assert made["quality"].values["speeds"]["inner_perimeter"] == 75
+    assert made["quality"].values["speeds"]["perimeter"] == 75
     assert made["quality"].values["brim_width"] == 8
     assert made["material"].values["fan_ratio_max"] == 0
     with pytest.raises(ProfileError, match="layer_hight: Cura has no such setting"):
@@ -158,7 +158,7 @@ def test_profiles_change_the_machine_that_they_name(folder: Path, tmp_path: Path
     for path in (plain, packed):
         made = imported(path, folders=(folder,))
         values = made["quality"].values
-        assert (values["layer_height"], values["speeds"]["sparse"]) == (0.15, 100)
+        assert (values["layer_height"], values["speeds"]["internal_infill"]) == (0.15, 100)
         assert [made[kind].name for kind in ("printer", "material", "quality")] == [
             "Acme Mini", "fine material", "fine",
         ]  # fmt: skip

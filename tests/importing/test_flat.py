@@ -26,8 +26,8 @@ def test_what_has_a_counterpart_is_taken_with_its_value(tmp_path: Path) -> None:
     assert (material.max_flow, material.fan_ratio, material.fan_ratio_max) == (11, 0.4, 0.9)
     assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.25, 4)
     assert (quality.infill, quality.infill_density, quality.extrusion_width) == ("gyroid", 0.18, 0.45)
-    assert (quality.speeds.inner_perimeter, quality.speeds.outer_perimeter) == (48, 24)
-    assert (quality.speeds.solid, quality.speeds.first_layer, quality.speeds.travel) == (60, 21, 160)
+    assert (quality.speeds.perimeter, quality.speeds.external_perimeter) == (48, 24)
+    assert (quality.speeds.solid_infill, quality.speeds.first_layer, quality.speeds.travel) == (60, 21, 160)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_the_overlap_of_infill_with_the_perimeters_is_taken(
     made = imported(flat_file(tmp_path, infill_overlap=overlap))
     quality = loaded(made, tmp_path).quality
 
-    assert quality.sparse_overlap == quality.infill_overlap == pytest.approx(share, abs=1e-4)
+    assert quality.internal_infill_overlap == quality.infill_overlap == pytest.approx(share, abs=1e-4)
     assert "infill_overlap" not in {one.theirs for one in made["quality"].left}
     assert any("infill_overlap" in one.place for one in made["quality"].notes) == (overlap == "80%")
 
@@ -61,7 +61,7 @@ def test_the_account_names_what_was_taken_approximated_and_left_out(tmp_path: Pa
         "4",
         "",
     )
-    assert taken["speeds.outer_perimeter"].how == "percentage of perimeter_speed"
+    assert taken["speeds.external_perimeter"].how == "percentage of perimeter_speed"
     assert taken["top_thickness"].value == 1
     assert "5 layers" in taken["top_thickness"].how
     assert left["support_material_spacing"].why == "no supports here"
@@ -133,7 +133,7 @@ def test_what_heats_no_further_than_it_may_is_not(tmp_path: Path, macro: str) ->
 def test_a_number_that_is_moved_into_its_bounds_is_told(tmp_path: Path) -> None:
     quality = imported(flat_file(tmp_path, perimeter_speed="99999", skirts="70"))["quality"]
 
-    assert quality.values["speeds"]["inner_perimeter"] == 1000
+    assert quality.values["speeds"]["perimeter"] == 1000
     assert [note.text for note in quality.notes if "99999" in note.text] == [
         "99999 becomes 1000, the most here"
     ]

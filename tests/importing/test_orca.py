@@ -121,14 +121,14 @@ def test_three_presets_make_a_profile(tmp_path: Path) -> None:
     assert (material.fan_ratio, material.fan_ratio_max, material.min_layer_time) == (0.3, 0.7, 9)
     assert (quality.layer_height, quality.first_layer_height, quality.perimeters) == (0.2, 0.25, 3)
     assert (quality.extrusion_width, quality.infill, quality.infill_density) == (0.44, "gyroid", 0.22)
-    assert (quality.infill_overlap, quality.sparse_overlap) == (0.15, 0.15)
-    assert (quality.speeds.outer_perimeter, quality.speeds.small_perimeter, quality.speeds.travel) == (
+    assert (quality.infill_overlap, quality.internal_infill_overlap) == (0.15, 0.15)
+    assert (quality.speeds.external_perimeter, quality.speeds.small_perimeter, quality.speeds.travel) == (
         120,
         60,
         350,
     )
-    assert (quality.accelerations.outer_perimeter, quality.accelerations.sparse) == (3000, 6000)
-    assert (quality.outer_perimeter_first, quality.hole_compensation) == (True, 0.05)
+    assert (quality.accelerations.external_perimeter, quality.accelerations.internal_infill) == (3000, 6000)
+    assert (quality.external_perimeter_first, quality.hole_compensation) == (True, 0.05)
 
 
 def test_what_it_inherits_may_be_in_another_folder(tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ def test_what_it_does_not_say_is_as_it_is_there(tmp_path: Path) -> None:
 
     assert (printer["bed_z"], printer["retract_length"], printer["retract_speed"]) == (100, 0.8, 30)
     assert (quality.values["perimeters"], quality.values["thick_bridges"]) == (2, False)
-    assert (quality.values["skirt_distance"], quality.values["min_sparse_area"]) == (2, 15)
+    assert (quality.values["skirt_distance"], quality.values["solid_infill_below_area"]) == (2, 15)
     assert quality.values["speeds"]["internal_bridge"] == 37.5
     assert quality.values["accelerations"]["bridge"] == 250
 

@@ -19,7 +19,7 @@ def test_gaps_supports_and_the_first_layers_infill_have_their_speeds(tmp_path: P
     )
     speeds = loaded(imported(path), tmp_path).speeds
 
-    assert (speeds.gap, speeds.support, speeds.support_interface) == (22, 44, 33)
+    assert (speeds.gap_fill, speeds.support, speeds.support_interface) == (22, 44, 33)
     assert (speeds.first_layer, speeds.first_layer_infill) == (21, 31)
 
 
@@ -53,7 +53,7 @@ def test_orca_names_them_too(tmp_path: Path) -> None:
     )
     speeds = loaded(imported(path), tmp_path).speeds
 
-    assert (speeds.gap, speeds.support, speeds.support_interface) == (120, 90, 60)
+    assert (speeds.gap_fill, speeds.support, speeds.support_interface) == (120, 90, 60)
     assert (speeds.first_layer, speeds.first_layer_infill, speeds.first_layer_travel) == (40, 90, 150)
 
 
@@ -72,7 +72,7 @@ def test_the_default_acceleration_holds_for_what_has_none_of_its_own(tmp_path: P
     hard = loaded(imported(path), tmp_path).accelerations
 
     assert (hard.default, hard.overhang) == (1000, 1000)
-    assert (hard.inner_perimeter, hard.sparse, hard.bridge, hard.first_layer) == (800, 1200, 700, 600)
+    assert (hard.perimeter, hard.internal_infill, hard.bridge, hard.first_layer) == (800, 1200, 700, 600)
 
 
 @pytest.mark.parametrize(
@@ -158,10 +158,10 @@ def test_a_printer_has_the_speeds_flow_and_pressure_advance_that_come_with_it(tm
     printer = loaded({"printer": made["printer"]}, tmp_path).printer
 
     own = loaded(made, tmp_path).speeds
-    assert printer.speeds.outer_perimeter == own.outer_perimeter == 24
+    assert printer.speeds.external_perimeter == own.external_perimeter == 24
     assert (printer.speeds.travel, printer.speeds.first_layer) == (own.travel, own.first_layer)
     assert printer.speeds.overhang_25 == 12
-    assert printer.accelerations.sparse == 650
+    assert printer.accelerations.internal_infill == 650
     assert (printer.hotend_max_flow, printer.pla_pressure_advance) == (17, 0.043)
 
 
@@ -169,7 +169,7 @@ def test_a_quality_of_ours_prints_as_fast_on_an_imported_printer_as_its_own(tmp_
     made = imported(flat_file(tmp_path, perimeter_speed="120", infill_speed="180", travel_speed="250"))
     ours = loaded({"printer": made["printer"]}, tmp_path).speeds
 
-    assert (ours.inner_perimeter, ours.sparse, ours.travel) == (120, 180, 250)
+    assert (ours.perimeter, ours.internal_infill, ours.travel) == (120, 180, 250)
 
 
 def test_materials_without_pla_do_not_tell_what_the_hotend_melts(tmp_path: Path) -> None:
@@ -189,4 +189,4 @@ def test_a_printer_of_a_bundle_has_the_speeds_of_its_usual_print_settings(tmp_pa
     for wanted in ({}, {"printer": "One"}):
         printer = loaded({"printer": imported(path, **wanted)["printer"]}, tmp_path).printer
 
-        assert (printer.speeds.inner_perimeter, printer.hotend_max_flow) == (57, 13)
+        assert (printer.speeds.perimeter, printer.hotend_max_flow) == (57, 13)

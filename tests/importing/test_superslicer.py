@@ -69,18 +69,23 @@ def test_a_percentage_is_of_what_superslicer_says(profile: Profile) -> None:
     speeds, hard = profile.quality.speeds, profile.quality.accelerations
 
     assert profile.quality.first_layer_height == 0.3
-    assert (speeds.inner_perimeter, speeds.outer_perimeter, speeds.small_perimeter) == (100, 60, 50)
-    assert (speeds.solid, speeds.sparse, speeds.top_skin) == (90, 108, 45)
+    assert (speeds.perimeter, speeds.external_perimeter, speeds.small_perimeter) == (100, 60, 50)
+    assert (speeds.solid_infill, speeds.internal_infill, speeds.top_solid_infill) == (90, 108, 45)
     assert (speeds.bridge, speeds.internal_bridge, speeds.ironing, speeds.support) == (60, 90, 9, 70)
-    assert (hard.inner_perimeter, hard.outer_perimeter, hard.bridge) == (800, 400, 400)
-    assert (hard.solid, hard.sparse, hard.top_skin, hard.first_layer) == (600, 540, 300, 500)
+    assert (hard.perimeter, hard.external_perimeter, hard.bridge) == (800, 400, 400)
+    assert (hard.solid_infill, hard.internal_infill, hard.top_solid_infill, hard.first_layer) == (
+        600,
+        540,
+        300,
+        500,
+    )
 
 
 def test_the_whole_of_the_whole_may_be_the_machines_limit(tmp_path: Path) -> None:
     quality = imported(file(tmp_path, default_speed="50%", default_acceleration="50%"))["quality"].values
 
-    assert quality["speeds"]["inner_perimeter"] == 150  # of 300 mm/s
-    assert quality["accelerations"]["inner_perimeter"] == 360  # of 900 mm/s²
+    assert quality["speeds"]["perimeter"] == 150  # of 300 mm/s
+    assert quality["accelerations"]["perimeter"] == 360  # of 900 mm/s²
 
 
 def test_sizes_are_counted_as_here(profile: Profile) -> None:
@@ -124,7 +129,7 @@ def test_before_it_had_a_default_speed_percentages_were_prusaslicers(tmp_path: P
     speeds = {"default_speed": None, "perimeter_speed": "48", "infill_speed": "80", "bridge_speed": "33"}
     made = imported(file(tmp_path, **speeds))["quality"].values["speeds"]
 
-    assert (made["solid"], made["top_skin"]) == (72, 36)
+    assert (made["solid_infill"], made["top_solid_infill"]) == (72, 36)
 
 
 def test_prusaslicers_own_percentages_stay_what_they_are(tmp_path: Path) -> None:
@@ -133,4 +138,4 @@ def test_prusaslicers_own_percentages_stay_what_they_are(tmp_path: Path) -> None
 
     assert isinstance(quality, Imported)
     assert quality.values["first_layer_height"] == 0.15
-    assert quality.values["speeds"]["solid"] == 40
+    assert quality.values["speeds"]["solid_infill"] == 40

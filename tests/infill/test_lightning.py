@@ -26,7 +26,12 @@ ANGLE = 45.0
 TOLERANCE = (
     0.06 + 0.7 * WIDTH
 )  # mm: places nearer than 0.02 mm are one; branches shorter than a bead is wide are left out
-SETTINGS = {"infill": "lightning", "infill_anchor_max": 0, "lightning_angle_deg": ANGLE, "sparse_overlap": 0}
+SETTINGS = {
+    "infill": "lightning",
+    "infill_anchor_max": 0,
+    "lightning_angle_deg": ANGLE,
+    "internal_infill_overlap": 0,
+}
 UNEVEN = np.cumsum([0.2, 0.1, 0.3, 0.08, 0.12, 0.32] * 6)
 
 
@@ -137,7 +142,9 @@ def test_whole_parts_have_trees_below_their_roofs_only(mesh: Mesh) -> None:
 
 def test_thick_beads_have_the_trees_of_the_layer_they_are_printed_on() -> None:
     rings, tops = [[rectangle(30, 30)]] * 31, layers(31, 0.1).top
-    thick = infill_paths(sparse_stack(rings, tops), plain(infill_density=0.2, sparse_every=0.3, **SETTINGS))
+    thick = infill_paths(
+        sparse_stack(rings, tops), plain(infill_density=0.2, internal_infill_every=0.3, **SETTINGS)
+    )
 
     assert set(np.round(thick.height[thick.layer > 0], 6).tolist()) == {0.3}
     used = np.unique(thick.layer)

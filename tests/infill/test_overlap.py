@@ -33,7 +33,7 @@ def lines(stages: Stages, role: Role, layer: int = 10) -> list[shapely.LineStrin
 def test_ends_of_all_infill_reach_a_quarter_into_the_perimeter_by_default() -> None:
     quality = load_profile().quality
 
-    assert (quality.infill_overlap, quality.sparse_overlap) == (0.25, 0.25)
+    assert (quality.infill_overlap, quality.internal_infill_overlap) == (0.25, 0.25)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_ends_of_all_infill_reach_a_quarter_into_the_perimeter_by_default() -> N
     crossed([name for name in PATTERNS if name not in ("concentric", "lightning")], [0.0, 0.25, 0.5]),
 )
 def test_only_ends_reach_into_the_perimeter(pattern: str, share: float) -> None:
-    stages = slice_stages(MESH, plain(infill=pattern, sparse_overlap=share, layer_height=0.2))
+    stages = slice_stages(MESH, plain(infill=pattern, internal_infill_overlap=share, layer_height=0.2))
 
     inner = shapely.union_all(lines(stages, Role.PERIMETER))
     sparse = lines(stages, Role.INTERNAL_INFILL)

@@ -180,7 +180,7 @@ def test_directions_are_those_of_the_pieces_after_they_have_grown() -> None:
 
 def test_sparse_lines_keep_clear_of_the_ends_of_bridges() -> None:
     regions = patch(rectangle(12, 12, (14, 14)))
-    paths = infill_paths(regions, plain(sparse_overlap=0.25))
+    paths = infill_paths(regions, plain(internal_infill_overlap=0.25))
 
     lines_of = {
         role: shapely.MultiLineString(

@@ -25,7 +25,9 @@ def direction(paths: Toolpaths, role: Role, layer: int) -> Float:
 
 @pytest.mark.parametrize(("every", "height"), crossed([0.0, 0.2, 0.3], [3.0, 3.1, 3.2, 3.3, 3.4]))
 def test_beads_over_parallel_lines_cross_them(every: float, height: float) -> None:
-    wanted = plain(layer_height=0.1, first_layer_height=0.1, infill="rectilinear", sparse_every=every)
+    wanted = plain(
+        layer_height=0.1, first_layer_height=0.1, infill="rectilinear", internal_infill_every=every
+    )
     paths = slice_stages(box((30, 30, height)), wanted).toolpaths
 
     (bridge,) = np.unique(paths.layer[paths.role == Role.INTERNAL_BRIDGE]).tolist()
@@ -37,7 +39,9 @@ def test_beads_over_parallel_lines_cross_them(every: float, height: float) -> No
 
 @pytest.mark.parametrize("every", [0.2, 0.3])
 def test_parallel_lines_turn_from_each_bead_to_the_next_above_it(every: float) -> None:
-    wanted = plain(layer_height=0.1, first_layer_height=0.1, infill="rectilinear", sparse_every=every)
+    wanted = plain(
+        layer_height=0.1, first_layer_height=0.1, infill="rectilinear", internal_infill_every=every
+    )
     paths = slice_stages(box((30, 30, 4.1)), wanted).toolpaths
 
     used = np.unique(paths.layer[paths.role == Role.INTERNAL_INFILL]).tolist()

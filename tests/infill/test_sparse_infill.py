@@ -160,7 +160,7 @@ def test_lines_stay_where_centre_lines_may_lie(pattern: str, engine: str, area: 
     regions = sparse_only([], layers(4, 0.2).top)
     regions = type(regions)(regions.plan, *[Areas.empty(4)] * 4, area, np.zeros(0))
     with using_engine(engine):
-        paths = infill_paths(regions, sparse_with(pattern, 0.3, sparse_overlap=0))
+        paths = infill_paths(regions, sparse_with(pattern, 0.3, internal_infill_overlap=0))
 
     room_of = offset(area, float(-bead.spacing(WIDTH, 0.2) / 2))
     for layer in range(4):
@@ -254,7 +254,7 @@ def test_no_line_lies_on_a_wall_or_on_what_joins_it_to_the_next(mesh: Mesh, degr
 
 
 def test_ends_reach_into_the_innermost_perimeter() -> None:
-    wanted = plain(infill_density=0.15, sparse_overlap=0.1, layer_height=0.2)
+    wanted = plain(infill_density=0.15, internal_infill_overlap=0.1, layer_height=0.2)
     stages = slice_stages(box_with_hole((30, 30, 4), (10, 10)), wanted)
     paths, layer = stages.toolpaths, 10
 

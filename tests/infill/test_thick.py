@@ -129,7 +129,7 @@ def test_the_plastic_stays_what_the_density_says_over_uneven_layers(pattern: str
     rings = [[rectangle(90 - 0.4 * k, 90, (0.2 * k, 0.3 * k))] for k in range(len(tops))]
     with using_engine(engine):
         paths = infill_paths(
-            sparse_stack(rings, tops), plain(infill=pattern, infill_density=0.2, sparse_every=0.32)
+            sparse_stack(rings, tops), plain(infill=pattern, infill_density=0.2, internal_infill_every=0.32)
         )
 
     sections = np.array([(90 - 0.4 * k) * 90 for k in range(len(tops))])
@@ -143,7 +143,7 @@ def test_thick_beads_are_a_function_of_the_middle_of_what_they_fill() -> None:
     """Lines of cubic lie where they would on layers as high as the beads are."""
     thin = sparse_only([rectangle(40, 40)], np.append(0.1, 0.1 + 0.3 * np.arange(1, 5)))
     fine = sparse_only([rectangle(40, 40)], np.linspace(0.1, 1.3, 13))
-    changes = {"infill": "cubic", "infill_density": 0.2, "infill_anchor_max": 0, "sparse_every": 0.3}
+    changes = {"infill": "cubic", "infill_density": 0.2, "infill_anchor_max": 0, "internal_infill_every": 0.3}
 
     one, another = (infill_paths(stack, plain(**changes)) for stack in (thin, fine))
 
@@ -155,7 +155,7 @@ def test_thick_beads_are_a_function_of_the_middle_of_what_they_fill() -> None:
 def test_a_part_of_thin_layers_prints_faster_with_the_same_plastic() -> None:
     mesh = case_study()
     usual, thick = (
-        slice_stages(mesh, plain(layer_height=0.1, first_layer_height=0.1, sparse_every=every))
+        slice_stages(mesh, plain(layer_height=0.1, first_layer_height=0.1, internal_infill_every=every))
         for every in (0, 0.3)
     )
     wanted = plain()
@@ -169,7 +169,13 @@ def test_a_part_of_thin_layers_prints_faster_with_the_same_plastic() -> None:
 
 
 def test_thick_beads_keep_to_the_flow_limit_and_lie_inside_skins() -> None:
-    wanted = plain(layer_height=0.1, first_layer_height=0.1, sparse_every=0.3, max_flow=4, speeds__sparse=200)
+    wanted = plain(
+        layer_height=0.1,
+        first_layer_height=0.1,
+        internal_infill_every=0.3,
+        max_flow=4,
+        speeds__internal_infill=200,
+    )
     stages = slice_stages(step_pyramid([20, 14, 9], [3.0, 2.0, 2.0]), wanted)
     program = stages.program
 
@@ -189,7 +195,11 @@ def test_thick_beads_keep_to_the_flow_limit_and_lie_inside_skins() -> None:
 
 
 def test_no_bead_is_higher_than_eight_tenths_of_the_nozzle() -> None:
-    stages = slice_stages(box((20, 20, 6)), plain(layer_height=0.1, first_layer_height=0.1, sparse_every=2))
+    stages = slice_stages(
+        box((20, 20, 6)), plain(layer_height=0.1, first_layer_height=0.1, internal_infill_every=2)
+    )
 
     assert stages.toolpaths.height.max() <= 0.32 + 1e-9
-    assert slice_stages(sphere(3), plain(sparse_every=2)).toolpaths.height.max() == pytest.approx(0.2)
+    assert slice_stages(sphere(3), plain(internal_infill_every=2)).toolpaths.height.max() == pytest.approx(
+        0.2
+    )

@@ -166,7 +166,7 @@ def test_ranges_that_contradict_each_other_are_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "near"),
     [
-        ("speeds.outer", "speeds.outer_perimeter"),
+        ("speeds.external", "speeds.external_perimeter"),
         ("perimters", "perimeters"),
         ("quality.perimters", "quality.perimeters"),
         ("travel", "speeds.travel"),

@@ -115,7 +115,7 @@ def test_tables_are_merged_key_by_key(write: Write) -> None:
     speeds = load_profile(quality=path).quality.speeds
 
     assert speeds.travel == 99
-    assert speeds.sparse == USUAL.quality.speeds.sparse
+    assert speeds.internal_infill == USUAL.quality.speeds.internal_infill
 
 
 def test_a_planner_of_the_same_kind_is_merged_and_one_of_another_kind_replaced(write: Write) -> None:
@@ -214,7 +214,7 @@ def test_a_profile_without_what_it_must_have_names_file_and_key(write: Write, te
         ("perimeters = true", "quality.perimeters", "int"),
         ("perimeters = 2.5", "quality.perimeters", "int"),
         ("perimeters = []", "quality.perimeters", "int"),
-        ("outer_perimeter_first = 2", "quality.outer_perimeter_first", "true or false"),
+        ("external_perimeter_first = 2", "quality.external_perimeter_first", "true or false"),
         ("name = 3", "quality.name", "text"),
         ("infill_density = nan", "quality.infill_density", "0"),
         ("infill_density = 2020-01-01", "quality.infill_density", "a number; it is 2020-01-01"),

@@ -25,11 +25,11 @@ bed_y = 200
 bed_z = 200
 """
 OLD = {
-    "outer_perimeter": 35,
-    "inner_perimeter": 50,
-    "sparse": 70,
-    "solid": 60,
-    "top_skin": 40,
+    "external_perimeter": 35,
+    "perimeter": 50,
+    "internal_infill": 70,
+    "solid_infill": 60,
+    "top_solid_infill": 40,
     "ironing": 15,
     "bridge": 30,
     "internal_bridge": 40,
@@ -48,10 +48,10 @@ hotend_max_flow = 20
 pla_pressure_advance = 0.03
 
 [speeds]
-outer_perimeter = 200
-inner_perimeter = 300
-sparse = 300
-top_skin = 150
+external_perimeter = 200
+perimeter = 300
+internal_infill = 300
+top_solid_infill = 150
 bridge = 50
 support = 120
 support_interface = 60
@@ -62,8 +62,8 @@ first_layer_travel = 250
 
 [accelerations]
 default = 6000
-outer_perimeter = 4000
-solid = 9000
+external_perimeter = 4000
+solid_infill = 9000
 first_layer = 500
 """
 
@@ -86,7 +86,7 @@ def fast(tmp_path_factory: pytest.TempPathFactory) -> Profile:
 
 def test_a_printer_without_speeds_prints_as_before(bare: Profile) -> None:
     assert {name: getattr(bare.speeds, name) for name in OLD} == OLD
-    assert bare.speeds.gap == bare.speeds.inner_perimeter
+    assert bare.speeds.gap_fill == bare.speeds.perimeter
     assert bare.speeds.first_layer_infill == bare.speeds.first_layer
     assert bare.speeds.first_layer_travel == bare.speeds.travel
     assert bare.max_flow == 12
@@ -98,32 +98,37 @@ def test_a_printer_without_speeds_prints_as_before(bare: Profile) -> None:
 
 def test_a_quality_without_speeds_takes_the_printers_within_its_axes(fast: Profile) -> None:
     speeds = fast.speeds
-    assert (speeds.outer_perimeter, speeds.inner_perimeter, speeds.top_skin) == (200, 300, 150)
-    assert (speeds.gap, speeds.support, speeds.support_interface, speeds.raft) == (300, 120, 60, 120)
+    assert (speeds.external_perimeter, speeds.perimeter, speeds.top_solid_infill) == (200, 300, 150)
+    assert (speeds.gap_fill, speeds.support, speeds.support_interface, speeds.raft) == (300, 120, 60, 120)
     assert speeds.travel == 400, "the faster of both axes is the most"
     assert (speeds.first_layer, speeds.first_layer_infill, speeds.first_layer_travel) == (50, 100, 250)
     hard = fast.accelerations
-    assert (hard.default, hard.outer_perimeter, hard.sparse, hard.first_layer) == (6000, 4000, 6000, 500)
-    assert hard.solid == 8000, "printer.acceleration is the most"
+    assert (hard.default, hard.external_perimeter, hard.internal_infill, hard.first_layer) == (
+        6000,
+        4000,
+        6000,
+        500,
+    )
+    assert hard.solid_infill == 8000, "printer.acceleration is the most"
 
 
 def test_a_quality_scales_and_caps_what_it_leaves_to_the_printer(fast: Profile) -> None:
     changed = profile_with(fast, {"speeds.ratio": 0.5, "speeds.visible_most": 60})
     speeds = changed.speeds
-    assert (speeds.outer_perimeter, speeds.top_skin) == (60, 60)
-    assert (speeds.inner_perimeter, speeds.sparse, speeds.support) == (150, 150, 60)
+    assert (speeds.external_perimeter, speeds.top_solid_infill) == (60, 60)
+    assert (speeds.perimeter, speeds.internal_infill, speeds.support) == (150, 150, 60)
     untouched = ("bridge", "travel", "first_layer", "first_layer_infill", "first_layer_travel")
     for name in untouched:
         assert getattr(speeds, name) == getattr(fast.speeds, name), name
 
 
 def test_what_a_quality_names_wins_unscaled(fast: Profile) -> None:
-    wanted = {"speeds.outer_perimeter": 90, "speeds.first_layer": 15, "accelerations.default": 700}
+    wanted = {"speeds.external_perimeter": 90, "speeds.first_layer": 15, "accelerations.default": 700}
     changed = profile_with(fast, {**wanted, "speeds.ratio": 0.5, "speeds.visible_most": 60})
-    assert changed.speeds.outer_perimeter == 90
+    assert changed.speeds.external_perimeter == 90
     assert changed.speeds.first_layer == changed.speeds.first_layer_infill == 15
-    assert changed.accelerations.outer_perimeter == changed.accelerations.solid == 700
-    assert profile_with(changed, {"accelerations.solid": 900}).accelerations.solid == 900
+    assert changed.accelerations.external_perimeter == changed.accelerations.solid_infill == 700
+    assert profile_with(changed, {"accelerations.solid_infill": 900}).accelerations.solid_infill == 900
 
 
 def test_keys_without_a_section_mean_the_quality(fast: Profile) -> None:
@@ -191,7 +196,7 @@ def test_accelerations_of_the_printer_are_in_the_program(fast: Profile) -> None:
 
 def test_overhangs_keep_the_limits_of_the_printer(bare: Profile) -> None:
     """A cone that widens upward: the printer's limits hold between its points, those of the ratios below them."""
-    changes = {"min_layer_time": 0, "printer.speeds.outer_perimeter": 100, "printer.speeds.bridge": 40}
+    changes = {"min_layer_time": 0, "printer.speeds.external_perimeter": 100, "printer.speeds.bridge": 40}
     limits = {"printer.speeds.overhang_50": 30, "printer.speeds.overhang_25": 20}
     mesh = cone_upward()
     free, held = (
@@ -218,13 +223,13 @@ def test_a_derived_speed_keeps_every_cap_and_a_named_one_is_itself(
         bare.printer,
         max_speed_x=400,
         max_speed_y=200,
-        speeds=msgspec.structs.replace(bare.printer.speeds, outer_perimeter=usual),
+        speeds=msgspec.structs.replace(bare.printer.speeds, external_perimeter=usual),
     )
     wanted: Any = msgspec.structs.replace(
-        bare.quality.speeds, outer_perimeter=named, ratio=ratio, visible_most=most
+        bare.quality.speeds, external_perimeter=named, ratio=ratio, visible_most=most
     )
     quality = msgspec.structs.replace(bare.quality, speeds=wanted)
-    speed = Profile(printer=printer, material=bare.material, quality=quality).speeds.outer_perimeter
+    speed = Profile(printer=printer, material=bare.material, quality=quality).speeds.external_perimeter
     if named:
         assert speed == named
     else:

@@ -96,7 +96,7 @@ FAULTY = [
     ("quality", "[[overrides]]\nlow = 1\nset = { perimetres = 3 }"),
     ("quality", "[[overrides]]\nhihg = 1\nset = { perimeters = 3 }"),
     ("quality", '[[overrides]]\nobject = "lid"\nset = { nozzle_temperature = 200 }'),
-    ("quality", '[[overrides]]\nhigh = 3\nset = { "speeds.sparse" = -1 }'),
+    ("quality", '[[overrides]]\nhigh = 3\nset = { "speeds.internal_infill" = -1 }'),
     ("quality", '[[overrides]]\nhigh = 3\nset = { seam = "rear" }'),
     ("printer", 'flavour = "grbl"'),
     ("printer", 'thumbnails = ["32"]'),
@@ -120,7 +120,10 @@ def test_what_is_refused_does_not_obey_the_schema(tmp_path: Path, kind: str, tex
 
 
 TAKEN = [
-    ("quality", '[[overrides]]\nobject = "lid"\nhigh = 3\nset = { perimeters = 3, "speeds.sparse" = 40 }'),
+    (
+        "quality",
+        '[[overrides]]\nobject = "lid"\nhigh = 3\nset = { perimeters = 3, "speeds.internal_infill" = 40 }',
+    ),
     ("quality", "[[overrides]]\nlow = 2\nset = { nozzle_temperature = 200, 'quality.infill' = 'grid' }"),
     ("quality", 'overrides = "1:2:perimeters=3"\nlayer_heights = "0.2"'),
     ("quality", '[planner]\nkind = "optimal"\nranges = "1:2:tolerance=0.1"'),

@@ -11,8 +11,19 @@ from printer_slicer.profile.folders import profile_paths
 from printer_slicer.profile.reading import read_chain
 
 PRINTERS = profile_paths("printer")
-NAMED = ("outer_perimeter", "inner_perimeter", "sparse", "solid", "top_skin", "gap", "bridge", "internal_bridge",
-         "support", "travel", "first_layer")  # fmt: skip
+NAMED = (
+    "external_perimeter",
+    "perimeter",
+    "internal_infill",
+    "solid_infill",
+    "top_solid_infill",
+    "gap_fill",
+    "bridge",
+    "internal_bridge",
+    "support",
+    "travel",
+    "first_layer",
+)
 
 
 @pytest.mark.parametrize("name", PRINTERS)

@@ -94,12 +94,12 @@ NAMES = [
     (";TYPE:Perimeter", Purpose.PERIMETER),
     (";TYPE:Overhang perimeter", Purpose.OVERHANG_PERIMETER),
     (";TYPE:Internal infill", Purpose.INTERNAL_INFILL),
-    (";TYPE:Top solid infill", Purpose.SOLID_INFILL),
+    (";TYPE:Top solid infill", Purpose.TOP_SOLID_INFILL),
     (";TYPE:Bridge infill", Purpose.BRIDGE),
     (";TYPE:Gap fill", Purpose.GAP_FILL),
     (";TYPE:Support material interface", Purpose.SUPPORT_MATERIAL),
     (";TYPE:Skirt/Brim", Purpose.SKIRT),
-    (";TYPE:Wipe tower", Purpose.SKIRT),
+    (";TYPE:Wipe tower", Purpose.CUSTOM),
     (";TYPE:Outer wall", Purpose.EXTERNAL_PERIMETER),
     ("; FEATURE: Inner wall", Purpose.PERIMETER),
     (";TYPE:Internal solid infill", Purpose.SOLID_INFILL),
@@ -110,7 +110,7 @@ NAMES = [
     (";TYPE:SKIN", Purpose.SOLID_INFILL),
     (";TYPE:FILL", Purpose.INTERNAL_INFILL),
     (";TYPE:SUPPORT-INTERFACE", Purpose.SUPPORT_MATERIAL),
-    (";TYPE:PRIME-TOWER", Purpose.SKIRT),
+    (";TYPE:PRIME-TOWER", Purpose.CUSTOM),
     (";TYPE:Something else", Purpose.UNKNOWN),
     ("; nothing", Purpose.UNKNOWN),
 ]
@@ -126,7 +126,7 @@ def test_the_comments_of_every_slicer_tell_the_purpose(comment: str, purpose: Pu
 def test_what_is_laid_before_the_first_layer_comment_primes() -> None:
     beads = read("M83", "G0 X0 Y0 Z0.3", "G1 X50 E5", ";LAYER_CHANGE", "G0 X9 Z0.2", "G1 X20 E1").beads
 
-    assert beads.purpose.tolist() == [Purpose.SKIRT, Purpose.UNKNOWN]
+    assert beads.purpose.tolist() == [Purpose.CUSTOM, Purpose.UNKNOWN]
 
 
 @pytest.mark.parametrize(

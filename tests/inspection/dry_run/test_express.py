@@ -141,7 +141,7 @@ def test_most_of_a_curve_is_reckoned_at_once(tmp_path: Path) -> None:
         {"printer.z_hop": 0.4, "travel_acceleration": 1500},
         {"firmware_retraction": True},
         {"arc_tolerance": 0.02},
-        {"accelerations.outer_perimeter": 500},
+        {"accelerations.external_perimeter": 500},
         {"receive_buffer": 64},
         {"flavour": "prusa"},
         {"flavour": "reprapfirmware"},
