@@ -21,10 +21,14 @@ _TYPED = re.compile(
 class Override(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Settings of one object, of the layers between two heights, or of these layers of that object."""
 
-    object: Annotated[str, meta("the object, by its name in the file; empty: all")] = ""
-    low: Annotated[float, meta("from this height over the bed on", "mm", ge=0, le=HIGHEST)] = 0
-    high: Annotated[float, meta("up to this height", "mm", gt=0, le=HIGHEST)] = HIGHEST
-    set: Annotated[dict[str, bool | int | float | str], meta("setting -> value")]
+    object: Annotated[str, meta("name of the object in the input file; empty: all objects")] = ""
+    low: Annotated[
+        float, meta("lower end of the height range, measured from the bed", "mm", ge=0, le=HIGHEST)
+    ] = 0
+    high: Annotated[
+        float, meta("upper end of the height range, measured from the bed", "mm", gt=0, le=HIGHEST)
+    ] = HIGHEST
+    set: Annotated[dict[str, bool | int | float | str], meta("settings and their values")]
 
     @property
     def is_everywhere(self) -> bool:

@@ -33,12 +33,20 @@ class AreaPlanner(
 ):
     """The area test of the paper: thick where the area of the section does not change, thin elsewhere."""
 
-    tolerance: Annotated[float, meta("areas that differ by less are equal", "mm²", ge=0, le=1000)] = 1e-6
-    relative_tolerance: Annotated[float, meta("the same as a share of the area", "ratio", ge=0, le=1)] = 1e-6
+    tolerance: Annotated[
+        float, meta("sections whose areas differ by less than this count as equal", "mm²", ge=0, le=1000)
+    ] = 1e-6
+    relative_tolerance: Annotated[
+        float,
+        meta("sections whose areas differ by less than this fraction count as equal", "ratio", ge=0, le=1),
+    ] = 1e-6
     aligned: Annotated[
-        bool, meta("test whole regions between the z levels of the part, end layers on them")
+        bool,
+        meta("compare areas between the z levels of the part's vertices, and end layers at these levels"),
     ] = False
-    guarded: Annotated[bool, meta("go thick only if the area at the far plane is equal too")] = False
+    guarded: Annotated[
+        bool, meta("use thick layers only if all sections up to the end of the layer have equal areas")
+    ] = False
 
 
 class CuspPlanner(
@@ -47,7 +55,8 @@ class CuspPlanner(
     """From the bed up, each layer as thick as the steepest facet in it allows; nothing looks ahead further."""
 
     metric: Annotated[
-        Literal["cusp", "triangle", "wasserfall", "topography"], meta("what a layer's error is measured by")
+        Literal["cusp", "triangle", "wasserfall", "topography"],
+        meta("error measure that limits the layer height"),
     ] = "cusp"
 
 
@@ -62,19 +71,21 @@ class GeneticPlanner(
 ):
     """Random search for few layers under the cusp height."""
 
-    seed: Annotated[int, meta("the same seed gives the same plan", ge=0, le=1000000)] = 0
-    population: Annotated[int, meta("plans alive at the same time", ge=4, le=10000)] = 60
-    generations: Annotated[int, meta("how often they breed", ge=1, le=100000)] = 200
+    seed: Annotated[int, meta("random seed; the same seed gives the same plan", ge=0, le=1000000)] = 0
+    population: Annotated[int, meta("number of plans in a generation", ge=4, le=10000)] = 60
+    generations: Annotated[int, meta("number of generations", ge=1, le=100000)] = 200
 
 
 class HeightRange(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A stretch of z with rules of its own; layers end at both of its ends."""
 
-    low: Annotated[float, meta("where it begins, over the bed", "mm", ge=0, le=10000)]
-    high: Annotated[float, meta("where it ends", "mm", gt=0, le=10000)]
-    tolerance: Annotated[float, meta("tolerance in it; 0: the quality's", "mm", ge=0, le=2)] = 0
+    low: Annotated[float, meta("lower end of the range, measured from the bed", "mm", ge=0, le=10000)]
+    high: Annotated[float, meta("upper end of the range, measured from the bed", "mm", gt=0, le=10000)]
+    tolerance: Annotated[
+        float, meta("maximum surface deviation in the range; 0: quality.tolerance", "mm", ge=0, le=2)
+    ] = 0
     layer_height: Annotated[
-        float, meta("height of its layers; 0: as the planner has it", "mm", ge=0, le=1.6)
+        float, meta("layer height in the range; 0: chosen by the planner", "mm", ge=0, le=1.6)
     ] = 0
 
 
@@ -85,12 +96,15 @@ class OptimalPlanner(
 
     objective: Annotated[
         Literal["balanced", "time", "layers", "volume"],
-        meta("what is least: minutes and volume error at their price, minutes, layers, or volume error"),
+        meta(
+            "what the planner minimizes: time plus priced volume error (balanced), time, number of layers or "
+            "volume error"
+        ),
     ] = "balanced"
     error_price: Annotated[
         float,
         meta(
-            "print time worth spending to avoid 1 mm³ of volume error (balanced); 0: see error_price_ratio",
+            "print time worth spending to avoid 1 mm³ of volume error (balanced); 0: set by error_price_ratio",
             "s/mm³",
             ge=0,
             le=1e6,
@@ -99,34 +113,54 @@ class OptimalPlanner(
     error_price_ratio: Annotated[
         float,
         meta(
-            "the same, relative to the time the machine needs for 1 mm³ of the part in layers of layer_height",
+            "error_price as a multiple of the time that the printer takes for 1 mm³ of the part at layer_height",
             "ratio",
             gt=0,
             le=1e6,
         ),
     ] = 45
     snap_tolerance: Annotated[
-        float, meta("layers end this near to flats; 0: half of the printer's z_step", "mm", ge=0, le=1)
+        float,
+        meta(
+            "layer tops align with flat surfaces within this distance; 0: half of printer.z_step",
+            "mm",
+            ge=0,
+            le=1,
+        ),
     ] = 0
     max_step: Annotated[
-        float, meta("largest step between neighbouring layers; 0: see smooth", "mm", ge=0, le=1)
+        float,
+        meta("maximum height difference between neighbouring layers; 0: set by smooth", "mm", ge=0, le=1),
     ] = 0
     smooth: Annotated[
         bool,
         meta(
-            "without max_step: neighbouring layers differ by at most 0.06 mm or a quarter of the thicker one, "
-            "except next to flats"
+            "limit height differences between neighbouring layers to 0.06 mm or a quarter of the thicker layer, "
+            "except next to flat surfaces; max_step takes precedence"
         ),
     ] = True
     max_layers: Annotated[
-        int, meta("the least volume error with no more layers; 0: any number", ge=0, le=1000000)
+        int,
+        meta(
+            "maximum number of layers, within which volume error is minimized; 0: no limit", ge=0, le=1000000
+        ),
     ] = 0
     time_budget: Annotated[
-        float, meta("the least volume error in this modelled time; 0: any time", "s", ge=0, le=1e8)
+        float,
+        meta(
+            "maximum estimated print time, within which volume error is minimized; 0: no limit",
+            "s",
+            ge=0,
+            le=1e8,
+        ),
     ] = 0
     ranges: Annotated[
         tuple[HeightRange, ...],
-        meta("LOW:HIGH:tolerance=MM or LOW:HIGH:layer_height=MM, separated by ;", "mm"),
+        meta(
+            "height ranges with rules of their own: LOW:HIGH:tolerance=MM or LOW:HIGH:layer_height=MM, separated "
+            "by ;",
+            "mm",
+        ),
     ] = ()
 
 

@@ -17,16 +17,16 @@ __all__ = ["Quality"]
 class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How the part shall come out."""
 
-    name: Annotated[str, meta("what people call this quality")]
+    name: Annotated[str, meta("display name of this quality")]
     planner: Planner = field(default_factory=OptimalPlanner)
-    layer_height: Annotated[float, meta("height of uniform layers", "mm", ge=0.01, le=1.6)] = 0.2
+    layer_height: Annotated[float, meta("layer height of the uniform planner", "mm", ge=0.01, le=1.6)] = 0.2
     first_layer_height: Annotated[
-        float, meta("height of the first layer; 0: as the planner has it", "mm", ge=0, le=1.6)
+        float, meta("height of the first layer; 0: chosen by the planner", "mm", ge=0, le=1.6)
     ] = 0
     first_layer_flow: Annotated[
         float,
         meta(
-            "extrusion of the layer on the bed is multiplied by this",
+            "flow multiplier for the layer on the bed",
             "ratio",
             ge=0.5,
             le=1.5,
@@ -34,15 +34,15 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 1
     thinnest_layer: Annotated[
-        float, meta("lower end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+        float, meta("minimum height of variable layers; 0: printer.min_layer", "mm", ge=0, le=1.6)
     ] = 0
     thickest_layer: Annotated[
-        float, meta("upper end of variable heights; 0: the printer's", "mm", ge=0, le=1.6)
+        float, meta("maximum height of variable layers; 0: printer.max_layer", "mm", ge=0, le=1.6)
     ] = 0
     layer_step: Annotated[
         float,
         meta(
-            "variable heights are this far apart; 0: printer.z_full_step, else 0.01 mm, or z_step if that is more",
+            "increment of variable layer heights; 0: printer.z_full_step, or 0.01 mm if that is unknown",
             "mm",
             ge=0,
             le=1,
@@ -50,44 +50,59 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     layer_heights: Annotated[
         tuple[float, ...],
-        meta("the only variable heights allowed; empty: all from thinnest to thickest", "mm"),
+        meta("allowed variable layer heights; empty: all from thinnest_layer to thickest_layer", "mm"),
     ] = ()
-    tolerance: Annotated[
-        float, meta("how far wrongly filled or empty places may lie from the surface", "mm", ge=0.001, le=2)
-    ] = 0.12
+    tolerance: Annotated[float, meta("maximum surface deviation", "mm", ge=0.001, le=2)] = 0.12
     containment: Annotated[
         Literal["mid", "positive", "negative"],
-        meta("layers balanced about the surface, everywhere outside of it, or everywhere inside"),
+        meta(
+            "side of the surface on which layers deviate: both (mid), outside (positive) or inside (negative)"
+        ),
     ] = "mid"
-    resolution: Annotated[float, meta("contours are simplified by at most this", "mm", ge=0, le=0.2)] = 0.0125
+    resolution: Annotated[
+        float, meta("maximum deviation when contours are simplified", "mm", ge=0, le=0.2)
+    ] = 0.0125
     arc_tolerance: Annotated[
         float,
         meta(
-            "curves are written as arcs (G2, G3) that leave them by at most this; 0: none", "mm", ge=0, le=0.2
+            "maximum deviation of arcs (G2, G3) from the curves that they replace; 0: no arcs",
+            "mm",
+            ge=0,
+            le=0.2,
         ),
     ] = 0
     link_tolerance: Annotated[
         float,
         meta(
-            "moves too short for the link are merged if nothing is moved by more than this",
+            "maximum deviation when moves too short for the serial connection are merged",
             "mm",
             ge=0,
             le=0.2,
         ),
     ] = 0.05
     xy_compensation: Annotated[
-        float, meta("outer outlines are moved outward by this", "mm", ge=-1, le=1, own=EACH_OBJECT)
+        float, meta("outward offset of outer contours; negative: inward", "mm", ge=-1, le=1, own=EACH_OBJECT)
     ] = 0
     hole_compensation: Annotated[
-        float, meta("holes are widened by this on all sides", "mm", ge=-1, le=1, own=EACH_OBJECT)
+        float,
+        meta(
+            "distance by which holes are enlarged on all sides; negative: reduced",
+            "mm",
+            ge=-1,
+            le=1,
+            own=EACH_OBJECT,
+        ),
     ] = 0
     elephant_foot: Annotated[
-        float, meta("inset of the first layer, which the bed squeezes", "mm", ge=0, le=1, own=EACH_OBJECT)
+        float,
+        meta(
+            "inset of the first layer that compensates for elephant foot", "mm", ge=0, le=1, own=EACH_OBJECT
+        ),
     ] = 0
     elephant_foot_height: Annotated[
         float,
         meta(
-            "height over which that inset fades away; 0: the first layer only",
+            "height over which the inset of elephant_foot decreases to zero; 0: first layer only",
             "mm",
             ge=0,
             le=5,
@@ -95,23 +110,24 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     extrusion_width: Annotated[
-        float, meta("width of a bead; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
+        float, meta("extrusion width; 0: 1.125 nozzle diameters", "mm", ge=0, le=4)
     ] = 0
     first_layer_width: Annotated[
-        float, meta("width of a bead on the bed; 0: that of the others", "mm", ge=0, le=4)
+        float, meta("extrusion width on the first layer; 0: extrusion_width", "mm", ge=0, le=4)
     ] = 0
-    perimeters: Annotated[int, meta("perimeters around each section", ge=0, le=100, own=ANYWHERE)] = 2
+    perimeters: Annotated[int, meta("number of perimeters", ge=0, le=100, own=ANYWHERE)] = 2
     varying_walls: Annotated[
         bool,
         meta(
-            "fill places too narrow for all perimeters with beads of varying width; false is a little quicker",
+            "fill walls too narrow for all perimeters with extrusions of variable width; false slices slightly "
+            "faster",
             own=ANYWHERE,
         ),
     ] = True
     min_bead_width: Annotated[
         float,
         meta(
-            "narrowest bead where walls are thin; 0: 0.85 nozzle diameters",
+            "minimum extrusion width in thin walls; 0: 0.85 nozzle diameters",
             "mm",
             ge=0,
             le=4,
@@ -120,43 +136,57 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     max_bead_width: Annotated[
         float,
-        meta("widest bead where walls are thin; 0: 1.65 nozzle diameters", "mm", ge=0, le=4, own=ANYWHERE),
+        meta(
+            "maximum extrusion width in thin walls; 0: 1.65 nozzle diameters", "mm", ge=0, le=4, own=ANYWHERE
+        ),
     ] = 0
     min_feature: Annotated[
-        float, meta("thinner walls are left out; 0: 0.25 nozzle diameters", "mm", ge=0, le=4, own=ANYWHERE)
+        float,
+        meta(
+            "walls thinner than this are not printed; 0: 0.25 nozzle diameters",
+            "mm",
+            ge=0,
+            le=4,
+            own=ANYWHERE,
+        ),
     ] = 0
     single_top_perimeter: Annotated[
         bool,
-        meta("only the outer perimeter where nothing lies above; the rest becomes top skin", own=ANYWHERE),
+        meta(
+            "print only the external perimeter on top surfaces; top solid infill replaces the others",
+            own=ANYWHERE,
+        ),
     ] = False
     extra_perimeters: Annotated[
-        bool, meta("more perimeters where the edge of a layer hangs over air", own=ANYWHERE)
+        bool, meta("add perimeters where the edge of a layer overhangs", own=ANYWHERE)
     ] = False
-    external_perimeter_first: Annotated[bool, meta("print the outer perimeter before the inner ones")] = False
+    external_perimeter_first: Annotated[
+        bool, meta("print external perimeters before the other perimeters")
+    ] = False
     infill_first: Annotated[bool, meta("print infill before the perimeters around it")] = False
     seam: Annotated[
         Literal["aligned", "nearest", "rear", "direction", "random"],
         meta(
-            "where perimeters begin: in corners above each other, nearest to the nozzle, at the back, toward "
-            "seam_angle_deg, or anywhere"
+            "where perimeters start: corners above each other (aligned), nearest to the nozzle, rear, toward "
+            "seam_angle_deg (direction) or random"
         ),
     ] = "aligned"
     seam_angle_deg: Annotated[
         float,
         meta(
-            "the side for seams: 0 right, 90 back; aligned ones lie there where no corner hides them",
+            "side of the part for seams (0: right, 90: rear); aligned seams use it where no corner hides them",
             "degrees",
             ge=-360,
             le=360,
         ),
     ] = 90
     staggered_inner_seams: Annotated[
-        bool, meta("inner perimeters begin 1.5 mm beside the seam of the outer one, to and fro")
+        bool, meta("shift the seams of perimeters by 1.5 mm from the external seam, to alternating sides")
     ] = False
     scarf_length: Annotated[
         float,
         meta(
-            "outer perimeters end in a slope of this length over their begin; 0: they just end",
+            "length of the scarf joint (sloped seam) of external perimeters; 0: no scarf joint",
             "mm",
             ge=0,
             le=100,
@@ -164,31 +194,42 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     scarf_start: Annotated[
         float,
-        meta("height of the bead where such a slope begins, as a share of the layer's", "0-1", ge=0, le=0.9),
+        meta(
+            "height of the extrusion at the start of a scarf joint, as a fraction of the layer height",
+            "0-1",
+            ge=0,
+            le=0.9,
+        ),
     ] = 0.1
-    scarf_inner: Annotated[bool, meta("inner perimeters too")] = False
+    scarf_inner: Annotated[bool, meta("use scarf joints for all perimeters, not only for external ones")] = (
+        False
+    )
     avoid_crossing: Annotated[
-        bool, meta("travel inside the part, around its holes and corners, where that leads to the next bead")
+        bool, meta("keep travel moves inside the part, around holes and corners, where that is possible")
     ] = True
     max_detour: Annotated[
         float,
         meta(
-            "ways inside may be this much longer than straight ones; 0: only where they are quicker than a retraction",
+            "maximum extra length of travel moves inside the part; 0: only where they are faster than a "
+            "retraction",
             "mm",
             ge=0,
             le=10000,
         ),
     ] = 50
     bottom_thickness: Annotated[
-        float, meta("solid over a surface that looks down", "mm", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta("thickness of solid infill above surfaces that face down", "mm", ge=0, le=1000, own=ANYWHERE),
     ] = 0.6
     top_thickness: Annotated[
-        float, meta("solid under a surface that looks up", "mm", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta("thickness of solid infill below surfaces that face up", "mm", ge=0, le=1000, own=ANYWHERE),
     ] = 0.8
     slope_shell_ratio: Annotated[
         float,
         meta(
-            "shell across slopes, as a share of the lesser of skins and walls; 0: skins are only measured upright",
+            "minimum shell thickness across slopes, as a fraction of the thinner of solid infill and perimeters; "
+            "0: solid infill is measured only vertically",
             "ratio",
             ge=0,
             le=1,
@@ -198,7 +239,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     solid_infill_below_area: Annotated[
         float,
         meta(
-            "smaller areas, and strips under three beads wide, are not sparse but solid; 0: none",
+            "areas of internal infill that are smaller than this, or narrower than three extrusions, become "
+            "solid; 0: none",
             "mm²",
             ge=0,
             le=1e6,
@@ -206,15 +248,15 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 15
     ironing: Annotated[
-        bool, meta("smooth top skins with the nozzle, in lines close together", own=ANYWHERE)
+        bool, meta("smooth top surfaces with closely spaced passes of the hot nozzle", own=ANYWHERE)
     ] = False
     ironing_spacing: Annotated[
-        float, meta("from line to line of ironing", "mm", ge=0.1, le=1, own=ANYWHERE)
+        float, meta("distance between ironing lines", "mm", ge=0.1, le=1, own=ANYWHERE)
     ] = 0.1
     ironing_flow_ratio: Annotated[
         float,
         meta(
-            "plastic in ironing, as a share of a full layer",
+            "flow of ironing, as a fraction of the flow of a full layer",
             "ratio",
             ge=0.01,
             le=0.3,
@@ -224,34 +266,45 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     thick_bridges: Annotated[
         bool,
         meta(
-            "bridges are round threads as thick as the nozzle, not pressed flat to the layer's height",
+            "print bridges as round extrusions as thick as the nozzle; false: as flat as the layer height",
             own=ANYWHERE,
         ),
     ] = True
-    bridge_flow_ratio: Annotated[float, meta("plastic in bridges", "ratio", ge=0.3, le=2, own=ANYWHERE)] = 1
+    bridge_flow_ratio: Annotated[
+        float, meta("flow multiplier for bridges", "ratio", ge=0.3, le=2, own=ANYWHERE)
+    ] = 1
     internal_bridge_flow_ratio: Annotated[
         float,
-        meta("plastic in the first solid layer over sparse infill", "ratio", ge=0.5, le=2, own=ANYWHERE),
+        meta(
+            "flow multiplier for the first solid layer above internal infill",
+            "ratio",
+            ge=0.5,
+            le=2,
+            own=ANYWHERE,
+        ),
     ] = 1
     bridge_anchor: Annotated[
-        float, meta("bridges reach this far onto what carries them", "mm", ge=0, le=20, own=EACH_OBJECT)
+        float,
+        meta(
+            "length of a bridge that rests on the layer below at each end", "mm", ge=0, le=20, own=EACH_OBJECT
+        ),
     ] = 1.5
     infill: Annotated[
         Literal[
             "rectilinear", "grid", "triangles", "cubic", "gyroid", "honeycomb", "concentric", "lightning"
         ],
-        meta("pattern of the sparse infill", own=ANYWHERE),
+        meta("pattern of internal infill", own=ANYWHERE),
     ] = "grid"
-    infill_density: Annotated[
-        float, meta("share of the inside that is filled", "0-1", ge=0, le=1, own=ANYWHERE)
-    ] = 0.15
+    infill_density: Annotated[float, meta("density of internal infill", "0-1", ge=0, le=1, own=ANYWHERE)] = (
+        0.15
+    )
     infill_angle_deg: Annotated[
-        float, meta("direction of the infill", "degrees", ge=-360, le=360, own=ANYWHERE)
+        float, meta("direction of infill lines", "degrees", ge=-360, le=360, own=ANYWHERE)
     ] = 45
     infill_overlap: Annotated[
         float,
         meta(
-            "overlap of solid infill ends with the perimeter, as a share of the mean of both spacings",
+            "overlap of solid infill with perimeters, as a fraction of the mean of both line spacings",
             "0-1",
             ge=0,
             le=0.5,
@@ -261,7 +314,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     internal_infill_overlap: Annotated[
         float,
         meta(
-            "overlap of sparse infill ends with the perimeter, as a share of the mean of both spacings",
+            "overlap of internal infill with perimeters, as a fraction of the mean of both line spacings",
             "0-1",
             ge=0,
             le=0.5,
@@ -271,13 +324,17 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     infill_anchor: Annotated[
         float,
         meta(
-            "hook along the wall where no neighbouring line is near; 0: none", "mm", ge=0, le=50, own=ANYWHERE
+            "length of the anchor of an infill line along the perimeter where no other line is near; 0: none",
+            "mm",
+            ge=0,
+            le=50,
+            own=ANYWHERE,
         ),
     ] = 2.5
     infill_anchor_max: Annotated[
         float,
         meta(
-            "lines are joined along the wall where the way is no longer; 0: never",
+            "infill lines are connected along the perimeter up to this distance; 0: never",
             "mm",
             ge=0,
             le=1000,
@@ -287,7 +344,7 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     internal_infill_every: Annotated[
         float,
         meta(
-            "sparse infill of several layers in beads up to this high, at most 0.8 nozzles; 0: layer by layer",
+            "combine internal infill of several layers up to this height, at most 0.8 nozzle diameters; 0: off",
             "mm",
             ge=0,
             le=2,
@@ -297,8 +354,8 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     perimeters_every: Annotated[
         float,
         meta(
-            "inner perimeters of several layers in beads up to this high where the section does not change; 0: "
-            "layer by layer",
+            "combine perimeters (except external ones) of several layers up to this height where the section is "
+            "constant; 0: off",
             "mm",
             ge=0,
             le=2,
@@ -306,48 +363,70 @@ class Quality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     lightning_angle_deg: Annotated[
-        float, meta("branches of lightning lean out by no more", "degrees", ge=5, le=80, own=ANYWHERE)
+        float,
+        meta("maximum angle of lightning branches from the vertical", "degrees", ge=5, le=80, own=ANYWHERE),
     ] = 40
-    skirt_loops: Annotated[int, meta("loops around everything on the first layer", ge=0, le=20)] = 1
-    skirt_distance: Annotated[float, meta("gap between part or brim and skirt", "mm", ge=0, le=50)] = 5
+    skirt_loops: Annotated[int, meta("number of skirt loops on the first layer", ge=0, le=20)] = 1
+    skirt_distance: Annotated[
+        float, meta("gap between the skirt and the part or its brim", "mm", ge=0, le=50)
+    ] = 5
     skirt_min_length: Annotated[
-        float, meta("more loops on the first layer until they hold this much filament", "mm", ge=0, le=10000)
+        float,
+        meta(
+            "minimum length of filament in the skirt of the first layer; loops are added to reach it",
+            "mm",
+            ge=0,
+            le=10000,
+        ),
     ] = 0
     skirt_height: Annotated[
         float,
-        meta("draft shield: the skirt reaches up to this; 0: one layer, 10000: all", "mm", ge=0, le=10000),
+        meta(
+            "height of the skirt, as a draft shield; 0: first layer only, 10000: all layers",
+            "mm",
+            ge=0,
+            le=10000,
+        ),
     ] = 0
-    brim_width: Annotated[float, meta("rim attached to the part on the first layer", "mm", ge=0, le=50)] = 0
+    brim_width: Annotated[float, meta("width of the brim; 0: no brim", "mm", ge=0, le=50)] = 0
     brim_type: Annotated[
         Literal["outer", "inner", "both", "ears"],
-        meta("where the brim is: around bodies, in their holes, both, or at sharp corners"),
+        meta(
+            "where the brim is: around parts (outer), in their holes (inner), both, or only at sharp corners "
+            "(ears)"
+        ),
     ] = "outer"
-    brim_gap: Annotated[float, meta("between part and brim", "mm", ge=0, le=5)] = 0
+    brim_gap: Annotated[float, meta("gap between the part and its brim", "mm", ge=0, le=5)] = 0
     brim_ear_angle_deg: Annotated[
-        float, meta("sharper corners than this get an ear", "degrees", ge=0, le=180)
+        float, meta("corners with a smaller angle than this get an ear", "degrees", ge=0, le=180)
     ] = 125
     brim_ear_scale: Annotated[
-        float, meta("corners rounded off by less than half of this are sharp", "mm", ge=0.1, le=50)
+        float, meta("corners rounded by less than half of this count as sharp", "mm", ge=0.1, le=50)
     ] = 2
-    raft_height: Annotated[float, meta("platform under the part; 0: none", "mm", ge=0, le=50)] = 0
-    raft_margin: Annotated[float, meta("the raft is wider than the first layer", "mm", ge=1, le=50)] = 3
-    raft_gap: Annotated[float, meta("air between raft and part", "mm", ge=0, le=1)] = 0.16
+    raft_height: Annotated[float, meta("height of the raft; 0: no raft", "mm", ge=0, le=50)] = 0
+    raft_margin: Annotated[
+        float, meta("distance by which the raft extends beyond the first layer", "mm", ge=1, le=50)
+    ] = 3
+    raft_gap: Annotated[float, meta("vertical gap between the raft and the part", "mm", ge=0, le=1)] = 0.16
     raft_base_density: Annotated[
-        float, meta("share of the raft's lowest layer that is filled", "0-1", ge=0.2, le=1)
+        float, meta("infill density of the raft's lowest layer", "0-1", ge=0.2, le=1)
     ] = 0.5
     spiral: Annotated[
         bool,
         meta(
-            "vase: above the bottom one perimeter that climbs without a break; without infill, top and inner perimeters"
+            "print one continuous spiral perimeter above the bottom (vase), without infill, top or further "
+            "perimeters"
         ),
     ] = False
     pause_at: Annotated[
         tuple[Annotated[float, meta("", ge=0, le=10000)], ...],
-        meta("the print pauses before it goes on above these heights over the bed", "mm"),
+        meta("heights over the bed at which the print pauses", "mm"),
     ] = ()
     overrides: Annotated[
         tuple[Override, ...],
-        meta("OBJECT:KEY=VALUE or LOW:HIGH:KEY=VALUE, separated by ;: settings of some objects or heights"),
+        meta(
+            "settings of single objects or height ranges: OBJECT:KEY=VALUE or LOW:HIGH:KEY=VALUE, separated by ;"
+        ),
     ] = ()
     speeds: Speeds = field(default_factory=Speeds)
     accelerations: Accelerations = field(default_factory=Accelerations)

@@ -12,68 +12,118 @@ __all__ = ["Accelerations", "PrinterAccelerations", "PrinterSpeeds", "Speeds"]
 class PrinterSpeeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Usual speed of each role on a printer, for layers of about 0.2 mm."""
 
-    external_perimeter: Annotated[float, meta("outer perimeters", "mm/s", gt=0, le=1000)] = 35
-    perimeter: Annotated[float, meta("inner perimeters", "mm/s", gt=0, le=1000)] = 50
-    internal_infill: Annotated[float, meta("sparse infill", "mm/s", gt=0, le=1000)] = 70
-    solid_infill: Annotated[float, meta("solid infill, bottom layers included", "mm/s", gt=0, le=1000)] = 60
-    top_solid_infill: Annotated[float, meta("top solid infill", "mm/s", gt=0, le=1000)] = 40
-    gap_fill: Annotated[float, meta("gap fill; 0: as inner perimeters", "mm/s", ge=0, le=1000)] = 0
-    bridge: Annotated[float, meta("bridges", "mm/s", gt=0, le=1000)] = 30
+    external_perimeter: Annotated[float, meta("speed of external perimeters", "mm/s", gt=0, le=1000)] = 35
+    perimeter: Annotated[float, meta("speed of perimeters, except external ones", "mm/s", gt=0, le=1000)] = 50
+    internal_infill: Annotated[float, meta("speed of internal infill", "mm/s", gt=0, le=1000)] = 70
+    solid_infill: Annotated[
+        float, meta("speed of solid infill, including bottom layers", "mm/s", gt=0, le=1000)
+    ] = 60
+    top_solid_infill: Annotated[float, meta("speed of top solid infill", "mm/s", gt=0, le=1000)] = 40
+    gap_fill: Annotated[
+        float, meta("speed of gap fill; 0: the speed of perimeters", "mm/s", ge=0, le=1000)
+    ] = 0
+    bridge: Annotated[float, meta("speed of bridges", "mm/s", gt=0, le=1000)] = 30
     internal_bridge: Annotated[
-        float, meta("the first solid layer over sparse infill", "mm/s", gt=0, le=1000)
+        float, meta("speed of the first solid layer above internal infill", "mm/s", gt=0, le=1000)
     ] = 40
     overhang_75: Annotated[
         float,
         meta(
-            "limit for perimeters with 75 % of their width over the layer below; 0: no limit",
+            "speed limit for perimeters supported over 75 % of their width; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
         ),
     ] = 0
-    overhang_50: Annotated[float, meta("the same with 50 % of it", "mm/s", ge=0, le=1000)] = 0
-    overhang_25: Annotated[float, meta("the same with 25 % of it", "mm/s", ge=0, le=1000)] = 0
+    overhang_50: Annotated[
+        float,
+        meta(
+            "speed limit for perimeters supported over 50 % of their width; 0: no limit",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
+    ] = 0
+    overhang_25: Annotated[
+        float,
+        meta(
+            "speed limit for perimeters supported over 25 % of their width; 0: no limit",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
+    ] = 0
     small_perimeter: Annotated[
         float,
         meta(
-            "limit for perimeters up to quality.speeds.small_perimeter_radius; 0: no limit",
+            "speed limit for perimeters within quality.speeds.small_perimeter_radius; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
         ),
     ] = 0
-    support: Annotated[float, meta("supports and rafts", "mm/s", gt=0, le=1000)] = 30
+    support: Annotated[float, meta("speed of support material and rafts", "mm/s", gt=0, le=1000)] = 30
     support_interface: Annotated[
         float,
-        meta("support interface and top layer of rafts; 0: as support", "mm/s", ge=0, le=1000),
+        meta(
+            "speed of support interfaces and of the top layer of rafts; 0: the speed of support",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
     ] = 0
-    travel: Annotated[float, meta("travels", "mm/s", gt=0, le=2000)] = 150
-    first_layer: Annotated[float, meta("limit for perimeters on the first layer", "mm/s", gt=0, le=1000)] = 20
+    travel: Annotated[float, meta("speed of travel moves", "mm/s", gt=0, le=2000)] = 150
+    first_layer: Annotated[
+        float, meta("speed limit for perimeters on the first layer", "mm/s", gt=0, le=1000)
+    ] = 20
     first_layer_infill: Annotated[
-        float, meta("limit for infill on the first layer; 0: as first_layer", "mm/s", ge=0, le=1000)
+        float, meta("speed limit for infill on the first layer; 0: first_layer", "mm/s", ge=0, le=1000)
     ] = 0
     first_layer_travel: Annotated[
-        float, meta("limit for travels on the first layer; 0: as travel", "mm/s", ge=0, le=2000)
+        float, meta("speed limit for travel moves on the first layer; 0: travel", "mm/s", ge=0, le=2000)
     ] = 0
 
 
 class PrinterAccelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Usual acceleration of each role on a printer; `printer.acceleration` limits all of them."""
 
-    default: Annotated[float, meta("all other roles; 0: printer.acceleration", "mm/s²", ge=0, le=100000)] = 0
-    first_layer: Annotated[
-        float, meta("everything on the first layer; 0: as on other layers", "mm/s²", ge=0, le=100000)
+    default: Annotated[
+        float,
+        meta(
+            "acceleration of roles that have no value of their own; 0: printer.acceleration",
+            "mm/s²",
+            ge=0,
+            le=100000,
+        ),
     ] = 0
-    external_perimeter: Annotated[float, meta("outer perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    perimeter: Annotated[float, meta("inner perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    overhang: Annotated[float, meta("overhanging perimeters; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    bridge: Annotated[float, meta("bridges; 0: default", "mm/s²", ge=0, le=100000)] = 0
-    internal_infill: Annotated[float, meta("sparse infill; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    first_layer: Annotated[
+        float,
+        meta(
+            "acceleration of extrusions on the first layer; 0: the same as on other layers",
+            "mm/s²",
+            ge=0,
+            le=100000,
+        ),
+    ] = 0
+    external_perimeter: Annotated[
+        float, meta("acceleration of external perimeters; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
+    perimeter: Annotated[
+        float, meta("acceleration of perimeters, except external ones; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
+    overhang: Annotated[
+        float, meta("acceleration of overhang perimeters; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
+    bridge: Annotated[float, meta("acceleration of bridges; 0: default", "mm/s²", ge=0, le=100000)] = 0
+    internal_infill: Annotated[
+        float, meta("acceleration of internal infill; 0: default", "mm/s²", ge=0, le=100000)
+    ] = 0
     solid_infill: Annotated[
-        float, meta("solid infill, bottom layers included; 0: default", "mm/s²", ge=0, le=100000)
+        float,
+        meta("acceleration of solid infill, including bottom layers; 0: default", "mm/s²", ge=0, le=100000),
     ] = 0
     top_solid_infill: Annotated[
-        float, meta("top solid infill and ironing; 0: default", "mm/s²", ge=0, le=100000)
+        float, meta("acceleration of top solid infill and ironing; 0: default", "mm/s²", ge=0, le=100000)
     ] = 0
 
 
@@ -86,7 +136,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ratio: Annotated[
         float,
         meta(
-            "factor for the printer's speeds of perimeters, infill, gap fill and supports",
+            "multiplier for the printer's speeds of perimeters, infill, gap fill and supports",
             "ratio",
             gt=0,
             le=10,
@@ -96,7 +146,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     visible_most: Annotated[
         float,
         meta(
-            "outer perimeters and top solid infill, upper limit of the printer's speeds; 0: no limit",
+            "upper limit for the printer's speeds of external perimeters and top solid infill; 0: no limit",
             "mm/s",
             ge=0,
             le=1000,
@@ -104,34 +154,51 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     external_perimeter: Annotated[
-        float, meta("outer perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float, meta("speed of external perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
     perimeter: Annotated[
-        float, meta("inner perimeters; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float,
+        meta(
+            "speed of perimeters, except external ones; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE
+        ),
     ] = 0
     internal_infill: Annotated[
-        float, meta("sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float, meta("speed of internal infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
     solid_infill: Annotated[
         float,
-        meta("solid infill, bottom layers included; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE),
+        meta(
+            "speed of solid infill, including bottom layers; 0: the printer's",
+            "mm/s",
+            ge=0,
+            le=1000,
+            own=ANYWHERE,
+        ),
     ] = 0
     top_solid_infill: Annotated[
-        float, meta("top solid infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+        float, meta("speed of top solid infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
     ] = 0
-    gap_fill: Annotated[float, meta("gap fill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
-    ironing: Annotated[float, meta("ironing", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 15
-    bridge: Annotated[float, meta("bridges; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)] = 0
+    gap_fill: Annotated[
+        float, meta("speed of gap fill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
+    ironing: Annotated[float, meta("speed of ironing", "mm/s", gt=0, le=1000, own=ANYWHERE)] = 15
+    bridge: Annotated[
+        float, meta("speed of bridges; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE)
+    ] = 0
     internal_bridge: Annotated[
         float,
         meta(
-            "the first solid layer over sparse infill; 0: the printer's", "mm/s", ge=0, le=1000, own=ANYWHERE
+            "speed of the first solid layer above internal infill; 0: the printer's",
+            "mm/s",
+            ge=0,
+            le=1000,
+            own=ANYWHERE,
         ),
     ] = 0
     overhang_75_ratio: Annotated[
         float,
         meta(
-            "perimeters with 75 % of their bead over the layer below, of their speed",
+            "speed of perimeters supported over 75 % of their width, as a fraction of their normal speed",
             "0-1",
             gt=0,
             le=1,
@@ -141,7 +208,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     overhang_50_ratio: Annotated[
         float,
         meta(
-            "the same with 50 % of it",
+            "speed of perimeters supported over 50 % of their width, as a fraction of their normal speed",
             "0-1",
             gt=0,
             le=1,
@@ -151,7 +218,7 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     overhang_25_ratio: Annotated[
         float,
         meta(
-            "the same with 25 % of it",
+            "speed of perimeters supported over 25 % of their width, as a fraction of their normal speed",
             "0-1",
             gt=0,
             le=1,
@@ -160,19 +227,32 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0.55
     overhang_0_ratio: Annotated[
         float,
-        meta("the same over nothing but air, and no faster than bridges", "0-1", gt=0, le=1, own=ANYWHERE),
+        meta(
+            "speed of unsupported perimeters, as a fraction of their normal speed; never faster than bridges",
+            "0-1",
+            gt=0,
+            le=1,
+            own=ANYWHERE,
+        ),
     ] = 0.45
-    support: Annotated[float, meta("supports; 0: the printer's", "mm/s", ge=0, le=1000)] = 0
+    support: Annotated[float, meta("speed of support material; 0: the printer's", "mm/s", ge=0, le=1000)] = 0
     support_interface: Annotated[
-        float, meta("support interface and top layer of rafts; 0: the printer's", "mm/s", ge=0, le=1000)
+        float,
+        meta(
+            "speed of support interfaces and of the top layer of rafts; 0: the printer's",
+            "mm/s",
+            ge=0,
+            le=1000,
+        ),
     ] = 0
     raft: Annotated[
-        float, meta("rafts; 0: as supports, the top layer as their interface", "mm/s", ge=0, le=1000)
+        float,
+        meta("speed of rafts; 0: support, and support_interface for the top layer", "mm/s", ge=0, le=1000),
     ] = 0
     first_layer: Annotated[
         float,
         meta(
-            "limit for perimeters on the first layer, and the part's first layer on a raft; 0: the printer's",
+            "speed limit for perimeters on the first layer, and on the first layer above a raft; 0: the printer's",
             "mm/s",
             ge=0,
             le=1000,
@@ -181,23 +261,29 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     first_layer_infill: Annotated[
         float,
         meta(
-            "limit for infill there; 0: first_layer if set, else the printer's",
+            "speed limit for infill on the first layer; 0: first_layer if it is set, else the printer's",
             "mm/s",
             ge=0,
             le=1000,
         ),
     ] = 0
     first_layer_travel: Annotated[
-        float, meta("limit for travels on the first layer; 0: the printer's", "mm/s", ge=0, le=2000)
+        float,
+        meta("speed limit for travel moves on the first layer; 0: the printer's", "mm/s", ge=0, le=2000),
     ] = 0
     slow_below: Annotated[
         float,
-        meta("from the first layer's speed up to this z speeds grow to the full ones", "mm", ge=0, le=100),
+        meta(
+            "height up to which speeds increase from the first layer's limit to full speed; 0: no ramp",
+            "mm",
+            ge=0,
+            le=100,
+        ),
     ] = 0
     small_perimeter: Annotated[
         float,
         meta(
-            "limit for perimeters up to small_perimeter_radius; 0: the printer's",
+            "speed limit for perimeters within small_perimeter_radius; 0: the printer's",
             "mm/s",
             ge=0,
             le=1000,
@@ -206,12 +292,13 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     ] = 0
     small_perimeter_radius: Annotated[
         float,
-        meta("loops no longer than a circle of this radius are small", "mm", ge=0, le=100, own=ANYWHERE),
+        meta("perimeters no longer than a circle of this radius are small", "mm", ge=0, le=100, own=ANYWHERE),
     ] = 6.5
     even_flow_ratio: Annotated[
         float,
         meta(
-            "speeds follow the layer height: 0 not at all, 1 so that every layer melts as much as one of layer_height",
+            "how much speeds adapt to the layer height; 0: not at all, 1: same flow on all layers as at "
+            "layer_height",
             "0-1",
             ge=0,
             le=1,
@@ -219,9 +306,12 @@ class Speeds(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = 0
     even_flow_most: Annotated[
-        float, meta("for that, speeds change by at most this factor", "ratio", ge=1, le=10, own=ANYWHERE)
+        float,
+        meta(
+            "largest factor by which even_flow_ratio may change a speed", "ratio", ge=1, le=10, own=ANYWHERE
+        ),
     ] = 2
-    travel: Annotated[float, meta("travels; 0: the printer's", "mm/s", ge=0, le=2000)] = 0
+    travel: Annotated[float, meta("speed of travel moves; 0: the printer's", "mm/s", ge=0, le=2000)] = 0
 
 
 class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -231,20 +321,45 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
     """
 
     default: Annotated[
-        float, meta("all other roles; 0: the printer's", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+        float,
+        meta(
+            "acceleration of roles that have no value of their own; 0: the printer's",
+            "mm/s²",
+            ge=0,
+            le=100000,
+            own=ANYWHERE,
+        ),
     ] = 0
     first_layer: Annotated[
-        float, meta("everything on the first layer; 0: the printer's", "mm/s²", ge=0, le=100000)
+        float,
+        meta("acceleration of extrusions on the first layer; 0: the printer's", "mm/s²", ge=0, le=100000),
     ] = 0
-    external_perimeter: Annotated[float, meta("outer perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    perimeter: Annotated[float, meta("inner perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    overhang: Annotated[float, meta("overhanging perimeters", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    bridge: Annotated[float, meta("bridges", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
-    internal_infill: Annotated[float, meta("sparse infill", "mm/s²", ge=0, le=100000, own=ANYWHERE)] = 0
+    external_perimeter: Annotated[
+        float, meta("acceleration of external perimeters; 0: default", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+    ] = 0
+    perimeter: Annotated[
+        float,
+        meta(
+            "acceleration of perimeters, except external ones; 0: default",
+            "mm/s²",
+            ge=0,
+            le=100000,
+            own=ANYWHERE,
+        ),
+    ] = 0
+    overhang: Annotated[
+        float, meta("acceleration of overhang perimeters; 0: default", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+    ] = 0
+    bridge: Annotated[
+        float, meta("acceleration of bridges; 0: default", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+    ] = 0
+    internal_infill: Annotated[
+        float, meta("acceleration of internal infill; 0: default", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+    ] = 0
     solid_infill: Annotated[
         float,
         meta(
-            "solid infill, bottom layers included",
+            "acceleration of solid infill, including bottom layers; 0: default",
             "mm/s²",
             ge=0,
             le=100000,
@@ -252,5 +367,8 @@ class Accelerations(Settings, frozen=True, forbid_unknown_fields=True, kw_only=T
         ),
     ] = 0
     top_solid_infill: Annotated[
-        float, meta("top solid infill and ironing", "mm/s²", ge=0, le=100000, own=ANYWHERE)
+        float,
+        meta(
+            "acceleration of top solid infill and ironing; 0: default", "mm/s²", ge=0, le=100000, own=ANYWHERE
+        ),
     ] = 0

@@ -57,7 +57,7 @@ def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
             continue
         if len(groups) > 1:
             kinds = " | ".join(str(one.tag) for one in groups)
-            meaning = "which strategy; the others' settings are refused"
+            meaning = "layer-height algorithm; settings of the other algorithms are rejected"
             yield SettingRow(f"{key}.kind", "literal", "", kinds, "optimal", meaning)
         for one in groups:
             yield from rows_of(one.cls, f"{key}[{one.tag}]" if one.tag else key)
